@@ -1,0 +1,1 @@
+"""calibrary.parsers."""

@@ -1,0 +1,314 @@
+"""What a calibration is here, and how it counts.
+
+The canonical form, said once:
+
+* Pixels; x to the right, y down. **The origin is the outer corner of the top-left pixel**, whose centre is
+  therefore (0.5, 0.5), and the image centre is exactly (W/2, H/2). COLMAP, Metashape, Pix4D/OPF and DJI count
+  this way, and scaling an image scales fx, fy, cx, cy exactly. OpenCV, ROS, Kalibr and mrcal count from the
+  pixel's centre; :mod:`calibrary.conventions` holds the half pixel between the two.
+* Camera frame: x right, y down, z forward, as OpenCV and COLMAP.
+* ``K`` has no place for distortion: :class:`Intrinsics` holds the four numbers of K (and skew), a
+  :class:`~calibrary.distortion.Distortion` stands beside it. ``distort`` maps ideal to observed, as OpenCV.
+* ``distortion=None`` means *unknown*; :class:`~calibrary.distortion.NoDistortion` means *known to be none*.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibrary.distortion import Distortion
+from calibrary.distortion.base import perspective, unit_rays
+from calibrary.errors import FrameError, InputError
+
+__all__ = [
+    "Box",
+    "Calibration",
+    "CameraKey",
+    "Grade",
+    "ImageSize",
+    "Intrinsics",
+    "Provenance",
+    "Quality",
+]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+ImageSize: TypeAlias = tuple[int, int]
+"""(width, height) in pixels."""
+Box: TypeAlias = tuple[float, float, int, int]
+"""(left, top, width, height) in pixels of the image that is cropped."""
+
+ASPECT_TOLERANCE = 0.01
+"""Two sizes are the same frame at another scale when their aspect ratios agree within 1 %."""
+
+
+class Grade(StrEnum):
+    """How a K came about, best first. Only the first four may reach a solver as a K."""
+
+    CALIBRATED = "calibrated"
+    ADJUSTED = "adjusted"
+    DESIGN = "design"
+    DERIVED = "derived"
+    PRIOR = "prior"
+    SEED = "seed"
+
+    @property
+    def rank(self) -> int:
+        """0 for the best grade, counting up."""
+        return list(Grade).index(self)
+
+    @property
+    def is_metric(self) -> bool:
+        """Whether a K of this grade may reach a solver as a K."""
+        return self not in {Grade.PRIOR, Grade.SEED}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraKey:
+    """Which camera a calibration is of. EXIF Model alone is not a key: four sub-cameras may share it.
+
+    Attributes:
+        make: EXIF Make, as the camera writes it (stripped of padding).
+        model: EXIF Model, as the camera writes it.
+        sub_camera: wide, tele, thermal, a band's name, …
+        lens: the lens model of cameras whose lens comes off.
+        focal_mm: nominal focal length, the state of a zoom lens.
+        capture_mode: what the camera did to the frame: "dewarped", "zoom 2x", …
+        image_size: (width, height) px.
+        serial: hash of the unit's serial number, never the number itself.
+        firmware: as the camera writes it.
+    """
+
+    make: str | None = None
+    model: str | None = None
+    sub_camera: str | None = None
+    lens: str | None = None
+    focal_mm: float | None = None
+    capture_mode: str | None = None
+    image_size: ImageSize | None = None
+    serial: str | None = None
+    firmware: str | None = None
+
+    def __str__(self) -> str:
+        make, model = self.make or "", self.model or ""
+        # "Canon Canon PowerShot" helps nobody.
+        name = model if make and model.lower().startswith(make.lower()) else f"{make} {model}".strip()
+        focal = f"{self.focal_mm:g} mm" if self.focal_mm is not None else None
+        size = "{}×{}".format(*self.image_size) if self.image_size else None
+        parts = [name or "unknown camera", self.sub_camera, self.lens, focal, self.capture_mode, size]
+        return " ".join(part for part in parts if part)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intrinsics:
+    """The numbers of K and the frame they are counted in.
+
+    Attributes:
+        fx, fy: focal lengths in px, positive.
+        cx, cy: principal point in px from the outer corner of the top-left pixel.
+        skew: K[0, 1] in px; zero for every digital camera that is not a scanner.
+        image_size: (width, height) px of the frame.
+
+    Raises:
+        InputError: a number is not finite, a focal length or a side of the frame not positive.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    skew: float = 0.0
+    image_size: ImageSize
+
+    def __post_init__(self) -> None:
+        for name in ("fx", "fy", "cx", "cy", "skew"):
+            value = float(getattr(self, name))
+            if not math.isfinite(value):
+                raise InputError(f"{name} is {value}, wanted a finite number of pixels")
+            object.__setattr__(self, name, value)
+        if self.fx <= 0 or self.fy <= 0:
+            raise InputError(f"focal lengths are {self.fx:g} and {self.fy:g} px, wanted positive ones")
+        width, height = self.image_size
+        if int(width) != width or int(height) != height or width <= 0 or height <= 0:
+            raise InputError(f"image size is {width}×{height}, wanted whole positive numbers of pixels")
+        object.__setattr__(self, "image_size", (int(width), int(height)))
+
+    @property
+    def matrix(self) -> FloatArray:
+        """K, (3, 3) float64, in the canonical pixel origin."""
+        return np.array([[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike, image_size: ImageSize) -> Intrinsics:
+        """Take the numbers out of a K in the canonical pixel origin.
+
+        Args:
+            matrix: (3, 3), upper triangular; it is divided by its K[2, 2].
+            image_size: (width, height) px of the frame K is counted in.
+
+        Raises:
+            InputError: wrong shape, not finite, or not an intrinsic matrix.
+        """
+        K = np.asarray(matrix, dtype=np.float64)
+        if K.shape != (3, 3):
+            raise InputError(f"K has shape {K.shape}, wanted (3, 3)")
+        if not np.isfinite(K).all():
+            raise InputError("K holds NaN or infinity, wanted nine finite numbers")
+        if K[2, 2] == 0 or K[1, 0] != 0 or K[2, 0] != 0 or K[2, 1] != 0:
+            raise InputError(f"K is not upper triangular with K[2, 2] ≠ 0: {K.tolist()}")
+        K = K / K[2, 2]
+        return cls(fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2], skew=K[0, 1], image_size=image_size)
+
+    def scaled(self, size: ImageSize) -> Intrinsics:
+        """The same camera with its frame resampled to ``size``.
+
+        Raises:
+            FrameError: the aspect ratios differ by more than 1 %: that is a crop, not a scale.
+        """
+        (w0, h0), (w1, h1) = self.image_size, size
+        if not same_aspect(self.image_size, size):
+            raise FrameError(
+                f"a {w0}×{h0} frame cannot be scaled to {w1}×{h1}: their aspect ratios differ by over 1 %; "
+                "crop it first"
+            )
+        sx, sy = w1 / w0, h1 / h0
+        return Intrinsics(
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            cx=self.cx * sx,
+            cy=self.cy * sy,
+            skew=self.skew * sx,
+            image_size=size,
+        )
+
+    def cropped(self, box: Box) -> Intrinsics:
+        """The same camera with only ``box`` = (left, top, width, height) of its frame kept.
+
+        Raises:
+            FrameError: the box is empty or reaches outside the frame.
+        """
+        left, top, width, height = box
+        w0, h0 = self.image_size
+        if width <= 0 or height <= 0 or left < 0 or top < 0 or left + width > w0 or top + height > h0:
+            raise FrameError(
+                f"a {w0}×{h0} frame has no part {width}×{height} at ({left:g}, {top:g}); "
+                "wanted a box inside the frame"
+            )
+        return replace(self, cx=self.cx - left, cy=self.cy - top, image_size=(width, height))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quality:
+    """What is known of how good a calibration is.
+
+    Attributes:
+        rms_px: root mean square reprojection error.
+        points: number of observations behind it.
+        views: number of images behind it.
+        std: standard deviation by parameter name, px for fx, fy, cx, cy.
+    """
+
+    rms_px: float | None = None
+    points: int | None = None
+    views: int | None = None
+    std: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """Where a calibration came from.
+
+    Attributes:
+        kind: "image-metadata", "calibration-file", "matrix-file", "seed", "registry", …
+        source: the file's name (no folder: a path tells about a disk, not about a camera).
+        tag: the tag or key inside it.
+        reference_size: the frame the source counts in, when it is not the image's own.
+        adaptation: what brought it from there to the image's size, in words.
+        assumptions: what had to be taken for granted.
+        sha256: of the source's bytes, where it was a file of its own.
+    """
+
+    kind: str
+    source: str | None = None
+    tag: str | None = None
+    reference_size: ImageSize | None = None
+    adaptation: str | None = None
+    assumptions: tuple[str, ...] = ()
+    sha256: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """One camera's K, its distortion apart from it, and where both came from."""
+
+    camera: CameraKey
+    intrinsics: Intrinsics
+    distortion: Distortion | None = None
+    grade: Grade
+    quality: Quality | None = None
+    provenance: Provenance
+    notes: tuple[str, ...] = ()
+
+    def project(self, points: ArrayLike) -> FloatArray:
+        """Where points in the camera frame are seen.
+
+        Args:
+            points: (N, 3), any unit; only the direction matters.
+
+        Returns:
+            (N, 2) px. NaN where the camera cannot see the point: behind a perspective camera, or past the
+            radius where the distortion model folds back. Unknown distortion projects as a pinhole.
+        """
+        rays = _rows(points, 3)
+        xy = perspective(rays) if self.distortion is None else self.distortion.observe(rays)
+        K = self.intrinsics
+        return np.stack([K.fx * xy[:, 0] + K.skew * xy[:, 1] + K.cx, K.fy * xy[:, 1] + K.cy], axis=1)
+
+    def unproject(self, pixels: ArrayLike) -> FloatArray:
+        """The directions that are seen at ``pixels``.
+
+        Args:
+            pixels: (N, 2) px.
+
+        Returns:
+            (N, 3) unit vectors in the camera frame; NaN where no direction is seen at that pixel.
+        """
+        px = _rows(pixels, 2)
+        K = self.intrinsics
+        y = (px[:, 1] - K.cy) / K.fy
+        x = (px[:, 0] - K.cx - K.skew * y) / K.fx
+        xy = np.stack([x, y], axis=1)
+        if self.distortion is not None:
+            return self.distortion.rays(xy)
+        return unit_rays(xy)
+
+    def scaled(self, size: ImageSize) -> Calibration:
+        """The same camera at another size; see :meth:`Intrinsics.scaled`."""
+        return replace(
+            self, intrinsics=self.intrinsics.scaled(size), camera=replace(self.camera, image_size=size)
+        )
+
+    def cropped(self, box: Box) -> Calibration:
+        """The same camera with a part of its frame; see :meth:`Intrinsics.cropped`."""
+        cut = self.intrinsics.cropped(box)
+        return replace(self, intrinsics=cut, camera=replace(self.camera, image_size=cut.image_size))
+
+
+def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE) -> bool:
+    """Whether two frames can be the same one at two scales; a pixel of rounding is always allowed."""
+    (wa, ha), (wb, hb) = a, b
+    rounding = 1.0 / min(wa, ha, wb, hb)
+    return abs(wa * hb / (ha * wb) - 1.0) <= max(tolerance, rounding)
+
+
+def _rows(values: ArrayLike, columns: int) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise InputError(f"got an array of shape {array.shape}, wanted (N, {columns})")
+    return array

@@ -1,0 +1,117 @@
+"""What an image says about its camera: facts only, nothing concluded.
+
+A record holds no file name, no date, no position and no raw serial number, so two images of one camera state
+give equal records: the gate reads a hundred thousand files and keeps one record per camera state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from calibrary.calibration import ImageSize
+
+__all__ = ["FocalPlaneUnit", "ImageMetadata", "TagFault", "XmpProperty"]
+
+
+class FocalPlaneUnit(StrEnum):
+    """EXIF FocalPlaneResolutionUnit (0xA210); the value is the sentence for people."""
+
+    INCH = "pixels per inch"
+    CENTIMETRE = "pixels per centimetre"
+    MILLIMETRE = "pixels per millimetre"
+    MICROMETRE = "pixels per micrometre"
+
+    @property
+    def millimetres(self) -> float:
+        """How many millimetres one unit is."""
+        return {"inch": 25.4, "centimetre": 10.0, "millimetre": 1.0, "micrometre": 0.001}[self.name.lower()]
+
+
+@dataclass(frozen=True, slots=True)
+class TagFault:
+    """A tag that is there but cannot be used.
+
+    Attributes:
+        tag: as people know it, such as "EXIF FocalLength".
+        found: what stood there, short.
+        wanted: what would have been right.
+    """
+
+    tag: str
+    found: str
+    wanted: str
+
+
+@dataclass(frozen=True, slots=True)
+class XmpProperty:
+    """One XMP property that says something about the camera.
+
+    Attributes:
+        schema: the canonical name of its namespace ("drone-dji", "Camera", "drone-skydio", …), whatever
+            prefix or spelling of the URI the file used.
+        name: local name; a member of a structure is "Structure/member".
+        values: one string, or the items of an rdf:Seq or rdf:Bag in order.
+    """
+
+    schema: str
+    name: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageMetadata:
+    """Everything one image's head says about the camera that took it.
+
+    A number is None when its tag is absent; a tag that is present but unusable is None as well and listed in
+    ``faults``.
+
+    Attributes:
+        size: (width, height) px as the decoder sees them, orientation not applied.
+        exif_size: EXIF PixelXDimension × PixelYDimension (0xA002, 0xA003).
+        orientation: EXIF Orientation (0x0112), 1 … 8.
+        make, model, software, lens: EXIF strings, padding stripped; XMP tiff:Make/Model where EXIF has none.
+        focal_mm: EXIF FocalLength (0x920A), > 0.
+        focal_35mm: EXIF FocalLengthIn35mmFilm (0xA405); 0 means unknown and is None.
+        digital_zoom: EXIF DigitalZoomRatio (0xA404); 0 and undefined are None.
+        focal_plane_resolution: (x, y) in ``focal_plane_unit`` (0xA20E, 0xA20F).
+        focal_plane_unit: None when the tag (0xA210) is absent or unknown.
+        serial: hash of the strongest serial number found.
+        xmp: the properties that say something about the camera, in document order.
+        faults: tags that are present but unusable.
+        has_exif: whether there was any EXIF at all.
+    """
+
+    size: ImageSize
+    exif_size: ImageSize | None = None
+    orientation: int | None = None
+    make: str | None = None
+    model: str | None = None
+    software: str | None = None
+    lens: str | None = None
+    focal_mm: float | None = None
+    focal_35mm: float | None = None
+    digital_zoom: float | None = None
+    focal_plane_resolution: tuple[float, float] | None = None
+    focal_plane_unit: FocalPlaneUnit | None = None
+    serial: str | None = None
+    xmp: tuple[XmpProperty, ...] = ()
+    faults: tuple[TagFault, ...] = ()
+    has_exif: bool = False
+
+    def xmp_values(self, schema: str, name: str) -> tuple[str, ...] | None:
+        """The values of one XMP property, or None when it is absent."""
+        for item in self.xmp:
+            if item.schema == schema and item.name == name:
+                return item.values
+        return None
+
+    def xmp_text(self, schema: str, name: str) -> str | None:
+        """One XMP property as stripped text (items joined by commas), or None when absent or empty."""
+        values = self.xmp_values(schema, name)
+        text = ",".join(values).strip() if values else ""
+        return text or None
+
+    def fault(self, tag: str) -> TagFault | None:
+        """Why a tag could not be used, or None when there was nothing wrong with it."""
+        return next((fault for fault in self.faults if fault.tag == tag), None)
