@@ -1,1 +1,167 @@
-"""calibrary.parsers."""
+"""Calibration files of every program a fleet meets, read exactly and written with a verdict.
+
+>>> from calibrary import parsers
+>>> [camera] = parsers.read("P4R.xml")                                    # doctest: +SKIP
+>>> print(parsers.write([camera], "P4R.yml", "opencv_storage"))           # doctest: +SKIP
+exact; dropped: opencv_storage has no place for …
+
+A file is recognised by what is in it, never by its name. :mod:`calibrary.parsers.format` says what a format is and
+how to add one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+from calibrary.atomic import write_files
+from calibrary.calibration import Calibration, ImageSize
+from calibrary.parsers.content import Content
+from calibrary.parsers.discovery import format_named, known_formats
+from calibrary.parsers.files import MAX_BYTES, companions, read_regular_file
+from calibrary.parsers.format import Format, Verdict
+from calibrary.parsers.reading import Identity, identified, read_content
+from calibrary.parsers.writing import encoded
+
+__all__ = ["Format", "Identity", "Verdict", "decode", "encode", "formats", "identify", "read", "write"]
+
+PathLike: TypeAlias = str | Path
+
+
+def formats() -> tuple[Format, ...]:
+    """All formats, in alphabetical order: the table of the documentation is printed from these records."""
+    return tuple(known_formats().values())
+
+
+def identify(path: PathLike, *, max_bytes: int = MAX_BYTES) -> Identity:
+    """What a file is and why we think so.
+
+    Args:
+        path: a regular file.
+        max_bytes: longest file that is opened.
+
+    Raises:
+        InputError: it cannot be read, or is no regular file.
+        ParseError: it is empty, too long, or a git-LFS pointer.
+        UnknownFormatError: no format claims it.
+        AmbiguousFormatError: two claim it equally; the message names both.
+    """
+    path = Path(path)
+    return identified(Content(read_regular_file(path, max_bytes=max_bytes), path.name))
+
+
+def read(
+    path: PathLike,
+    *,
+    format: str | Format | None = None,  # noqa: A002  the word of the field, and of numpy, PIL and pandas
+    image_size: ImageSize | None = None,
+    options: Mapping[str, str] | None = None,
+    max_bytes: int = MAX_BYTES,
+) -> list[Calibration]:
+    """Every camera in a calibration file, in the file's order, in the canonical form.
+
+    Args:
+        path: a regular file.
+        format: its name, where the file itself does not settle it.
+        image_size: (width, height) px, for files that do not say it.
+        options: answers to what only the file's owner knows, as listed by the format, such as
+            ``{"distortion": "fisheye"}``.
+        max_bytes: longest file that is opened.
+
+    Raises:
+        InputError: it cannot be read or is no regular file, or an argument contradicts it.
+        MissingTagError: the image size is needed and neither the file nor the caller says it.
+        ParseError: it is broken.
+        UnknownFormatError: no format claims it.
+        AmbiguousFormatError: two formats claim it equally.
+        UnsupportedModelError: its camera has no exact counterpart here, or the file is recognised but is no
+            calibration.
+    """
+    path = Path(path)
+    data = read_regular_file(path, max_bytes=max_bytes)
+    beside = companions(path, max_bytes=max_bytes)
+    return decode(
+        data, name=path.name, format=format, image_size=image_size, options=options, companion=beside
+    )
+
+
+def decode(
+    data: bytes,
+    *,
+    name: str,
+    format: str | Format | None = None,  # noqa: A002  as in read
+    image_size: ImageSize | None = None,
+    options: Mapping[str, str] | None = None,
+    companion: Callable[[str], bytes | None] | None = None,
+) -> list[Calibration]:
+    """Every camera in bytes that are already in memory; see :func:`read`.
+
+    Args:
+        data: a whole file.
+        name: the file's name, for messages and provenance.
+        format: as for :func:`read`.
+        image_size: as for :func:`read`.
+        options: as for :func:`read`.
+        companion: gives the bytes of the files beside it, for formats that come in several.
+
+    Raises:
+        InputError: the kinds that :func:`read` lists.
+    """
+    record = format_named(format) if isinstance(format, str) else format
+    companion = companion or (lambda _name: None)
+    return read_content(
+        Content(data, name), record=record, image_size=image_size, options=options, companion=companion
+    )
+
+
+def write(
+    calibrations: Sequence[Calibration],
+    path: PathLike,
+    format: str | Format,  # noqa: A002  as in read
+    *,
+    max_error_px: float | None = None,
+) -> Verdict:
+    """Write a calibration file, whole or not at all, and say what it holds of what was meant.
+
+    The bytes are read back and compared before the file is made; see :class:`Verdict`.
+
+    Args:
+        calibrations: one, or several where the format takes several.
+        path: the file to make or replace; where a format has several syntaxes its suffix chooses.
+        format: the format's name.
+        max_error_px: the largest error, anywhere in the image, that may come from models the format lacks;
+            0.05 px when not given.
+
+    Raises:
+        UnsupportedModelError: the format holds the calibration only with a larger error, or is not written.
+        InputError: the file cannot be made, or a K is only a guess.
+    """
+    path = Path(path)
+    data, verdict = encode(calibrations, format, name=path.name, max_error_px=max_error_px)
+    write_files({path: data})
+    return verdict
+
+
+def encode(
+    calibrations: Sequence[Calibration],
+    format: str | Format,  # noqa: A002  as in read
+    *,
+    name: str | None = None,
+    max_error_px: float | None = None,
+) -> tuple[bytes, Verdict]:
+    """What :func:`write` would write, and its verdict.
+
+    Args:
+        calibrations: as for :func:`write`.
+        format: as for :func:`write`.
+        name: the file's name; the format's first suffix decides when it is not given.
+        max_error_px: as for :func:`write`.
+
+    Raises:
+        InputError: the kinds that :func:`write` lists.
+    """
+    record = format_named(format) if isinstance(format, str) else format
+    return encoded(
+        calibrations, record, name=name or f"camera{record.suffixes[0]}", max_error_px=max_error_px
+    )

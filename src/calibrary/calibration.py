@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calibrary.distortion import Distortion
-from calibrary.distortion.base import perspective, unit_rays
+from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
 from calibrary.errors import FrameError, InputError
 
 __all__ = [
@@ -46,6 +46,9 @@ Box: TypeAlias = tuple[float, float, int, int]
 
 ASPECT_TOLERANCE = 0.01
 """Two sizes are the same frame at another scale when their aspect ratios agree within 1 %."""
+
+CHUNK_ROWS = 1 << 18
+"""Points projected at a time, so that an image's worth of them needs little memory beside the result."""
 
 
 class Grade(StrEnum):
@@ -245,7 +248,19 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """One camera's K, its distortion apart from it, and where both came from."""
+    """One camera's K, its distortion apart from it, and where both came from.
+
+    Attributes:
+        camera: which camera, as far as the source says.
+        intrinsics: K.
+        distortion: None when unknown.
+        grade: how K came about.
+        quality: how good it is, as far as the source says.
+        provenance: where it came from.
+        notes: what a person should know about it.
+        extras: what the source file says beyond all this, by ``format/key``, as that format's writer wants it;
+            nothing else reads it.
+    """
 
     camera: CameraKey
     intrinsics: Intrinsics
@@ -254,6 +269,7 @@ class Calibration:
     quality: Quality | None = None
     provenance: Provenance
     notes: tuple[str, ...] = ()
+    extras: tuple[tuple[str, str], ...] = ()
 
     def project(self, points: ArrayLike) -> FloatArray:
         """Where points in the camera frame are seen.
@@ -265,10 +281,15 @@ class Calibration:
             (N, 2) px. NaN where the camera cannot see the point: behind a perspective camera, or past the
             radius where the distortion model folds back. Unknown distortion projects as a pinhole.
         """
-        rays = _rows(points, 3)
-        xy = perspective(rays) if self.distortion is None else self.distortion.observe(rays)
+        rays = as_rows(points, 3)
+        observe = perspective if self.distortion is None else self.distortion.observe
         K = self.intrinsics
-        return np.stack([K.fx * xy[:, 0] + K.skew * xy[:, 1] + K.cx, K.fy * xy[:, 1] + K.cy], axis=1)
+        px = np.empty((len(rays), 2))
+        for rows in blocks(len(rays), CHUNK_ROWS):
+            x, y = observe(rays[rows]).T
+            px[rows, 0] = K.fx * x + (K.skew * y + K.cx)
+            px[rows, 1] = K.fy * y + K.cy
+        return px
 
     def unproject(self, pixels: ArrayLike) -> FloatArray:
         """The directions that are seen at ``pixels``.
@@ -279,14 +300,16 @@ class Calibration:
         Returns:
             (N, 3) unit vectors in the camera frame; NaN where no direction is seen at that pixel.
         """
-        px = _rows(pixels, 2)
+        px = as_rows(pixels, 2)
+        cast = unit_rays if self.distortion is None else self.distortion.rays
         K = self.intrinsics
-        y = (px[:, 1] - K.cy) / K.fy
-        x = (px[:, 0] - K.cx - K.skew * y) / K.fx
-        xy = np.stack([x, y], axis=1)
-        if self.distortion is not None:
-            return self.distortion.rays(xy)
-        return unit_rays(xy)
+        rays = np.empty((len(px), 3))
+        for rows in blocks(len(px), CHUNK_ROWS):
+            x, y = px[rows].T
+            y = (y - K.cy) / K.fy
+            x = (x - K.cx - K.skew * y) / K.fx
+            rays[rows] = cast(np.column_stack([x, y]))
+        return rays
 
     def scaled(self, size: ImageSize) -> Calibration:
         """The same camera at another size; see :meth:`Intrinsics.scaled`."""
@@ -305,10 +328,3 @@ def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE)
     (wa, ha), (wb, hb) = a, b
     rounding = 1.0 / min(wa, ha, wb, hb)
     return abs(wa * hb / (ha * wb) - 1.0) <= max(tolerance, rounding)
-
-
-def _rows(values: ArrayLike, columns: int) -> FloatArray:
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != columns:
-        raise InputError(f"got an array of shape {array.shape}, wanted (N, {columns})")
-    return array

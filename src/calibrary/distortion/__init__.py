@@ -1,5 +1,77 @@
-"""Distortion models, one module each, every one apart from K."""
+"""Distortion models, one module each, every one apart from K.
+
+The family is closed: what a file calls by another name is either one of these exactly, or refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from types import MappingProxyType
+from typing import Final
 
 from calibrary.distortion.base import Distortion
+from calibrary.distortion.brown import BrownConrady
+from calibrary.distortion.kannala_brandt import KannalaBrandt
+from calibrary.distortion.none import NoDistortion
+from calibrary.distortion.rational import Rational
+from calibrary.distortion.thin_prism import ThinPrism
+from calibrary.distortion.tilted import Tilted
+from calibrary.errors import InputError, UnsupportedModelError
 
-__all__ = ["Distortion"]
+__all__ = [
+    "MODELS",
+    "BrownConrady",
+    "Distortion",
+    "KannalaBrandt",
+    "NoDistortion",
+    "Rational",
+    "ThinPrism",
+    "Tilted",
+    "distortion_from",
+]
+
+MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
+    {
+        kind.model: kind
+        for kind in (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt)
+    }
+)
+"""Every model by the name that files and reports use."""
+
+
+def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion:
+    """A model from its name and its coefficients by name, as files and reports hold them.
+
+    Args:
+        model: one of :data:`MODELS`.
+        coefficients: all of the model's coefficients; only the ones it declares a default for (``k3`` of
+            ``brown``) may be missing.
+
+    Raises:
+        UnsupportedModelError: there is no model of that name.
+        InputError: a coefficient is missing, unknown to the model, or not a finite number.
+    """
+    kind = MODELS.get(model)
+    if kind is None:
+        raise UnsupportedModelError(
+            f"distortion model {model!r:.60} is not known, wanted one of {', '.join(MODELS)}; "
+            "nothing is approximated silently"
+        )
+    unknown = [name for name in coefficients if name not in kind.names()]
+    if unknown:
+        raise InputError(
+            f"the {model} model has no coefficient {_listed(unknown)}; it has {_listed(kind.names()) or 'none'}"
+        )
+    required = [f.name for f in fields(kind) if f.default is MISSING]
+    missing = [name for name in required if name not in coefficients]
+    if missing:
+        raise InputError(
+            f"the {model} model lacks {_listed(missing)}; wanted {_listed(kind.names())}, "
+            "zero where measured as zero"
+        )
+    return kind(**coefficients)
+
+
+def _listed(names: object) -> str:
+    return ", ".join(f"{name!s:.40}" for name in list(names)[:20])  # type: ignore[call-overload]

@@ -4,36 +4,59 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import fields
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from typing import ClassVar, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from calibrary.errors import InputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
+BLOCK_ROWS = 16_384
+"""Rows worked on at a time: a dozen columns of this length stay in a processor's second-level cache."""
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Distortion(ABC):
     """How a lens departs from a pinhole: a map from ideal to observed normalised coordinates.
 
     A model is a frozen dataclass whose fields are its coefficients, in the order of its source. Normalised
     coordinates are x/z, y/z: K turns the observed ones into pixels. Arrays are (N, 2) float64 throughout;
     where the model has no answer the row is NaN.
-    """
 
-    __slots__ = ()
+    Raises:
+        InputError: a coefficient is not a finite number.
+    """
 
     model: ClassVar[str]
     """The name files and reports use."""
 
+    def __post_init__(self) -> None:
+        for name in self.names():
+            value = _number(getattr(self, name))
+            if value is None:
+                raise InputError(
+                    f"{name} of the {self.model} model is {getattr(self, name)!r:.40}, wanted a finite number",
+                    place=name,
+                )
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """The names of the coefficients, in the model's order."""
+        return tuple(f.name for f in fields(cls))
+
     @property
     def coefficients(self) -> dict[str, float]:
         """The coefficients by name, in the model's order."""
-        return {f.name: float(getattr(self, f.name)) for f in fields(self)}  # type: ignore[arg-type]
+        return {name: getattr(self, name) for name in self.names()}
 
     @abstractmethod
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Ideal (x/z, y/z) to observed; NaN past :meth:`valid_radius`."""
+        """Ideal (x/z, y/z) to observed; NaN from :meth:`valid_radius` on."""
 
     @abstractmethod
     def undistort(self, xy: FloatArray) -> FloatArray:
@@ -46,6 +69,10 @@ class Distortion(ABC):
         At this radius the image folds back over itself; ``inf`` when it never does.
         """
 
+    def max_angle_rad(self) -> float:
+        """The largest angle from the optical axis, in every direction, up to which the model is one-to-one."""
+        return math.atan(self.valid_radius())
+
     def observe(self, rays: FloatArray) -> FloatArray:
         """(N, 3) directions to (N, 2) observed coordinates; NaN for what the camera cannot see."""
         return self.distort(perspective(rays))
@@ -57,13 +84,60 @@ class Distortion(ABC):
 
 def perspective(rays: FloatArray) -> FloatArray:
     """(N, 3) directions to (N, 2) x/z, y/z; NaN for what is not in front of the camera."""
-    z = rays[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        inverse = np.where(z > 0, 1.0 / z, math.nan)
-        return rays[:, :2] * inverse[:, None]
+    xy = np.empty((len(rays), 2))
+    with np.errstate(all="ignore"):
+        for rows in blocks(len(rays)):
+            x, y, z = np.ascontiguousarray(rays[rows].T)
+            z[~(z > 0)] = math.nan
+            xy[rows, 0], xy[rows, 1] = finite_pair(x / z, y / z)
+    return xy
 
 
 def unit_rays(xy: FloatArray) -> FloatArray:
     """(N, 2) x/z, y/z to (N, 3) unit directions."""
-    rays = np.column_stack([xy, np.ones(len(xy))])
-    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+    rays = np.empty((len(xy), 3))
+    with np.errstate(all="ignore"):
+        for rows in blocks(len(xy)):
+            x, y = finite_pair(*np.ascontiguousarray(xy[rows].T))
+            # hypot does not overflow where the sum of squares would.
+            depth = 1.0 / np.hypot(np.hypot(x, y), 1.0)
+            rays[rows, 0], rays[rows, 1], rays[rows, 2] = x * depth, y * depth, depth
+    return rays
+
+
+def finite_pair(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same columns, changed in place: where either is not finite, both are NaN."""
+    lost = ~(np.isfinite(x) & np.isfinite(y))
+    x[lost] = y[lost] = math.nan
+    return x, y
+
+
+def as_rows(values: ArrayLike, columns: int) -> FloatArray:
+    """``values`` as (N, columns) float64.
+
+    Raises:
+        InputError: they have another shape or are no numbers.
+    """
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"got values that are no (N, {columns}) array of numbers: {error}") from None
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise InputError(f"got an array of shape {array.shape}, wanted (N, {columns})")
+    return array
+
+
+def blocks(rows: int, size: int = BLOCK_ROWS) -> Iterator[slice]:
+    """Cut ``rows`` rows into slices of at most ``size``, so that temporaries stay small."""
+    return (slice(start, min(start + size, rows)) for start in range(0, rows, size))
+
+
+def _number(value: object) -> float | None:
+    """``value`` as a float when it is a finite number (a bool or a numeral in a string is none)."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
+        return None
+    try:
+        number = float(value)
+    except (TypeError, OverflowError):
+        return None
+    return number if math.isfinite(number) else None

@@ -1,0 +1,89 @@
+# One way in for people, hooks and CI. `make` alone lists the targets.
+#
+# Everything runs in .venv, which is made on first use: by uv where it is installed, else by venv and pip. Both
+# install the very versions of requirements-dev.lock, from whatever package index the machine is set up for.
+
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+DEMO := demo-flight
+UV := $(shell command -v uv 2>/dev/null)
+
+ifdef UV
+PYTHON ?= >=3.11
+MAKE_VENV = $(UV) venv --quiet --allow-existing --python '$(PYTHON)' $(VENV)
+ENSURE_INSTALLER = :
+INSTALL = $(UV) pip install --quiet --python $(BIN)/python
+else
+PYTHON ?= python3
+MAKE_VENV = $(PYTHON) -c '$(REQUIRE_3_11)' && $(PYTHON) -m venv $(VENV)
+ENSURE_INSTALLER = $(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip >/dev/null
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+endif
+
+# Every Python back to 2 can read this, so the one that is too old says so itself.
+REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary needs Python 3.11 or newer; %s is \
+%d.%d. Name a newer one (make PYTHON=python3.12), after removing $(VENV) if it is there." \
+% ((sys.executable,) + tuple(sys.version_info[:2])))
+
+.PHONY: help demo test lint format bench dist lock clean
+.DEFAULT_GOAL := help
+
+help: ## List what can be made
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+
+demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
+	@rm -rf $(DEMO) && mkdir -p $(DEMO)/result
+	$(BIN)/python -m calibrary.demo $(DEMO)
+	@printf '\n$$ calibrary extract --image-dir %s\n\n' $(DEMO)
+	@status=0; \
+	$(BIN)/calibrary extract --image-dir $(DEMO) --output-matrix $(DEMO)/result/K_matrix.npy || status=$$?; \
+	if [ $$status -ne 1 ]; then \
+		echo "make demo: extract ended with exit code $$status; 1 is expected, for the flight holds bad images" >&2; \
+		exit 1; \
+	fi; \
+	printf '\nExit code 1, as it should be: some images of this flight are bad on purpose, and no K was guessed for them.\n'; \
+	printf 'The matrices and the report are in %s/result.\n' $(DEMO)
+
+test: $(INSTALLED) ## Run the whole test suite (ARGS="-k name" narrows it)
+	$(BIN)/pytest $(ARGS)
+
+lint: $(INSTALLED) ## Check style, format, types and the layers of imports
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+format: $(INSTALLED) ## Put the code into the project's format
+	$(BIN)/ruff check --fix-only
+	$(BIN)/ruff format
+
+bench: $(INSTALLED) ## Run every benchmark; each prints its ratios
+	@for file in $$(grep -ls '__main__' benchmarks/*.py); do \
+		printf '\n%s\n' "$$file"; $(BIN)/python "$$file" || exit 1; \
+	done
+
+dist: $(INSTALLED) ## Build sdist and wheel into dist/ and check what is in them
+	rm -rf dist
+	$(BIN)/python -m hatchling build -d dist
+	CALIBRARY_DIST=dist $(BIN)/pytest tests/house/test_distribution.py
+
+lock: ## Resolve requirements-dev.lock anew with uv (ARGS=--upgrade takes the newest)
+	@$(if $(UV),:,echo "make lock needs uv" >&2; exit 1)
+	$(UV) pip compile --quiet --universal --python-version 3.11 --group dev --generate-hashes \
+		--custom-compile-command "make lock" $(ARGS) --output-file requirements-dev.lock pyproject.toml
+
+clean: ## Remove everything that was made, but for .venv
+	rm -rf build dist $(DEMO) bench-corpus .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -path ./$(VENV) -prune -o -type d -name __pycache__ -exec rm -rf {} +
+
+$(INSTALLED): pyproject.toml requirements-dev.lock | $(BIN)/python
+	@$(BIN)/python -c '$(REQUIRE_3_11)'
+	@echo "Installing into $(VENV) …"
+	@$(ENSURE_INSTALLER)
+	@$(INSTALL) -r requirements-dev.lock
+	@$(INSTALL) --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(BIN)/python:
+	@$(MAKE_VENV)

@@ -1,0 +1,168 @@
+"""A flight of any number of 20-megapixel frames with 60 kB of metadata each, to measure on.
+
+    python benchmarks/corpus.py OUT --images N [--distinct D] [--file-mb M]
+
+What a reader of metadata meets is as a Phantom 4 RTK writes it, in kind and in size: EXIF with a 30 kB
+MakerNote and a thumbnail, an XMP segment filled up to 8 kB, the multi-picture index, a colour profile, the
+maker's debug segments; date, position and attitude differ from frame to frame.
+
+What it does not meet is cheap. The scan is one flat grey frame of 78 kB. Behind the end of the image, where
+the camera appends its preview, a hole brings the file to its usual length and takes no disk: a program that
+reads whole files gets through that part faster than it would. Frames beyond the first D are hard links to
+those D in turn, so 100 000 images with D = 2000 take 0.3 GB. They are opened and read like any others, but
+the page cache holds the D only once, so nothing here measures a cold disk. Copy the folder with a tool that
+keeps holes and links, or make it anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import struct
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import datetime, timedelta
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageCms
+
+from calibrary.demo.cameras import Shot, phantom_4_rtk
+from calibrary.synthetic import ExifTags
+from calibrary.synthetic.jpeg import (
+    Segment,
+    assemble,
+    exif_segment,
+    flat_scan,
+    icc_segments,
+    xmp_segments,
+)
+from calibrary.synthetic.scenery import farmland
+from calibrary.synthetic.structure import Field, FieldType, Ifd, encode
+
+SIZE = (5472, 3648)
+MAKER_NOTE_BYTES = 31_400
+PER_FOLDER = 999
+"""What DCF, the rule for cameras' file systems, lets a folder hold."""
+LINKS_PER_FILE = 60_000
+"""ext4 allows 65 000 names of one file."""
+
+
+def write_corpus(out: Path, images: int, *, distinct: int = 2000, file_bytes: int = 8_000_000) -> list[Path]:
+    """Write ``images`` frames, 999 to a folder, of which ``distinct`` are files of their own.
+
+    Returns:
+        Their paths, in the order they were taken.
+    """
+    distinct = min(images, max(distinct, -(-images // LINKS_PER_FILE)))
+    scan = flat_scan(SIZE)
+    paths: list[Path] = []
+    for index in range(images):
+        path = out / f"{100 + index // PER_FOLDER}MEDIA" / f"DJI_{index % PER_FOLDER + 1:04}.JPG"
+        if index % PER_FOLDER == 0:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        if index < distinct:
+            path.write_bytes(assemble(head_segments(index), scan))
+            os.truncate(path, max(file_bytes, path.stat().st_size))
+        else:
+            path.hardlink_to(paths[index % distinct])
+        paths.append(path)
+    return paths
+
+
+def head_segments(index: int) -> Iterator[Segment]:
+    """All that stands before the scan of frame ``index``."""
+    head = phantom_4_rtk(_shot(index))
+    exif = head.exif or ExifTags()
+    yield exif_segment(replace(exif, maker_note=_maker_note(), thumbnail=_thumbnail()))
+    if head.xmp is not None:
+        yield from xmp_segments(head.xmp)
+    yield _multi_picture()
+    yield from icc_segments(_colour_profile())
+    yield Segment(0xE7, b"DJI-DBG\0" + b"[exposure:000][wb:000][zoom:000][pad:000]".ljust(44, b"\0"))
+    yield Segment(0xE7, b"PADDING\0" + bytes(4070))
+
+
+def _shot(index: int) -> Shot:
+    return Shot(
+        taken=datetime(2024, 5, 17, 6, 0, 0) + timedelta(seconds=2 * index),
+        latitude_deg=46.1 + 1e-4 * (index % 500),
+        longitude_deg=7.2 + 1e-4 * (index // 500),
+        altitude_m=500 + index % 7 / 10,
+        yaw_deg=3.0 if index // 500 % 2 else -177.0,
+    )
+
+
+@cache
+def _maker_note() -> bytes:
+    """DJI's directory of speeds and attitudes, every value of which fits its entry, and its padding."""
+    floats = (Field(tag=tag, type=FieldType.FLOAT, values=(0.5 * tag,)) for tag in range(0x03, 0x0C))
+    make = Field(tag=0x01, type=FieldType.ASCII, values="DJI")
+    version = Field(tag=0x02, type=FieldType.BYTE, values=(1, 1, 0, 0))
+    # The directory stands at the start of the note, without the header of a TIFF.
+    return encode([Ifd(fields=(make, version, *floats))])[8:].ljust(MAKER_NOTE_BYTES, b"\0")
+
+
+@cache
+def _thumbnail() -> bytes:
+    """160 × 120 with as much texture as a camera's."""
+    grain = np.random.default_rng(1).normal(0, 16, (120, 160, 3))
+    pixels = np.clip(farmland((160, 120), seed=1) + grain, 0, 255).astype(np.uint8)
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "JPEG", quality=96)
+    return stream.getvalue()
+
+
+@cache
+def _multi_picture() -> Segment:
+    """CIPA DC-007's index of two pictures: the frame and the preview behind it."""
+    # Attribute, length, offset, two dependent pictures: the primary, then a VGA thumbnail in the hole.
+    entries = struct.pack("<IIIHHIIIHH", 0x030000, 0, 0, 0, 0, 0x4001_0001, 250_000, 1_000_000, 0, 0)
+    fields = (
+        Field(tag=0xB000, type=FieldType.UNDEFINED, values=b"0100"),
+        Field(tag=0xB001, type=FieldType.LONG, values=(2,)),
+        Field(tag=0xB002, type=FieldType.UNDEFINED, values=entries),
+        Field(tag=0xB003, type=FieldType.UNDEFINED, values=bytes(66)),
+        Field(tag=0xB004, type=FieldType.LONG, values=(1,)),
+    )
+    return Segment(0xE2, b"MPF\0" + encode([Ifd(fields=fields)]))
+
+
+@cache
+def _colour_profile() -> bytes:
+    profile = bytearray(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())
+    # Bytes 24 … 35 are the date the profile was made (ICC.1, 7.2.8): now, which would differ from run to run.
+    profile[24:36] = bytes.fromhex("07e80005001100060000") + b"\0\0"
+    return bytes(profile)
+
+
+def main() -> None:
+    """Write a corpus and print what it takes."""
+    parser = argparse.ArgumentParser(description="Write 20-megapixel frames with 60 kB of metadata each.")
+    parser.add_argument("out", type=Path, metavar="OUT")
+    parser.add_argument("--images", type=int, required=True, metavar="N")
+    parser.add_argument(
+        "--distinct", type=int, default=2000, metavar="D", help="the rest are hard links to them"
+    )
+    parser.add_argument("--file-mb", type=float, default=8.0, metavar="M", help="apparent length of a file")
+    arguments = parser.parse_args()
+    if arguments.images < 1 or arguments.distinct < 1:
+        parser.error("--images and --distinct want at least 1")
+    if arguments.out.exists() and any(arguments.out.iterdir()):
+        parser.error(f"{arguments.out} is not empty")
+    start = time.perf_counter()
+    file_bytes = int(arguments.file_mb * 1e6)
+    paths = write_corpus(arguments.out, arguments.images, distinct=arguments.distinct, file_bytes=file_bytes)
+    seconds = time.perf_counter() - start
+    head = 2 + sum(len(segment.encode()) for segment in head_segments(0))
+    files = {status.st_ino: status.st_blocks * 512 for status in map(os.stat, paths)}
+    print(f"{len(paths)} images, {len(files)} of them files of their own, in {seconds:.1f} s")
+    print(f"metadata {head / 1e3:.1f} kB and {paths[0].stat().st_size / 1e6:.1f} MB each")
+    print(f"{sum(files.values()) / 1e6:.1f} MB of disk")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""A file's bytes as the sniffers see them: each view is made once, on demand, and shared by all formats.
+
+A sniffer must never parse on its own: with some fifty formats every file would be parsed fifty times. The views
+are made to recognise a file, not to read it; they never raise, and a broken file simply shows less of itself.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import cached_property
+
+from calibrary.errors import ParseError
+from calibrary.parsers.document import Json, parse_json
+from calibrary.parsers.text import decode
+
+__all__ = ["HEAD_BYTES", "Content"]
+
+HEAD_BYTES = 64 * 1024
+"""How much of a file the text views look at; what identifies a calibration stands near the top."""
+
+_XML_SKIPPED = re.compile(r"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->))*+", re.DOTALL)
+_XML_TAG = re.compile(r"<([A-Za-z_][\w.:-]*+)(?=[\s/>])")
+_YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w .-]*?)["']?[ \t]*:(?=[ \t]|$)""", re.MULTILINE)
+
+
+class Content:
+    """What identifies a file.
+
+    Attributes:
+        data: all its bytes.
+        name: the file's name, without a folder.
+    """
+
+    def __init__(self, data: bytes, name: str) -> None:
+        self.data = data
+        self.name = name
+
+    @cached_property
+    def suffix(self) -> str:
+        """".xml" of "Left.XML"; empty when there is none."""
+        dot = self.name.rfind(".")
+        return self.name[dot:].lower() if dot > 0 else ""
+
+    @cached_property
+    def text(self) -> str | None:
+        """The head as text, None when it is binary."""
+        head = self.data[:HEAD_BYTES]
+        if b"\0" in head and not head.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return None
+        try:
+            # A cut may part a character in two; a sniffer does not mind a replacement at the end.
+            return decode(head, source=self.name, errors="replace")
+        except ParseError:
+            return None
+
+    @cached_property
+    def lines(self) -> tuple[str, ...]:
+        """The head's lines without surrounding space, empty ones left out."""
+        return tuple(line for raw in (self.text or "").splitlines() if (line := raw.strip()))
+
+    @cached_property
+    def first_line(self) -> str:
+        """The first line that is not empty; "" when there is none."""
+        return self.lines[0] if self.lines else ""
+
+    @cached_property
+    def xml_tags(self) -> tuple[str, ...]:
+        """The element names in the head in document order, with their prefixes; the first is the root's.
+
+        Empty when the file is no XML.
+        """
+        text = self.text
+        if text is None:
+            return ()
+        start = _XML_SKIPPED.match(text)
+        position = start.end() if start else 0
+        if not _XML_TAG.match(text, position):
+            return ()
+        body = re.sub(r"<!--(?>.*?-->)", "", text[position:], flags=re.DOTALL)
+        return tuple(_XML_TAG.findall(body))
+
+    @property
+    def xml_root(self) -> str | None:
+        """The root element's local name, None when the file is no XML."""
+        return self.xml_tags[0].rpartition(":")[2] if self.xml_tags else None
+
+    @cached_property
+    def json(self) -> Json:
+        """The JSON document, None when the file is none (or holds just ``null``)."""
+        if not self.looks_like_json:
+            return None
+        try:
+            return parse_json(self.data, source=self.name)
+        except ParseError:
+            return None
+
+    @cached_property
+    def json_keys(self) -> frozenset[str]:
+        """The keys of a JSON object, empty for every other file."""
+        return frozenset(self.json) if isinstance(self.json, dict) else frozenset()
+
+    @cached_property
+    def looks_like_json(self) -> bool:
+        """Whether the first character opens a JSON object or array."""
+        return self.first_line.startswith(("{", "["))
+
+    @cached_property
+    def yaml_keys(self) -> frozenset[str]:
+        """What stands before a colon at the start of a line of the head: a YAML mapping's outermost keys.
+
+        The text need not be YAML by the book: OpenCV's and ORB-SLAM's dialects show theirs as well.
+        """
+        if self.xml_tags or self.looks_like_json:
+            return frozenset()
+        return frozenset(_YAML_KEY.findall(self.text or ""))
+
+    def beginning(self, characters: int = 40) -> str:
+        """The first characters for a message, with what cannot be printed escaped."""
+        return json.dumps((self.first_line or repr(self.data[:16]))[:characters], ensure_ascii=False)

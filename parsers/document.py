@@ -1,0 +1,226 @@
+"""A JSON or YAML document read by path, so that every complaint says which key it is about.
+
+>>> camera = load_json(b'{"cam0": {"intrinsics": [1, 2]}}', source="chain.json")["cam0"]
+>>> camera["intrinsics"].numbers(4)
+Traceback (most recent call last):
+calibrary.errors.ParseError: chain.json: cam0.intrinsics: 2 numbers, wanted 4
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from typing import NoReturn, TypeAlias
+
+from calibrary.calibration import ImageSize
+from calibrary.errors import ParseError
+from calibrary.parsers import text as strict
+
+__all__ = ["Json", "Node", "load_json", "parse_json"]
+
+Json: TypeAlias = "None | bool | int | float | str | list[Json] | dict[str, Json]"
+
+
+class Node:
+    """One value of a document, with the place where it stands.
+
+    Attributes:
+        value: as the document's loader gave it.
+        source: the file's name, for messages.
+        place: the path that led here, such as ``cam0.intrinsics[2]``; None for the document itself.
+    """
+
+    __slots__ = ("place", "source", "value")
+
+    def __init__(self, value: Json, *, source: str, place: str | None = None) -> None:
+        self.value = value
+        self.source = source
+        self.place = place
+
+    def fail(self, message: str) -> NoReturn:
+        """Refuse the value.
+
+        Raises:
+            ParseError: always, at this place.
+        """
+        raise ParseError(message, source=self.source, place=self.place)
+
+    def __contains__(self, key: str) -> bool:
+        return isinstance(self.value, dict) and key in self.value
+
+    def __getitem__(self, key: str) -> Node:
+        """What stands under a key of a mapping.
+
+        Raises:
+            ParseError: this is no mapping, or it has no such key.
+        """
+        table = self._table()
+        if key not in table:
+            self.fail(f"there is no {strict.shown(key)}; there are {_listed(table)}")
+        return Node(table[key], source=self.source, place=f"{self.place}.{key}" if self.place else key)
+
+    def get(self, key: str) -> Node | None:
+        """What stands under a key of a mapping, None when there is no such key or its value is null."""
+        return None if self._table().get(key) is None else self[key]
+
+    def keys(self) -> tuple[str, ...]:
+        """The keys of a mapping, in the document's order."""
+        return tuple(self._table())
+
+    def entries(self) -> Iterator[tuple[str, Node]]:
+        """The keys of a mapping with what stands under them, in the document's order."""
+        for key in self._table():
+            yield key, self[key]
+
+    def items(self) -> tuple[Node, ...]:
+        """The items of a list.
+
+        Raises:
+            ParseError: this is no list.
+        """
+        if not isinstance(self.value, list):
+            self.fail(f"this is {_kind(self.value)}, wanted a list")
+        here = self.place or ""
+        return tuple(
+            Node(item, source=self.source, place=f"{here}[{index}]") for index, item in enumerate(self.value)
+        )
+
+    def text(self) -> str:
+        """A string.
+
+        Raises:
+            ParseError: this is none.
+        """
+        if not isinstance(self.value, str):
+            self.fail(f"this is {_kind(self.value)}, wanted text")
+        return self.value
+
+    def number(self) -> float:
+        """A finite number; also one in quotes, as some programs write all of theirs.
+
+        Raises:
+            ParseError: this is none.
+        """
+        value = self.value
+        if isinstance(value, str):
+            return strict.number(value, source=self.source, place=self.place)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.fail(f"this is {_kind(value)}, wanted a number")
+        try:
+            converted = float(value)
+        except OverflowError:
+            converted = math.inf
+        if not math.isfinite(converted):
+            self.fail("this is not finite, wanted a number")
+        return converted
+
+    def whole(self) -> int:
+        """A whole number, also one written as 5472.0.
+
+        Raises:
+            ParseError: this is none.
+        """
+        value = self.number()
+        if value != int(value):
+            self.fail(f"{value:g} has a fraction, wanted a whole number")
+        return int(value)
+
+    def numbers(self, count: int | Sequence[int] | None = None) -> tuple[float, ...]:
+        """A list of finite numbers, of the given count (or one of the given counts).
+
+        Raises:
+            ParseError: this is no such list.
+        """
+        values = tuple(item.number() for item in self.items())
+        return strict.counted(values, count, source=self.source, place=self.place)
+
+    def matrix(self, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:
+        """A list of rows, or the same numbers in one list, row by row.
+
+        Raises:
+            ParseError: this is no matrix of that shape.
+        """
+        items = self.items()
+        if items and all(isinstance(item.value, list) for item in items):
+            if len(items) != rows:
+                self.fail(f"{len(items)} rows, wanted {rows}")
+            return tuple(item.numbers(columns) for item in items)
+        flat = self.numbers(rows * columns)
+        return tuple(flat[start : start + columns] for start in range(0, len(flat), columns))
+
+    def image_size(self, width: str, height: str) -> ImageSize:
+        """(width, height) px out of two keys of a mapping.
+
+        Raises:
+            ParseError: one is missing or no whole positive number.
+        """
+        return strict.image_size(
+            self[width].number(), self[height].number(), source=self.source, place=self.place
+        )
+
+    def _table(self) -> dict[str, Json]:
+        if not isinstance(self.value, dict):
+            self.fail(f"this is {_kind(self.value)}, wanted a mapping")
+        return self.value
+
+
+def load_json(data: bytes, *, source: str) -> Node:
+    """A JSON document.
+
+    Raises:
+        ParseError: the bytes are none, a key stands twice in one object, or the nesting is too deep.
+    """
+    return Node(parse_json(data, source=source), source=source)
+
+
+def parse_json(data: bytes, *, source: str) -> Json:
+    """A JSON document as plain values; see :func:`load_json`.
+
+    Raises:
+        ParseError: as :func:`load_json`.
+    """
+    try:
+        text = data.decode(json.detect_encoding(data))
+        document: Json = json.loads(text, object_pairs_hook=_unique_keys, parse_constant=_not_finite)
+    except json.JSONDecodeError as error:
+        raise ParseError(f"this is no JSON: {error.msg}", source=source, place=f"line {error.lineno}") from None
+    except RecursionError:
+        raise ParseError("the JSON is nested too deeply", source=source) from None
+    except UnicodeDecodeError as error:
+        raise ParseError(f"this is no {error.encoding.upper()} text: {error.reason}", source=source) from None
+    except ValueError as error:
+        raise ParseError(f"this is no JSON to read: {error}", source=source) from None
+    return document
+
+
+def _unique_keys(pairs: list[tuple[str, Json]]) -> dict[str, Json]:
+    table = dict(pairs)
+    if len(table) != len(pairs):
+        seen: set[str] = set()
+        for key, _ in pairs:
+            if key in seen:
+                raise ValueError(f"{strict.shown(key)} stands twice in one object")
+            seen.add(key)
+    return table
+
+
+def _not_finite(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not finite, wanted a number")
+
+
+def _listed(table: dict[str, Json], most: int = 12) -> str:
+    names = ", ".join(strict.shown(key) for key in list(table)[:most])
+    return (names or "no keys") + (", …" if len(table) > most else "")
+
+
+def _kind(value: Json) -> str:
+    if value is None:
+        return "empty"
+    if isinstance(value, bool):
+        return "a yes or no"
+    if isinstance(value, str):
+        return f"text ({strict.shown(value)})"
+    if isinstance(value, list):
+        return "a list"
+    return "a mapping" if isinstance(value, dict) else "a number"

@@ -1,0 +1,75 @@
+"""The only place where a calibration file is opened."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+
+from calibrary.errors import InputError, ParseError
+
+__all__ = ["MAX_BYTES", "companions", "read_regular_file"]
+
+MAX_BYTES = 64 * 1024 * 1024
+
+_LFS = b"version https://git-lfs.github.com/spec/v1"
+_KINDS = (
+    (stat.S_ISDIR, "a directory"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+def read_regular_file(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
+    """The bytes of a regular file; nothing else is opened, so nothing can block or never end.
+
+    Raises:
+        InputError: there is no such file, it is no regular file, or it may not be read.
+        ParseError: it is empty, too long, or a git-LFS pointer in place of a file.
+    """
+    try:
+        _refuse_irregular(path, path.stat().st_mode)
+        # The file may be swapped between stat and open: O_NONBLOCK keeps a pipe from hanging, and fstat decides.
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with open(descriptor, "rb") as file:  # noqa: PTH123  pathlib cannot open a descriptor
+            _refuse_irregular(path, os.fstat(descriptor).st_mode)
+            data = file.read(max_bytes + 1)
+    except OSError as error:
+        # A loop of symbolic links ends here as well, as does a name no file can have (ValueError: NUL).
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path.name) from None
+    except ValueError as error:
+        raise InputError(f"cannot be read: {error}", source=ascii(path.name)) from None
+    if not data:
+        raise ParseError("the file is empty", source=path.name)
+    if len(data) > max_bytes:
+        raise ParseError(
+            f"the file is longer than {max_bytes} bytes, which no calibration needs; raise max_bytes if it does",
+            source=path.name,
+        )
+    if data.startswith(_LFS):
+        raise ParseError(
+            "this is a git-LFS pointer, not the file it stands for; fetch it with `git lfs pull`", source=path.name
+        )
+    return data
+
+
+def companions(path: Path, *, max_bytes: int = MAX_BYTES) -> Callable[[str], bytes | None]:
+    """A reader of the files beside ``path`` by relative name; it never leaves that folder."""
+
+    def companion(name: str) -> bytes | None:
+        relative = PurePosixPath(name)
+        if relative.is_absolute() or ".." in relative.parts or not relative.parts or "\\" in name or "\0" in name:
+            raise ParseError(f"it refers to {ascii(name)}, which is no file beside it", source=path.name)
+        beside = path.parent / relative
+        return read_regular_file(beside, max_bytes=max_bytes) if beside.exists() else None
+
+    return companion
+
+
+def _refuse_irregular(path: Path, mode: int) -> None:
+    if not stat.S_ISREG(mode):
+        kind = next((name for test, name in _KINDS if test(mode)), "no regular file")
+        raise InputError(f"this is {kind}, wanted a file", source=path.name)

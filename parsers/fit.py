@@ -1,0 +1,286 @@
+"""From one distortion model to another with K held fast: in closed form where there is one, else by least squares.
+
+A sign flip is never a conversion: an observed → ideal polynomial with its signs turned misses by tens of pixels at
+the corners of an ordinary lens. What has no closed form is fitted to the rays that the image's pixels see, and the
+distance that remains is measured on a finer grid than the one that was fitted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calibration import Calibration, Intrinsics
+from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
+from calibrary.errors import UnsupportedModelError
+from calibrary.parsers.format import Capacity, Fit
+
+__all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "Convertible", "adapt", "compare", "exact", "refit"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+Residuals: TypeAlias = Callable[[FloatArray], "FloatArray | None"]
+
+DEFAULT_MAX_ERROR_PX = 0.05
+"""Half of what good feature matching resolves: a conversion better than this is not seen in a reconstruction."""
+
+EXACT = 1e-12
+"""Relative; a decimal of 17 digits and a change of origin keep within it."""
+
+FITTED_GRID = 25
+MEASURED_GRID = 49
+
+NESTED: tuple[type[Distortion], ...] = (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted)
+"""OpenCV's perspective models: each holds the ones before it, coefficient by coefficient of the same name."""
+
+
+@runtime_checkable
+class Convertible(Protocol):
+    """A model of one format that is, for some of its coefficients, exactly one of the library's own."""
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """The same map in other models, as many as hold it exactly."""
+        ...
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> Distortion | None:
+        """The same map in this model, None where this model cannot hold it exactly."""
+        ...
+
+
+def exact(distortion: Distortion, target: type[Distortion]) -> Distortion | None:
+    """The same map in the model ``target``, None when that has no exact place for it."""
+    for same in _equals(distortion):
+        if type(same) is target:
+            return same
+    if issubclass(target, Convertible):
+        for same in _equals(distortion):
+            converted = target.from_equivalent(same)
+            if converted is not None:
+                return converted
+    return None
+
+
+def refit(
+    calibration: Calibration, target: type[Distortion], *, intrinsics: Intrinsics | None = None
+) -> tuple[Distortion, Fit] | None:
+    """The coefficients of ``target`` that put the rays of an image closest to where the calibration puts them.
+
+    Args:
+        calibration: the original; its distortion is known.
+        target: the model to fit.
+        intrinsics: the K the new coefficients stand beside, where it cannot be the original's; it is never fitted.
+
+    Returns:
+        The distortion and how well it does, None when the model cannot show a ray that the image shows (a
+        perspective model and a fisheye that sees past 90°) or no coefficients were found.
+    """
+    K = intrinsics or calibration.intrinsics
+    pixels, rays = _seen(calibration, FITTED_GRID)
+    if not len(rays):
+        return None
+
+    def residuals(coefficients: FloatArray) -> FloatArray | None:
+        with np.errstate(all="ignore"):
+            observed = _model(target, coefficients).observe(rays)
+            missed = _pixels(K, observed) - pixels
+        return missed.ravel() if np.isfinite(missed).all() else None
+
+    coefficients = _least_squares(residuals, len(target.names()))
+    if coefficients is None:
+        return None
+    fitted = _model(target, coefficients)
+    return fitted, compare(calibration, replace(calibration, intrinsics=K, distortion=fitted))
+
+
+def compare(original: Calibration, copy: Calibration) -> Fit:
+    """How much of ``original``'s projection is left in ``copy``.
+
+    A copy without distortion is compared by K alone: it claims nothing about the lens.
+    """
+    if copy.distortion is None:
+        original = replace(original, distortion=None)
+    model = copy.distortion.model if copy.distortion is not None else "unknown"
+    if _same_intrinsics(original.intrinsics, copy.intrinsics) and _same_map(original, copy):
+        return Fit(model=model, radius_px=_corner_radius(original.intrinsics))
+    pixels, rays = _seen(original, MEASURED_GRID)
+    covered = len(pixels) / MEASURED_GRID**2
+    if not len(pixels):
+        return Fit(model=model, exact=False, rms_px=math.inf, max_px=math.inf, radius_px=0.0, covered=0.0)
+    with np.errstate(all="ignore"):
+        missed = np.linalg.norm(copy.project(rays) - pixels, axis=1)
+    # A ray that the copy does not show at all is infinitely wrong.
+    missed = np.where(np.isfinite(missed), missed, math.inf)
+    K = original.intrinsics
+    return Fit(
+        model=model,
+        exact=False,
+        rms_px=float(np.sqrt(np.mean(missed**2))),
+        max_px=float(missed.max()),
+        radius_px=float(np.linalg.norm(pixels - [K.cx, K.cy], axis=1).max()),
+        covered=covered,
+    )
+
+
+def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) -> Calibration:
+    """The nearest calibration that a format can hold.
+
+    Exactly the same where the format has a model for it; else the first of its models, in its own order of
+    preference, that stays within the limit.
+
+    Raises:
+        UnsupportedModelError: none does; the message says by how much the best one misses.
+    """
+    K = _held(calibration.intrinsics, capacity)
+    distortion = calibration.distortion
+    if distortion is None or not capacity.models:
+        return replace(calibration, intrinsics=K, distortion=None)
+    for model in capacity.models:
+        same = exact(distortion, model)
+        if same is not None:
+            return replace(calibration, intrinsics=K, distortion=same)
+    best: tuple[Distortion, Fit] | None = None
+    for model in capacity.models:
+        candidate = refit(calibration, model, intrinsics=K)
+        if candidate is None:
+            continue
+        if candidate[1].max_px <= max_error_px:
+            return replace(calibration, intrinsics=K, distortion=candidate[0])
+        if best is None or candidate[1].max_px < best[1].max_px:
+            best = candidate
+    names = ", ".join(model.model for model in capacity.models)
+    if best is None:
+        raise UnsupportedModelError(
+            f"the {distortion.model} model has no counterpart among {names}, and none of them can show all that it shows"
+        )
+    raise UnsupportedModelError(f"the {distortion.model} model has no exact counterpart among {names}; {_misses(best[1])}")
+
+
+def _misses(fit: Fit) -> str:
+    return (
+        f"the nearest {fit.model} misses by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; "
+        "give max_error_px to accept that"
+    )
+
+
+def _equals(distortion: Distortion) -> Iterator[Distortion]:
+    """The same map in every model known to hold it, itself first."""
+    for value in (distortion, *(distortion.equivalents() if isinstance(distortion, Convertible) else ())):
+        yield value
+        if isinstance(value, NESTED):
+            given = {name: c for name, c in value.coefficients.items() if c != 0.0}
+            for member in NESTED:
+                names = member.names()
+                if member is not type(value) and given.keys() <= set(names):
+                    yield member(**{name: given.get(name, 0.0) for name in names})
+
+
+def _held(K: Intrinsics, capacity: Capacity) -> Intrinsics:
+    """K with what the format has no place for taken out; the loss is measured with everything else."""
+    if not capacity.skew:
+        K = replace(K, skew=0.0)
+    if not capacity.two_focals:
+        mean = (K.fx + K.fy) / 2
+        K = replace(K, fx=mean, fy=mean)
+    if not capacity.off_centre:
+        width, height = K.image_size
+        K = replace(K, cx=width / 2, cy=height / 2)
+    return K
+
+
+def _same_intrinsics(a: Intrinsics, b: Intrinsics) -> bool:
+    scale = max(*a.image_size, a.fx, a.fy)
+    pairs = zip((a.fx, a.fy, a.cx, a.cy, a.skew), (b.fx, b.fy, b.cx, b.cy, b.skew), strict=True)
+    return a.image_size == b.image_size and all(abs(x - y) <= EXACT * scale for x, y in pairs)
+
+
+def _same_map(original: Calibration, copy: Calibration) -> bool:
+    if copy.distortion is None:
+        return True
+    before = exact(original.distortion or NoDistortion(), type(copy.distortion))
+    if before is None:
+        return False
+    pairs = zip(before.coefficients.values(), copy.distortion.coefficients.values(), strict=True)
+    return all(abs(x - y) <= EXACT * max(abs(x), abs(y)) for x, y in pairs)
+
+
+def _seen(calibration: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
+    """Pixels of a grid over the whole image, corners included, and the rays seen there; unseen ones left out."""
+    width, height = calibration.intrinsics.image_size
+    u, v = np.meshgrid(np.linspace(0.0, width, steps), np.linspace(0.0, height, steps))
+    rays = calibration.unproject(np.column_stack([u.ravel(), v.ravel()]))
+    rays = rays[np.isfinite(rays).all(axis=1)]
+    pixels = calibration.project(rays)
+    shown = np.isfinite(pixels).all(axis=1)
+    return pixels[shown], rays[shown]
+
+
+def _pixels(K: Intrinsics, xy: FloatArray) -> FloatArray:
+    return np.column_stack([K.fx * xy[:, 0] + K.skew * xy[:, 1] + K.cx, K.fy * xy[:, 1] + K.cy])
+
+
+def _corner_radius(K: Intrinsics) -> float:
+    width, height = K.image_size
+    return max(math.hypot(x - K.cx, y - K.cy) for x in (0, width) for y in (0, height))
+
+
+def _model(target: type[Distortion], coefficients: FloatArray) -> Distortion:
+    return target(**dict(zip(target.names(), coefficients.tolist(), strict=True)))
+
+
+def _least_squares(residuals: Residuals, unknowns: int, *, rounds: int = 60) -> FloatArray | None:
+    """Levenberg and Marquardt's method from zero; None when not even zero can be evaluated.
+
+    The polynomial models are linear in their coefficients and need two rounds. A step that makes the model fold
+    inside the image has no residuals and is shortened like any step that makes things worse.
+    """
+    x = np.zeros(unknowns)
+    missed = residuals(x)
+    if missed is None or not unknowns:
+        return x if missed is not None else None
+    damping = 1e-9
+    for _ in range(rounds):
+        jacobian = _jacobian(residuals, x, missed)
+        if jacobian is None:
+            return x
+        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+        gain = 0.0
+        while damping < 1e12:
+            padding = math.sqrt(damping) * np.eye(unknowns)
+            stacked = np.vstack([jacobian / scale, padding])
+            step = np.linalg.lstsq(stacked, np.concatenate([-missed, np.zeros(unknowns)]), rcond=None)[0] / scale
+            trial = residuals(x + step)
+            if trial is not None and trial @ trial < missed @ missed:
+                gain = 1.0 - (trial @ trial) / (missed @ missed)
+                x, missed, damping = x + step, trial, max(damping / 10, 1e-15)
+                break
+            damping *= 10
+        if gain < 1e-9:
+            return x
+    return x
+
+
+def _jacobian(residuals: Residuals, x: FloatArray, missed: FloatArray) -> FloatArray | None:
+    """By central differences, with steps that move some pixel by about a hundredth.
+
+    A coefficient of r⁶ needs steps that depend on how wide the lens is: by ten orders of magnitude.
+    """
+    columns: list[FloatArray] = []
+    for index in range(len(x)):
+        unit = np.zeros(len(x))
+        unit[index] = 1.0
+        step = 1e-6
+        for _ in range(3):
+            moved = residuals(x + step * unit)
+            moves = float(np.abs(moved - missed).max()) if moved is not None else math.inf
+            step *= min(max(1e-2 / max(moves, 1e-300), 1e-6), 1e6)
+        ahead, behind = residuals(x + step * unit), residuals(x - step * unit)
+        if ahead is None or behind is None:
+            return None
+        columns.append((ahead - behind) / (2.0 * step))
+    return np.column_stack(columns)
+

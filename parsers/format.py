@@ -1,0 +1,303 @@
+"""What a file format is here, and how to add one.
+
+Adding a format touches its module, ``parsers/formats/<name>.py``, and its test, nothing else:
+
+1.  The module's docstring gives the format's own words and a link; its facts are constants at the top.
+2.  ``CONVENTION`` states how the format counts (unit, origin, y axis, direction, order of the tangential terms).
+    :meth:`Convention.intrinsics` and :meth:`Convention.native` do the counting; a format never adds half a pixel.
+3.  ``sniff(content) -> Sniff | None`` looks at the shared views of :class:`~calibrary.parsers.content.Content` and
+    parses nothing itself. ``MAGIC``: a signature nobody else has. ``SHAPE``: keys or columns another format might
+    share. ``WEAK``: nothing in the file says so; counts only when nobody else claims it.
+4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens nothing: a file that belongs to it comes by
+    ``context.companion(name)``. Every camera in order; with several, ``sub_camera`` is the name the file gives each
+    and ``provenance.tag`` its key. ``context.size(found)`` settles the image size, ``context.option(name)`` what
+    only the user can know (declare it as an :class:`Option`), ``context.provenance(...)`` where it came from.
+    Numbers come through ``parsers.text``, ``parsers.document`` or ``parsers.xml``, never through bare ``float``. It raises
+    ``InputError`` kinds only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no
+    counterpart here. What is odd but readable goes to ``notes``, what was taken for granted to
+    ``provenance.assumptions``, what the file says beyond that to ``extras`` under ``"<name>/<key>"``.
+5.  ``write(calibrations, context) -> bytes``, if any, stands beside ``CAPACITY``: which models (preferred first), skew,
+    two focal lengths, how many cameras. It is handed only what fits: the framework has converted or refitted the rest
+    within the caller's limit, reads the bytes back, and measures the verdict on them, lost fields included. So a writer
+    cannot lose anything silently, and ``read`` must accept what ``write`` made. Put what makes a file complete
+    last, so that no cut-off file reads as another camera.
+6.  A format that is recognised only to be refused has ``refuses="why, and the way out"`` and no ``read``.
+7.  ``FORMAT = Format(...)`` gathers all this. ``tests/parsers/test_contract.py`` takes it from there; the format's own
+    test holds its formula, computed independently, and one small file per dialect, with values of ours.
+
+Third parties put the same record under the entry-point group ``calibrary.formats``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from types import MappingProxyType
+from typing import TypeAlias
+
+from calibrary.calibration import Calibration, ImageSize, Provenance
+from calibrary.distortion import Distortion
+from calibrary.errors import InputError, MissingTagError
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention
+
+__all__ = [
+    "Capacity",
+    "Fit",
+    "Format",
+    "Option",
+    "Outcome",
+    "ReadContext",
+    "Sniff",
+    "Sure",
+    "Verdict",
+    "WriteContext",
+]
+
+
+class Sure(IntEnum):
+    """How sure a sniffer is; the strongest claim wins, two equal ones are an error."""
+
+    WEAK = 1
+    SHAPE = 2
+    MAGIC = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Sniff:
+    """A format's claim to a file.
+
+    Attributes:
+        sure: how strong it is.
+        why: what was seen, for people: "root <calibration> with <projection>".
+    """
+
+    sure: Sure
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Option:
+    """Something about a file that only its owner knows.
+
+    Attributes:
+        name: as the caller and ``--set name=value`` spell it.
+        values: the accepted ones.
+        meaning: the question it answers, for people.
+    """
+
+    name: str
+    values: tuple[str, ...]
+    meaning: str
+
+
+def no_companion(_name: str) -> bytes | None:
+    """Bytes that were given without a folder have no companions."""
+    return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadContext:
+    """What a reader is told besides the bytes.
+
+    Attributes:
+        name: the file's name without its folder, for messages and provenance.
+        image_size: (width, height) px as the caller gave it.
+        options: answers to the format's :class:`Option` questions.
+        sha256: of the bytes.
+        companion: the bytes of another file of the same folder by its relative name, None where there is none.
+    """
+
+    name: str
+    image_size: ImageSize | None = None
+    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    sha256: str | None = None
+    companion: Callable[[str], bytes | None] = no_companion
+
+    def option(self, name: str) -> str | None:
+        """The caller's answer, None when there is none."""
+        return self.options.get(name)
+
+    def size(self, found: ImageSize | None) -> ImageSize:
+        """The image size: the file's own, else the caller's.
+
+        Raises:
+            MissingTagError: neither says it.
+            InputError: they differ; a calibration is read in its own frame and scaled afterwards.
+        """
+        given = self.image_size
+        if found is None and given is None:
+            raise MissingTagError(
+                "the file does not say how large its images are; give image_size=(width, height) "
+                "(--image-size WxH)",
+                source=self.name,
+            )
+        if found is not None and given is not None and found != given:
+            raise InputError(
+                f"the file's images are {found[0]}×{found[1]}, image_size says {given[0]}×{given[1]}; "
+                "leave it out, and scale the calibration once it is read",
+                source=self.name,
+            )
+        size = found or given
+        assert size is not None  # noqa: S101  narrows the type; both None was refused above
+        return size
+
+    def provenance(self, *, tag: str | None = None, assumptions: tuple[str, ...] = ()) -> Provenance:
+        """Where a calibration of this file came from.
+
+        Args:
+            tag: the key or element inside the file, where it holds several cameras.
+            assumptions: what had to be taken for granted.
+        """
+        return Provenance(
+            kind="calibration-file", source=self.name, tag=tag, sha256=self.sha256, assumptions=assumptions
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WriteContext:
+    """What a writer is told besides the calibrations.
+
+    Attributes:
+        name: the file's name; where a format has several syntaxes its suffix tells which one is wanted.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capacity:
+    """What a file of the format can hold and the programs that read it will honour.
+
+    Attributes:
+        models: distortion models, the preferred ones first; with none, K stands alone and reads back with
+            unknown distortion.
+        skew: K[0, 1] may differ from zero.
+        two_focals: fx may differ from fy.
+        off_centre: the principal point may lie off the image's middle.
+        several_cameras: more than one calibration in a file.
+    """
+
+    models: tuple[type[Distortion], ...]
+    skew: bool = False
+    two_focals: bool = True
+    off_centre: bool = True
+    several_cameras: bool = False
+
+
+Read: TypeAlias = Callable[[bytes, ReadContext], list[Calibration]]
+Write: TypeAlias = Callable[[Sequence[Calibration], WriteContext], bytes]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """One file format, whole: who writes it, how it counts, how it is recognised, read and written.
+
+    Attributes:
+        name: the module's name; what callers pass as ``format``.
+        title: what people call it.
+        suffixes: the usual ones, with their dot, lower case: a hint, never the proof. They break the tie between
+            two WEAK claims and nothing else.
+        reference: where the format is described.
+        convention: how its numbers count; None for a format that is only refused.
+        sniff: the format's claim to a file, None when it makes none.
+        read: every camera in the bytes.
+        write: one file's bytes from calibrations that fit ``capacity``.
+        capacity: present exactly when ``write`` is.
+        needs_image_size: the file does not say how large its images are.
+        options: what the reader may have to ask.
+        refuses: why files of the format are never read, and the way out.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    reference: str
+    sniff: Callable[[Content], Sniff | None]
+    convention: Convention | None = None
+    read: Read | None = None
+    write: Write | None = None
+    capacity: Capacity | None = None
+    needs_image_size: bool = False
+    options: tuple[Option, ...] = ()
+    refuses: str | None = None
+
+    def __post_init__(self) -> None:
+        if (self.read is None) == (self.refuses is None):
+            raise InputError(f"format {self.name} must either read its files or say why it refuses them")
+        if self.read is not None and self.convention is None:
+            raise InputError(f"format {self.name} reads, so it must state its convention")
+        if (self.write is None) != (self.capacity is None) or (self.write is not None and self.read is None):
+            raise InputError(f"format {self.name} must come with write, capacity and read together")
+
+
+class Outcome(StrEnum):
+    """How a write ended; a refused one is an UnsupportedModelError and leaves no file."""
+
+    EXACT = "exact"
+    REFITTED = "refitted"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """How much of one camera's projection survived, measured over its image.
+
+    Attributes:
+        model: the distortion model afterwards; "unknown" where there is none.
+        exact: every number is the same to 1e-12, or has a closed form that is.
+        rms_px, max_px: distance between where the two put the same ray.
+        radius_px: how far from the principal point the comparison reaches: the farthest corner, unless the
+            original folds before it.
+        covered: the share of the image it reaches.
+    """
+
+    model: str
+    exact: bool = True
+    rms_px: float = 0.0
+    max_px: float = 0.0
+    radius_px: float
+    covered: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What a written file holds of what was meant.
+
+    Attributes:
+        fits: one for each camera, in order.
+        dropped: what the file has no place for, in words; empty when nothing was lost.
+    """
+
+    fits: tuple[Fit, ...]
+    dropped: tuple[str, ...] = ()
+
+    @property
+    def outcome(self) -> Outcome:
+        """Exact when every camera is."""
+        return Outcome.EXACT if all(fit.exact for fit in self.fits) else Outcome.REFITTED
+
+    @property
+    def rms_px(self) -> float:
+        """Of the worst camera."""
+        return max((fit.rms_px for fit in self.fits), default=0.0)
+
+    @property
+    def max_px(self) -> float:
+        """Of the worst camera."""
+        return max((fit.max_px for fit in self.fits), default=0.0)
+
+    @property
+    def radius_px(self) -> float:
+        """Of the camera whose comparison reaches least far."""
+        return min((fit.radius_px for fit in self.fits), default=0.0)
+
+    def __str__(self) -> str:
+        if self.outcome is Outcome.EXACT:
+            head = "exact"
+        else:
+            head = (
+                f"refitted: rms {self.rms_px:.3g} px, max {self.max_px:.3g} px "
+                f"within {self.radius_px:.0f} px of the principal point"
+            )
+        return f"{head}; dropped: {', '.join(self.dropped)}" if self.dropped else head

@@ -1,0 +1,244 @@
+"""OpenCV's FileStorage, the container: one tree in three syntaxes, XML, YAML and JSON.
+
+Its YAML is a dialect: up to OpenCV 4 the first line is ``%YAML:1.0``, which no YAML parser takes, and matrices
+bear the tag ``!!opencv-matrix``. A matrix is a mapping with rows, cols, dt and data in every syntax; here it is one
+as well, so that what is read in one syntax can be written in another. Numbers are plain, text is quoted where the
+syntax asks for it.
+
+Source: OpenCV, ``modules/core/src/persistence_{xml,yml,json}.cpp``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape
+
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.document import Json, Node, load_json
+from calibrary.parsers.xml import parse_xml
+from calibrary.strictyaml import load_yaml
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+__all__ = ["SUFFIXES", "dump", "is_key", "load", "matrix", "numbers"]
+
+MATRIX_TAG = "tag:yaml.org,2002:opencv-matrix"
+MAX_YAML_BYTES = 8 * 1024 * 1024
+"""A YAML parser takes about a second for this; a calibration with thousands of views is shorter."""
+
+_DIRECTIVE = re.compile(rb"\A(\xef\xbb\xbf)?%(?=YAML)")
+_KEY = re.compile(r"[A-Za-z_](?:[\w. -]*\w)?", re.ASCII)
+_XML_KEY = re.compile(r"[A-Za-z_][\w.-]*", re.ASCII)
+_KIND = re.compile(r"\d*[ucwsifdhr]")
+
+
+def load(data: bytes, *, source: str) -> Node:
+    """The tree of a FileStorage file, or of a plain YAML or JSON mapping.
+
+    Raises:
+        ParseError: it is none of the three.
+    """
+    head = data[:256].lstrip(b"\xef\xbb\xbf\xff\xfe \t\r\n\0")
+    if head.startswith(b"<"):
+        root = parse_xml(data, source=source)
+        if root.tag != "opencv_storage":
+            raise ParseError(
+                f"the XML root is {strict.shown(f'<{root.tag}>')}, wanted <opencv_storage>", source=source
+            )
+        tree = Node(_from_xml(root, source), source=source)
+    elif head.startswith(b"{"):
+        tree = load_json(data, source=source)
+    else:
+        # The directive becomes a comment of the same length, so that lines in messages stay right.
+        plain = _DIRECTIVE.sub(rb"\1#", data)
+        yaml = load_yaml(plain, source=source, max_bytes=MAX_YAML_BYTES, ignored_tags=(MATRIX_TAG,))
+        tree = Node(yaml, source=source)  # type: ignore[arg-type]  YAML's values are JSON's; list is invariant
+    if not isinstance(tree.value, dict):
+        tree.fail("this is no mapping, as an OpenCV file is")
+    return tree
+
+
+def matrix(node: Node, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:
+    """A matrix of that shape: OpenCV's own, a list of rows, or a flat list.
+
+    Raises:
+        ParseError: it is none, or its header and its data disagree.
+    """
+    if not _is_matrix(node.value):
+        return node.matrix(rows, columns)
+    shape = (node["rows"].whole(), node["cols"].whole())
+    values = numbers(node)
+    if shape != (rows, columns):
+        node.fail(f"the matrix is {shape[0]}×{shape[1]}, wanted {rows}×{columns}")
+    return tuple(values[start : start + columns] for start in range(0, len(values), columns))
+
+
+def numbers(node: Node) -> tuple[float, ...]:
+    """All numbers of a vector, however it lies: 1×N, N×1, a list, a list of lists.
+
+    Raises:
+        ParseError: it is none, or its header and its data disagree.
+    """
+    if not _is_matrix(node.value):
+        return tuple(number for item in node.items() for number in _flat(item))
+    rows, columns = node["rows"].whole(), node["cols"].whole()
+    kind = node["dt"].text() if "dt" in node else "d"
+    if not _KIND.fullmatch(kind) or kind.lstrip("0123456789") != kind:
+        node.fail(f"its elements are {strict.shown(kind)}, wanted one number each")
+    # FileStorage writes a vector of one number, or an empty one, as it likes.
+    data = node["data"]
+    values = data.numbers() if isinstance(data.value, list) else (data.number(),)
+    if rows < 0 or columns < 0 or len(values) != rows * columns:
+        node.fail(f"its header says {rows}×{columns}, but there are {len(values)} numbers")
+    return values
+
+
+def is_key(name: str) -> bool:
+    """Whether all three syntaxes, and OpenCV's own parsers of them, take the name as it is."""
+    return _XML_KEY.fullmatch(name) is not None
+
+
+def dump(tree: Mapping[str, Json], name: str) -> bytes:
+    """The tree in the syntax that the file's suffix asks for, as OpenCV does it.
+
+    Raises:
+        UnsupportedModelError: the suffix names no syntax.
+    """
+    suffix = name[name.rfind(".") :].lower() if "." in name else ""
+    if suffix not in _WRITERS:
+        raise UnsupportedModelError(
+            f"the name ends in {strict.shown(suffix)}, which chooses none of OpenCV's syntaxes; "
+            f"wanted {', '.join(_WRITERS)}",
+            source=name,
+        )
+    return _WRITERS[suffix](tree).encode()
+
+
+def _is_matrix(value: Json) -> bool:
+    return isinstance(value, dict) and {"rows", "cols", "data"} <= value.keys()
+
+
+def _flat(node: Node) -> tuple[float, ...]:
+    return node.numbers() if isinstance(node.value, list) else (node.number(),)
+
+
+def _from_xml(element: _Element, source: str) -> Json:
+    """An element's value: its children, else its numbers, else its text."""
+    children = list(element)
+    if children and all(child.tag == "_" for child in children):
+        return [_from_xml(child, source) for child in children]
+    if children:
+        table: dict[str, Json] = {}
+        for child in children:
+            key = str(child.tag)
+            if key in table:
+                raise ParseError("it stands twice", source=source, place=key)
+            table[key] = _from_xml(child, source)
+        if element.get("type_id") == "opencv-matrix" and not isinstance(table.get("data"), list):
+            table["data"] = [] if table.get("data") in {"", None} else [table["data"]]
+        return table
+    return _from_xml_text((element.text or "").strip())
+
+
+def _from_xml_text(text: str) -> Json:
+    if text.startswith('"') and text.endswith('"') and len(text) > 1:
+        return text[1:-1]
+    parts = text.split()
+    try:
+        values: list[Json] = [_plain(part) for part in parts]
+    except ParseError:
+        return text
+    return values if len(values) > 1 else (values[0] if values else "")
+
+
+def _plain(token: str) -> int | float:
+    value = strict.number(token)
+    return int(token) if re.fullmatch(r"[+-]?\d{1,18}", token) else value
+
+
+def _xml(tree: Mapping[str, Json]) -> str:
+    body = "\n".join(_xml_element(key, value) for key, value in tree.items() if _XML_KEY.fullmatch(key))
+    return f'<?xml version="1.0"?>\n<opencv_storage>\n{body}\n</opencv_storage>\n'
+
+
+def _xml_element(key: str, value: Json) -> str:
+    if _is_matrix(value) and isinstance(value, dict):
+        inner = "".join(f"\n  {_xml_element(name, item)}" for name, item in value.items())
+        return f'<{key} type_id="opencv-matrix">{inner}</{key}>'
+    if isinstance(value, dict):
+        inner = "".join(f"\n{_xml_element(name, item)}" for name, item in value.items() if _XML_KEY.fullmatch(name))
+        return f"<{key}>{inner}</{key}>"
+    if isinstance(value, list):
+        if all(isinstance(item, int | float) for item in value):
+            return f"<{key}>\n    {' '.join(_token(item) for item in value)}</{key}>"
+        return f"<{key}>{''.join(_xml_element('_', item) for item in value)}</{key}>"
+    if isinstance(value, str) and key != "dt":
+        return f"<{key}>{escape(json.dumps(value, ensure_ascii=False))}</{key}>"
+    return f"<{key}>{value if isinstance(value, str) else _token(value)}</{key}>"
+
+
+def _yaml(tree: Mapping[str, Json]) -> str:
+    body = "".join(line for key, value in tree.items() if _KEY.fullmatch(key) for line in _yaml_lines(key, value, ""))
+    return f"%YAML:1.0\n---\n{body}"
+
+
+def _yaml_lines(key: str, value: Json, indent: str) -> Iterator[str]:
+    deeper = indent + "   "
+    if isinstance(value, dict):
+        yield f"{indent}{key}:{' !!opencv-matrix' if _is_matrix(value) else ''}\n"
+        for name, item in value.items():
+            yield from _yaml_lines(name, item, deeper)
+    elif isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
+        yield f"{indent}{key}:\n"
+        for item in value:
+            yield f"{deeper}- {_flow(item)}\n"
+    else:
+        yield f"{indent}{key}: {_flow(value, deeper)}\n"
+
+
+def _flow(value: Json, indent: str = "   ") -> str:
+    if isinstance(value, list):
+        if not value:
+            return "[ ]"
+        rows = [", ".join(_flow(item) for item in value[start : start + 4]) for start in range(0, len(value), 4)]
+        return f"[ {f',\n{indent}    '.join(rows)} ]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{name}: {_flow(item)}" for name, item in value.items()) + " }"
+    return _token(value)
+
+
+def _token(value: Json) -> str:
+    """A number so that it reads back the same, text in quotes."""
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, int | float):
+        return repr(value)
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _json(tree: Mapping[str, Json]) -> str:
+    return json.dumps({key: _typed(value) for key, value in tree.items()}, indent=4, ensure_ascii=False) + "\n"
+
+
+def _typed(value: Json) -> Json:
+    """The tree with OpenCV's mark on every matrix."""
+    if isinstance(value, list):
+        return [_typed(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    mark: dict[str, Json] = {"type_id": "opencv-matrix"} if _is_matrix(value) else {}
+    return mark | {key: _typed(item) for key, item in value.items()}
+
+
+_WRITERS: dict[str, Callable[[Mapping[str, Json]], str]] = {
+    ".yml": _yaml,
+    ".yaml": _yaml,
+    ".xml": _xml,
+    ".json": _json,
+}
+SUFFIXES = tuple(_WRITERS)

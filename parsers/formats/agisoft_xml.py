@@ -1,0 +1,265 @@
+"""Agisoft Metashape (PhotoScan) camera calibration, the XML of *Tools ▸ Camera Calibration ▸ Save*.
+
+In the format's own words::
+
+    <calibration>
+      <projection>frame</projection>
+      <width>5472</width> <height>3648</height>
+      <f>3650.1</f> <cx>-3.2</cx> <cy>8.1</cy> <b1>0.4</b1> <b2>-0.1</b2>
+      <k1/> … <k4/> <p1/> … <p4/>
+      <date>2024-05-17T10:00:00Z</date>
+    </calibration>
+
+    u = W/2 + cx + x'·f + x'·b1 + y'·b2        v = H/2 + cy + y'·f
+
+so fx = f + b1, fy = f and skew = b2, exactly. cx and cy are offsets from the middle of the image, px; a coefficient
+that is zero is left out. PhotoScan before 1.4 wrote ``<fx> <fy> <skew>`` instead, and under the same names cx and
+cy counted from the image's corner: it is ``<fx>`` that tells. p1 and p2 stand the other way round than OpenCV's.
+``fisheye`` applies the same polynomial to the equidistant image: without p1, p2 it is Kannala and Brandt's.
+
+Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape
+
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
+from calibrary.distortion.metashape import MetashapeFrame
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin, Tangential
+from calibrary.parsers.fit import exact
+from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.xml import parse_xml
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+__all__ = ["FORMAT"]
+
+COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
+CONVENTION = Convention(
+    origin=Origin.IMAGE_CENTRE,
+    tangential=Tangential.SWAPPED,
+    coefficients=COEFFICIENTS,
+    remarks=("fx = f + b1, fy = f, skew = b2", "a number that is zero is left out"),
+)
+OLD_CONVENTION = Convention(
+    origin=Origin.PIXEL_CORNER, tangential=Tangential.SWAPPED, coefficients=COEFFICIENTS
+)
+PRINCIPAL_POINT = Option(
+    name="principal_point",
+    values=("offset", "absolute"),
+    meaning="whether cx and cy are offsets from the middle of the image or count from its top-left corner",
+)
+FARTHEST = 0.25
+"""A principal point farther off the middle than this share of a side speaks for the other way to count."""
+
+OFFSET_STYLE = ("f", "b1", "b2")
+ABSOLUTE_STYLE = ("fx", "fy", "skew")
+KNOWN = frozenset(
+    ("projection", "width", "height", "cx", "cy", *OFFSET_STYLE, *ABSOLUTE_STYLE, *COEFFICIENTS)
+)
+PREFIX = "agisoft_xml/"
+
+
+def sniff(content: Content) -> Sniff | None:
+    """Root and first child have names that no other program pairs."""
+    if content.xml_tags[:1] == ("calibration",) and "projection" in content.xml_tags:
+        return Sniff(Sure.MAGIC, "the XML root is <calibration> and holds <projection>")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The one camera of the file."""
+    fields = _Fields(parse_xml(data, source=context.name), context.name)
+    projection = fields.text("projection")
+    if projection not in {"frame", "fisheye"}:
+        raise UnsupportedModelError(
+            f"the projection is {strict.shown(projection)}, of which only Metashape itself knows the formula; "
+            "wanted frame or fisheye",
+            source=context.name,
+        )
+    size = context.size(fields.size())
+    intrinsics, notes = _intrinsics(fields, size, context)
+    return [
+        Calibration(
+            camera=CameraKey(image_size=size),
+            intrinsics=intrinsics,
+            distortion=_fisheye(fields) if projection == "fisheye" else _frame(fields),
+            grade=Grade.ADJUSTED,
+            provenance=context.provenance(),
+            notes=notes,
+            extras=fields.extras(),
+        )
+    ]
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """The layout Metashape writes now; zeros that other programs miss when absent are written out."""
+    [calibration] = calibrations
+    K, distortion = calibration.intrinsics, calibration.distortion
+    native = CONVENTION.native(K)
+    b1 = native.fx - native.fy
+    numbers = {"f": native.fy, "cx": native.cx, "cy": native.cy}
+    numbers |= {name: value for name, value in (("b1", b1), ("b2", native.skew)) if value}
+    if isinstance(distortion, KannalaBrandt):
+        projection, coefficients = "fisheye", distortion.coefficients
+    else:
+        frame = exact(distortion or NoDistortion(), MetashapeFrame)
+        assert frame is not None  # noqa: S101  CAPACITY lets nothing else through
+        projection, coefficients = "frame", frame.coefficients
+        coefficients = {
+            name: value for name, value in coefficients.items() if value or name not in {"k4", "p3", "p4"}
+        }
+    width, height = K.image_size
+    rows = [("projection", projection), ("width", str(width)), ("height", str(height))]
+    rows += [(name, repr(value)) for name, value in (numbers | coefficients).items()]
+    rows += [(key.removeprefix(PREFIX), value) for key, value in calibration.extras if key.startswith(PREFIX)]
+    body = "".join(f"  {_element(name, value)}\n" for name, value in rows)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n{body}</calibration>\n'.encode()
+
+
+def _intrinsics(
+    fields: _Fields, size: ImageSize, context: ReadContext
+) -> tuple[Intrinsics, tuple[str, ...]]:
+    """K, and what a person should know about how it was read."""
+    offset_style, absolute_style = (
+        [name for name in style if name in fields] for style in (OFFSET_STYLE, ABSOLUTE_STYLE)
+    )
+    if offset_style and absolute_style:
+        raise ParseError(
+            f"it holds <{offset_style[0]}> and <{absolute_style[0]}>, which belong to two layouts; "
+            "wanted f, b1, b2 or fx, fy, skew",
+            source=context.name,
+        )
+    if absolute_style:
+        fx, fy, skew = fields.number("fx"), fields.number("fy"), fields.number("skew", 0.0)
+    else:
+        fy = fields.number("f")
+        fx, skew = fy + fields.number("b1", 0.0), fields.number("b2", 0.0)
+    asked = context.option(PRINCIPAL_POINT.name)
+    absolute = asked == "absolute" if asked else bool(absolute_style)
+    if absolute:
+        centre = (fields.number("cx"), fields.number("cy"))
+    else:
+        centre = (fields.number("cx", 0.0), fields.number("cy", 0.0))
+    native = Native(fx=fx, fy=fy, cx=centre[0], cy=centre[1], skew=skew)
+    convention = OLD_CONVENTION if absolute else CONVENTION
+    K = convention.intrinsics(native, size, source=context.name)
+    if asked is None:
+        _refuse_the_other_count(K, absolute_style=bool(absolute_style), source=context.name)
+    notes = ("PhotoScan's older layout: cx and cy were read as counted from the image's corner",)
+    return K, notes if absolute else ()
+
+
+def _refuse_the_other_count(K: Intrinsics, *, absolute_style: bool, source: str) -> None:
+    """Files put together by hand mix the two layouts up, and the K they give is wrong by half an image."""
+    width, height = K.image_size
+    drift = max(abs(K.cx - width / 2) / width, abs(K.cy - height / 2) / height)
+    if drift > FARTHEST:
+        expected = "the image's corner" if absolute_style else "its middle"
+        raise ParseError(
+            f"cx and cy, counted from {expected} as this layout does, put the principal point {drift:.0%} of a "
+            "side off the middle; say which count is meant with options={'principal_point': 'offset'} or "
+            "'absolute' (--set principal_point=…)",
+            source=source,
+            place="cx, cy",
+        )
+
+
+def _frame(fields: _Fields) -> Distortion:
+    c = {name: fields.number(name, 0.0) for name in COEFFICIENTS}
+    if not any(c.values()):
+        return NoDistortion()
+    if c["k4"] or c["p3"] or c["p4"]:
+        return MetashapeFrame(**c)
+    p1, p2 = CONVENTION.tangential_from_file(c["p1"], c["p2"])
+    return BrownConrady(k1=c["k1"], k2=c["k2"], p1=p1, p2=p2, k3=c["k3"])
+
+
+def _fisheye(fields: _Fields) -> Distortion:
+    for name in ("p1", "p2", "p3", "p4"):
+        if fields.number(name, 0.0):
+            raise UnsupportedModelError(
+                f"a fisheye with {name} ≠ 0 has no counterpart here; adjust the camera in Metashape with p1 and p2 "
+                "fixed at zero and save it again",
+                source=fields.source,
+                place=name,
+            )
+    return KannalaBrandt(**{name: fields.number(name, 0.0) for name in ("k1", "k2", "k3", "k4")})
+
+
+class _Fields:
+    """The children of <calibration> by name."""
+
+    def __init__(self, root: _Element, source: str) -> None:
+        if root.tag != "calibration":
+            raise ParseError(
+                f"the XML root is <{strict.shown(str(root.tag))}>, wanted <calibration>", source=source
+            )
+        self.source = source
+        self.elements: dict[str, _Element] = {}
+        for element in root:
+            name = str(element.tag)
+            if name in self.elements:
+                raise ParseError("it stands twice", source=source, place=name)
+            self.elements[name] = element
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.elements
+
+    def text(self, name: str) -> str:
+        if name not in self.elements:
+            raise ParseError(f"there is no <{name}>", source=self.source)
+        return (self.elements[name].text or "").strip()
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """A number; the default where there is one and the element is absent."""
+        if default is not None and name not in self.elements:
+            return default
+        return strict.number(self.text(name), source=self.source, place=name)
+
+    def size(self) -> ImageSize | None:
+        if "width" not in self.elements and "height" not in self.elements:
+            return None
+        return strict.image_size(self.number("width"), self.number("height"), source=self.source)
+
+    def extras(self) -> tuple[tuple[str, str], ...]:
+        """What is not part of the camera, such as the date: its text, or its XML where it has more than text."""
+        return tuple(
+            (PREFIX + name, _content(element)) for name, element in self.elements.items() if name not in KNOWN
+        )
+
+
+def _content(element: _Element) -> str:
+    from lxml import etree
+
+    text = (element.text or "").strip()
+    if len(element) or element.attrib or element.nsmap or text.startswith("<"):
+        return etree.tostring(element, encoding="unicode", with_tail=False)
+    return text
+
+
+def _element(name: str, value: str) -> str:
+    """One line of the file; an extra that was XML goes back as it came."""
+    return value if value.startswith("<") else f"<{name}>{escape(value)}</{name}>"
+
+
+FORMAT = Format(
+    name="agisoft_xml",
+    title="Agisoft Metashape camera calibration",
+    suffixes=(".xml",),
+    reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=Capacity(models=(NoDistortion, BrownConrady, MetashapeFrame, KannalaBrandt), skew=True),
+    options=(PRINCIPAL_POINT,),
+)

@@ -1,0 +1,146 @@
+"""``K_matrix.npy``: an intrinsic matrix by itself, as numpy saves an array.
+
+A (3, 3) array of floats, fx s cx / 0 fy cy / 0 0 1, px. The file says neither how large the images are nor how K came
+about nor where pixels are counted from. The matrices that calibrary writes count from the outer corner of the
+top-left pixel, as the image centre (W/2, H/2) implies; one that came out of ``cv2.calibrateCamera`` counts from the
+pixel's centre and is read with ``origin=centre``.
+
+Source: NEP 1, "A simple file format for NumPy arrays" (numpy.lib.format).
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.errors import ParseError
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin, Tangential
+from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CORNER,
+    tangential=Tangential.NONE,
+    remarks=("K alone: the file holds no distortion and no image size",),
+)
+ORIGIN = Option(
+    name="origin",
+    values=("corner", "centre"),
+    meaning="whether cx and cy count from the outer corner of the top-left pixel or, as OpenCV's, from its centre",
+)
+
+MAGIC = b"\x93NUMPY"
+LONGEST_HEADER = 4096
+# The header is a Python literal; a pattern reads the three entries that every writer makes and evaluates nothing.
+_HEADER = re.compile(
+    r"\{\s*(?=[^}]*'descr':\s*'(?P<kind>[<>|]?(?:f[248]|[iu][1248]))')(?=[^}]*'fortran_order':\s*(?P<fortran>True|False))"
+    r"(?=[^}]*'shape':\s*\((?P<shape>[\d, ]*)\))[^{}]*\}\s*"
+)
+
+
+def sniff(content: Content) -> Sniff | None:
+    """A 3×3 array could be a rotation as well; the numbers of a K look like no other matrix."""
+    if not content.data.startswith(MAGIC):
+        return None
+    try:
+        K = _array(content.data, content.name)
+    except ParseError:
+        return None
+    if not _looks_like_k(K):
+        return None
+    return Sniff(Sure.SHAPE, "it is a numpy file with a 3×3 matrix that has the form of a K")
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The one K; how it came about is not known, so it is given the lowest grade that may reach a solver."""
+    K = _array(data, context.name)
+    if not np.isfinite(K).all():
+        raise ParseError("the matrix holds NaN or infinity, wanted nine finite numbers", source=context.name)
+    if not _looks_like_k(K):
+        raise ParseError(
+            f"{K.tolist()} is no intrinsic matrix, wanted fx s cx / 0 fy cy / 0 0 1 with fx and fy in px",
+            source=context.name,
+        )
+    size = context.size(None)
+    origin, sentence = Origin.PIXEL_CORNER, "cx and cy count from the pixel corner"
+    if context.option(ORIGIN.name) == "centre":
+        origin, sentence = Origin.PIXEL_CENTRE, "cx and cy count from the pixel centre, as the caller says"
+    native = Native(
+        fx=float(K[0, 0]), fy=float(K[1, 1]), cx=float(K[0, 2]), cy=float(K[1, 2]), skew=float(K[0, 1])
+    )
+    return [
+        Calibration(
+            camera=CameraKey(image_size=size),
+            intrinsics=replace(CONVENTION, origin=origin).intrinsics(native, size, source=context.name),
+            grade=Grade.DERIVED,
+            provenance=context.provenance(
+                assumptions=(sentence, "a bare matrix does not say how it came about; taken as derived")
+            ),
+        )
+    ]
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """What ``numpy.load`` gives back as the canonical K."""
+    [calibration] = calibrations
+    buffer = io.BytesIO()
+    np.save(buffer, calibration.intrinsics.matrix, allow_pickle=False)
+    return buffer.getvalue()
+
+
+def _array(data: bytes, source: str) -> NDArray[np.float64]:
+    """The (3, 3) array; the header is checked before anything is allocated by it.
+
+    Raises:
+        ParseError: it is no such array.
+    """
+    if not data.startswith(MAGIC):
+        raise ParseError("it does not begin as a numpy file", source=source)
+    version, rest = data[6:8], data[8:]
+    width = {b"\1\0": 2, b"\2\0": 4, b"\3\0": 4}.get(version)
+    if width is None or len(rest) < width:
+        raise ParseError(f"numpy file version {version.hex()} is not known, or the file is cut short", source=source)
+    [length] = struct.unpack("<H" if width == 2 else "<I", rest[:width])
+    header, body = rest[width : width + length], rest[width + length :]
+    if length > LONGEST_HEADER or len(header) < length:
+        raise ParseError(f"the numpy header of {length} bytes is too long, or the file is cut short", source=source)
+    found = _HEADER.fullmatch(header.decode("latin-1"))
+    if found is None:
+        raise ParseError("the array's elements are no plain numbers, wanted floats", source=source)
+    shape = tuple(int(side) for side in found["shape"].replace(",", " ").split())
+    if shape != (3, 3):
+        raise ParseError(f"the array has shape {shape}, wanted (3, 3)", source=source)
+    kind = np.dtype(found["kind"])
+    if len(body) != 9 * kind.itemsize:
+        raise ParseError(f"{len(body)} bytes of numbers, wanted {9 * kind.itemsize}", source=source)
+    order = "F" if found["fortran"] == "True" else "C"
+    return np.frombuffer(body, dtype=kind).reshape((3, 3), order=order).astype(np.float64)
+
+
+def _looks_like_k(K: NDArray[np.float64]) -> bool:
+    below = K[[1, 2, 2], [0, 0, 1]]
+    return bool(np.isfinite(K).all() and not below.any() and K[2, 2] == 1.0 and K[0, 0] > 1 and K[1, 1] > 1)
+
+
+FORMAT = Format(
+    name="k_npy",
+    title="K as a numpy array",
+    suffixes=(".npy",),
+    reference="https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=Capacity(models=(), skew=True),
+    needs_image_size=True,
+    options=(ORIGIN,),
+)

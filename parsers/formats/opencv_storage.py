@@ -1,0 +1,367 @@
+"""OpenCV calibrations, as ``cv2.FileStorage`` and OpenCV's samples write them: XML, YAML and JSON.
+
+In the format's own words::
+
+    %YAML:1.0
+    ---
+    image_width: 5472
+    image_height: 3648
+    camera_matrix: !!opencv-matrix
+       rows: 3
+       cols: 3
+       dt: d
+       data: [ 3650.1, 0., 2736.2, 0., 3649.8, 1824.7, 0., 0., 1. ]
+    distortion_coefficients: !!opencv-matrix
+       rows: 1
+       cols: 5
+       dt: d
+       data: [ -0.0125, 0.0231, -0.0004, 0.0008, -0.0172 ]      # k1 k2 p1 p2 k3
+    avg_reprojection_error: 0.31
+
+The container has no schema: programs name things as they like, so the keys of OpenCV's samples and the usual
+variations of them are known (:data:`MATRIX_KEYS`, :data:`COEFFICIENT_KEYS`), with "left", "right" or a number for
+one of several cameras. The count of coefficients tells the model as far as OpenCV's documentation makes it tell: 5
+Brown–Conrady, 8 rational, 12 thin prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of OpenCV's calibration
+sample (unless it says ``fisheye_model: 1``); under other keys nothing tells them from a fisheye's k1 k2 k3 k4.
+
+Sources: OpenCV, "Camera Calibration and 3D Reconstruction"; ``samples/cpp/calibration.cpp``,
+``samples/cpp/stereo_calib.cpp`` and the camera-calibration tutorial's ``camera_calibration.cpp``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Quality
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    KannalaBrandt,
+    NoDistortion,
+    Rational,
+    ThinPrism,
+    Tilted,
+)
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin
+from calibrary.parsers.document import Json, Node
+from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats import _file_storage as storage
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),
+    remarks=("cv2.fisheye's four are k1, k2, k3, k4",),
+)
+MODELS: dict[int, type[Distortion]] = {4: BrownConrady, 5: BrownConrady, 8: Rational, 12: ThinPrism, 14: Tilted}
+DISTORTION = Option(
+    name="distortion",
+    values=("brown", "fisheye"),
+    meaning="whether four coefficients are Brown's k1 k2 p1 p2 or cv2.fisheye's k1 k2 k3 k4",
+)
+
+# Keys are compared in lower case without "_", "-", "." and spaces.
+MATRIX_KEYS = (
+    "cameramatrix", "cameramat", "cammatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "kmatrix", "mtx", "k", "m",
+)  # fmt: skip
+COEFFICIENT_KEYS = (
+    "distortioncoefficients", "distortioncoeffs", "distcoefficients", "distcoeffs", "distcoeff", "distortion",
+    "dist", "d",
+)  # fmt: skip
+OWN_KEYS = frozenset({("cameramatrix", "distortioncoefficients"), ("m", "d")})
+"""Of OpenCV's calibration and stereo samples, whose coefficients are Brown's unless they say otherwise."""
+SIZE_KEYS = (("imagewidth", "imageheight"), ("imgwidth", "imgheight"), ("width", "height"))
+FOREIGN_KEYS = frozenset({"distortion_model", "projection_matrix", "camera_model", "model_type", "sensor_type"})
+"""Of programs that use OpenCV's container or its words with a meaning of their own."""
+METASHAPE_SPELLING = frozenset({"Camera_Matrix", "image_Width"})
+
+PREFIX = "opencv_storage/"
+_LABELLED = r"(left|right|cam\d+|camera\d+)?({})(left|right|l|r|\d+)?"
+_MATRIX = re.compile(_LABELLED.format("|".join(MATRIX_KEYS)))
+_COEFFICIENTS = re.compile(_LABELLED.format("|".join(COEFFICIENT_KEYS)))
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The container with a camera matrix in it; a program with keys of its own may claim the file more strongly."""
+    if content.xml_root is not None:
+        if content.xml_root != "opencv_storage":
+            return None
+        keys, storage_mark = content.xml_tags, "the XML root is <opencv_storage>"
+    else:
+        keys = tuple(content.json_keys or content.yaml_keys)
+        text = content.text or ""
+        storage_mark = "a matrix is marked opencv-matrix" if "opencv-matrix" in text else ""
+    if FOREIGN_KEYS.intersection(keys):
+        return None
+    simple = {_simple(key): key for key in keys}
+    matrix = next((key for name, key in simple.items() if _MATRIX.fullmatch(name)), None)
+    if storage_mark:
+        return Sniff(Sure.SHAPE, f"{storage_mark} and {matrix} stands in it") if matrix else None
+    coefficients = next((key for name, key in simple.items() if _COEFFICIENTS.fullmatch(name)), None)
+    if matrix and coefficients:
+        return Sniff(Sure.WEAK, f"the keys {matrix} and {coefficients} are those of OpenCV's functions")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera of the file, in the order of their matrices."""
+    tree = storage.load(data, source=context.name)
+    keys = _Keys(tree)
+    if not keys.matrices:
+        listed = ", ".join(strict.shown(key) for key in tree.keys()[:12])
+        tree.fail(f"there is no camera matrix; the keys are {listed or 'none'}")
+    for label, key in keys.coefficients.items():
+        if label not in keys.matrices:
+            tree[key].fail("there is no camera matrix beside these coefficients")
+    size = context.size(keys.size())
+    quality = keys.quality()
+    extras = keys.extras()
+    return [
+        _camera(keys, label, size, context, quality=quality, extras=extras) for label in keys.matrices
+    ]
+
+
+def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
+    """OpenCV's own keys; matrices come last, so that a file cut short has none."""
+    sizes = {item.intrinsics.image_size for item in calibrations}
+    if len(sizes) > 1:
+        raise UnsupportedModelError("an OpenCV file holds one image size, so cameras of several sizes cannot share it")
+    fisheyes = {isinstance(item.distortion, KannalaBrandt) for item in calibrations}
+    if len(fisheyes) > 1:
+        raise UnsupportedModelError("an OpenCV file does not hold fisheyes beside other cameras; write one for each")
+    width, height = sizes.pop()
+    tree: dict[str, Json] = {"image_width": width, "image_height": height}
+    qualities = {(q.views, q.rms_px) for item in calibrations if (q := item.quality) is not None}
+    if len(qualities) == 1:
+        views, rms_px = qualities.pop()
+        tree |= {"nframes": views} if views is not None else {}
+        tree |= {"avg_reprojection_error": rms_px} if rms_px is not None else {}
+    if fisheyes == {True}:
+        tree["fisheye_model"] = 1
+    for item in calibrations:
+        for key, value in item.extras:
+            name = key.removeprefix(PREFIX)
+            if key.startswith(PREFIX) and storage.is_key(name):
+                tree.setdefault(name, json.loads(value))
+    named = list(zip(_labels(calibrations), calibrations, strict=True))
+    for label, item in named:
+        if item.distortion is not None:
+            tree[_key("distortion_coefficients", "D", label)] = _row(_coefficients(item.distortion))
+    for label, item in named:
+        tree[_key("camera_matrix", "M", label)] = _matrix(item.intrinsics)
+    return storage.dump(tree, context.name)
+
+
+class _Keys:
+    """What the keys of a file are taken to mean; each is used for one thing only."""
+
+    def __init__(self, tree: Node) -> None:
+        self.tree = tree
+        self.matrices: dict[str, str] = {}
+        self.coefficients: dict[str, str] = {}
+        self.simple: dict[str, str] = {}
+        for key, node in tree.entries():
+            self.simple.setdefault(_simple(key), key)
+            if not isinstance(node.value, dict | list):
+                continue
+            for pattern, found in ((_MATRIX, self.matrices), (_COEFFICIENTS, self.coefficients)):
+                match = pattern.fullmatch(_simple(key))
+                if match:
+                    label = match[1] or match[3] or ""
+                    if label in found:
+                        node.fail(f"it means the same as {strict.shown(found[label])}, which stands there too")
+                    found[label] = key
+        self.used = {*self.matrices.values(), *self.coefficients.values()}
+
+    def take(self, simple: str) -> Node | None:
+        """What stands under a key that has one meaning in the whole file."""
+        key = self.simple.get(simple)
+        if key is None:
+            return None
+        self.used.add(key)
+        return self.tree[key]
+
+    def size(self) -> ImageSize | None:
+        """The one image size of the file."""
+        for width, height in SIZE_KEYS:
+            if width in self.simple and height in self.simple:
+                sides = [self.take(name) for name in (width, height)]
+                w, h = (side.number() for side in sides if side is not None)
+                return strict.image_size(w, h, source=self.tree.source)
+        both = self.take("imagesize")
+        if both is None:
+            return None
+        values = storage.numbers(both)
+        if len(values) != 2:
+            both.fail(f"{len(values)} numbers, wanted width and height")
+        return strict.image_size(*values, source=both.source, place=both.place)
+
+    def quality(self) -> Quality | None:
+        """The RMS reprojection error and the number of views, as OpenCV's samples write them."""
+        rms, views = self.take("avgreprojectionerror"), self.take("nframes")
+        if rms is None and views is None:
+            return None
+        rms_px = rms.number() if rms is not None else None
+        if rms is not None and rms_px is not None and rms_px < 0:
+            rms.fail(f"{rms_px:g} px is no error, wanted a number from 0")
+        return Quality(rms_px=rms_px, views=views.whole() if views is not None else None)
+
+    def fisheye_mark(self) -> bool | None:
+        """Whether the file itself says fisheye or not; None when it says neither."""
+        node = self.take("fisheyemodel")
+        return None if node is None else bool(node.value if isinstance(node.value, bool) else node.whole())
+
+    def extras(self) -> tuple[tuple[str, str], ...]:
+        """All other keys, as JSON."""
+        self.fisheye_mark()
+        return tuple(
+            (PREFIX + key, json.dumps(node.value, ensure_ascii=False))
+            for key, node in self.tree.entries()
+            if key not in self.used
+        )
+
+
+def _camera(
+    keys: _Keys,
+    label: str,
+    size: ImageSize,
+    context: ReadContext,
+    *,
+    quality: Quality | None,
+    extras: tuple[tuple[str, str], ...],
+) -> Calibration:
+    matrix_key, coefficient_key = keys.matrices[label], keys.coefficients.get(label)
+    intrinsics = _intrinsics(keys.tree[matrix_key], size)
+    notes = []
+    if intrinsics.skew:
+        notes.append(f"skew of {intrinsics.skew:g} px was kept; OpenCV's own projectPoints does not look at it")
+    if METASHAPE_SPELLING <= set(keys.tree.keys()):
+        notes.append(
+            "the spelling of the keys is also that of Metashape's export, which does not document its pixel "
+            "origin; OpenCV's was taken"
+        )
+    tags = [key for key in (matrix_key, coefficient_key) if key is not None]
+    several = len(keys.matrices) > 1
+    return Calibration(
+        camera=CameraKey(image_size=size, sub_camera=label if several else None),
+        intrinsics=intrinsics,
+        distortion=_distortion(keys, label, context) if coefficient_key is not None else None,
+        grade=Grade.CALIBRATED,
+        quality=quality,
+        provenance=context.provenance(tag=", ".join(tags)),
+        notes=tuple(notes),
+        extras=extras,
+    )
+
+
+def _intrinsics(node: Node, size: ImageSize) -> Intrinsics:
+    (fx, skew, cx), (below, fy, cy), last = storage.matrix(node, 3, 3)
+    if below != 0.0 or last != (0.0, 0.0, 1.0):
+        node.fail("this is no camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
+    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    try:
+        return CONVENTION.intrinsics(native, size, source=node.source)
+    except ParseError as error:
+        node.fail(error.message)
+
+
+def _distortion(keys: _Keys, label: str, context: ReadContext) -> Distortion:
+    if "xi" in keys.tree:
+        raise UnsupportedModelError(
+            "with xi this is cv2.omnidir's mirror model, which has no counterpart here; calibrate with cv2.fisheye",
+            source=context.name,
+            place="xi",
+        )
+    node = keys.tree[keys.coefficients[label]]
+    values = storage.numbers(node)
+    if not values:
+        return NoDistortion()
+    if len(values) not in MODELS:
+        node.fail(f"{len(values)} distortion coefficients, wanted {', '.join(map(str, MODELS))}")
+    if len(values) == 4:
+        asked = context.option(DISTORTION.name)
+        marked = keys.fisheye_mark()
+        if asked == "fisheye" or (asked is None and marked):
+            return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
+        if asked is None and marked is None and not _are_own(keys, label):
+            node.fail(
+                "four coefficients are Brown's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and nothing here tells "
+                "which; say options={'distortion': 'brown'} or 'fisheye' (--set distortion=…)"
+            )
+    elif context.option(DISTORTION.name) == "fisheye" or (
+        keys.fisheye_mark() and context.option(DISTORTION.name) is None
+    ):
+        node.fail(f"{len(values)} coefficients of a fisheye, wanted 4")
+    if not any(values):
+        return NoDistortion()
+    kind = MODELS[len(values)]
+    return kind(**dict(zip(kind.names(), values, strict=False)))
+
+
+def _are_own(keys: _Keys, label: str) -> bool:
+    stems = (
+        pattern.fullmatch(_simple(key))
+        for pattern, key in ((_MATRIX, keys.matrices[label]), (_COEFFICIENTS, keys.coefficients[label]))
+    )
+    return tuple(match[2] for match in stems if match) in OWN_KEYS
+
+
+def _simple(key: str) -> str:
+    """"Camera_Matrix", "cameraMatrix" and "camera-matrix" alike."""
+    return re.sub(r"[_\-. ]", "", key).lower()
+
+
+def _labels(calibrations: Sequence[Calibration]) -> list[str]:
+    """What tells the cameras of one file apart: their names where the keys can hold them, else their number."""
+    if len(calibrations) == 1:
+        return [""]
+    names = [item.camera.sub_camera or "" for item in calibrations]
+    if len(set(names)) == len(names) and all(re.fullmatch(r"left|right|\d{1,4}", name) for name in names):
+        return names
+    return [str(number) for number in range(1, len(calibrations) + 1)]
+
+
+def _key(word: str, letter: str, label: str) -> str:
+    """OpenCV's calibration sample spells keys out; its stereo sample numbers M1 D1 M2 D2."""
+    if not label:
+        return word
+    return f"{letter}{label}" if label.isdigit() else f"{word}_{label}"
+
+
+def _matrix(K: Intrinsics) -> Json:
+    native = CONVENTION.native(K)
+    data = [native.fx, native.skew, native.cx, 0.0, native.fy, native.cy, 0.0, 0.0, 1.0]
+    return {"rows": 3, "cols": 3, "dt": "d", "data": list[Json](data)}
+
+
+def _coefficients(distortion: Distortion) -> list[float]:
+    if isinstance(distortion, NoDistortion):
+        return [0.0] * 5
+    return list(distortion.coefficients.values())
+
+
+def _row(values: list[float]) -> Json:
+    return {"rows": 1, "cols": len(values), "dt": "d", "data": list[Json](values)}
+
+
+FORMAT = Format(
+    name="opencv_storage",
+    title="OpenCV calibration (FileStorage XML, YAML, JSON)",
+    suffixes=storage.SUFFIXES,
+    reference="https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=Capacity(
+        models=(NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt), several_cameras=True
+    ),
+    options=(DISTORTION,),
+)

@@ -1,0 +1,167 @@
+"""TIFF directories: the structure that TIFF files, DNG and every EXIF block share.
+
+TIFF 6.0 §2 and the BigTIFF design of 2007: a byte-order mark, the offset of a first directory, and
+directories of entries (tag, type, count, value or offset). All of it may lie, so entries are counted,
+values are bounded by the caller, and a walk along a chain of directories is the caller's to end.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Container
+from dataclasses import dataclass
+
+from calibrary.evidence.metadata import TagFault
+from calibrary.parsers.imagery.source import Block
+
+__all__ = ["Directory", "Entry", "Tiff"]
+
+MAX_ENTRIES = 4096
+"""The fullest real directories hold some two hundred."""
+
+TYPE_SIZES = {
+    1: 1,
+    2: 1,
+    3: 2,
+    4: 4,
+    5: 8,
+    6: 1,
+    7: 1,
+    8: 2,
+    9: 4,
+    10: 8,
+    11: 4,
+    12: 8,
+    13: 4,
+    16: 8,
+    17: 8,
+    18: 8,
+    129: 1,
+}
+"""Bytes per value: TIFF 6.0 types 1 to 12, IFD (13), BigTIFF's LONG8, SLONG8, IFD8, and EXIF 3.0's UTF-8."""
+
+_INTEGER_CODES = {1: "B", 3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One tag of a directory: its TIFF type, how many values it claims, and the value or where it is."""
+
+    kind: int
+    count: int
+    inline: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Directory:
+    """The entries asked for, and where the next directory of the chain is (0 at the end).
+
+    Attributes:
+        complete: whether every entry it claims was there.
+    """
+
+    entries: dict[int, Entry]
+    next_offset: int
+    complete: bool
+
+
+class Tiff:
+    """A TIFF structure: a whole file, or the EXIF block of another one.
+
+    Attributes:
+        block: where it lies.
+        byte_order: "<" or ">", as :mod:`struct` writes it.
+        first: offset of the first directory.
+    """
+
+    __slots__ = ("_big", "block", "byte_order", "first")
+
+    def __init__(self, block: Block) -> None:
+        """Reads the header.
+
+        Raises:
+            ParseError: there is no TIFF header here.
+        """
+        header = block.read(0, 16)
+        orders = {b"II": "<", b"MM": ">"}
+        if header[:2] not in orders or len(header) < 8:
+            raise block.source.broken(
+                f"found {header[:4]!r} where a TIFF header was wanted (II*\\0 or MM\\0*)"
+            )
+        self.block = block
+        self.byte_order = orders[header[:2]]
+        magic = self._unpack("H", header[2:4])
+        self._big = magic == 43
+        # exifread and Pillow both take the 42 in the wrong order, which some cameras write.
+        if magic not in {42, 43, 42 << 8} or (self._big and len(header) < 16):
+            raise block.source.broken(
+                f"found {header[:4]!r} where a TIFF header was wanted (II*\\0 or MM\\0*)"
+            )
+        self.first = self._unpack("Q", header[8:16]) if self._big else self._unpack("I", header[4:8])
+
+    def directory(self, offset: int, wanted: Container[int]) -> Directory:
+        """One directory, reduced to the tags in ``wanted``; a tag given twice counts as given last.
+
+        Raises:
+            ParseError: no directory can be at this place.
+        """
+        count_code, entry_code, entry_size = ("Q", "HHQ8s", 20) if self._big else ("H", "HHI4s", 12)
+        count_size = struct.calcsize(count_code)
+        head = self.block.read(offset, count_size)
+        if not offset or len(head) < count_size:
+            raise self.block.source.broken(f"a TIFF directory at byte {offset}, past the end of its block")
+        count = self._unpack(count_code, head)
+        if count > MAX_ENTRIES:
+            raise self.block.source.broken(
+                f"a TIFF directory of {count} entries; at most {MAX_ENTRIES} are read"
+            )
+        start, length = offset + count_size, count * entry_size
+        body = self.block.read(start, length)
+        whole = body[: len(body) // entry_size * entry_size]
+        entries = {
+            tag: Entry(kind, number, inline)
+            for tag, kind, number, inline in struct.iter_unpack(self.byte_order + entry_code, whole)
+            if tag in wanted
+        }
+        offset_code = "Q" if self._big else "I"
+        tail = self.block.read(start + length, struct.calcsize(offset_code))
+        following = self._unpack(offset_code, tail) if len(tail) == struct.calcsize(offset_code) else 0
+        return Directory(entries, following, complete=len(body) == length)
+
+    def value(self, name: str, entry: Entry, limit: int) -> bytes | TagFault:
+        """The raw bytes of one tag's values, or why they cannot be had.
+
+        Args:
+            name: the tag as people know it, for the fault.
+            entry: from a directory of this structure.
+            limit: longest value accepted.
+        """
+        size = TYPE_SIZES.get(entry.kind)
+        if size is None:
+            return TagFault(
+                name, f"values of the unknown TIFF type {entry.kind}", "a type of the TIFF standard"
+            )
+        length = size * entry.count
+        if length > limit:
+            return TagFault(name, f"{entry.count} values, {length} bytes", f"at most {limit} bytes")
+        if length <= len(entry.inline):
+            return entry.inline[:length]
+        offset = self._unpack("Q" if self._big else "I", entry.inline)
+        data = self.block.read(offset, length)
+        if len(data) < length:
+            return TagFault(
+                name, f"{length} bytes at {offset}, of which {len(data)} are there", "a whole value"
+            )
+        return data
+
+    def integers(self, entry: Entry, limit: int = 64) -> tuple[int, ...]:
+        """Unsigned values of one tag, none where they are no integers or cannot be had."""
+        code = _INTEGER_CODES.get(entry.kind)
+        data = self.value("", entry, limit * TYPE_SIZES.get(entry.kind, 1))
+        if code is None or isinstance(data, TagFault):
+            return ()
+        return struct.unpack(f"{self.byte_order}{entry.count}{code}", data)
+
+    def _unpack(self, code: str, data: bytes) -> int:
+        (value,) = struct.unpack(self.byte_order + code, data)
+        return int(value)

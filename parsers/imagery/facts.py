@@ -1,0 +1,147 @@
+"""From EXIF values to facts: positive lengths, whole sizes, clean names, and faults for all the rest.
+
+CIPA DC-008 lets 0 say "unknown" for the 35 mm focal length and "not used" for the digital zoom; a zero
+anywhere else, a zero below the line, a negative length or several different values are faults.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from calibrary.calibration import ImageSize
+from calibrary.errors import BadRationalError
+from calibrary.evidence.metadata import FocalPlaneUnit, TagFault
+from calibrary.parsers.imagery.exif import TAG_NAMES, ExifTag, ExifValues
+from calibrary.parsers.imagery.head import MAX_SIDE
+from calibrary.parsers.imagery.identity import clean_serial, clean_text
+from calibrary.parsers.imagery.rational import as_number
+
+__all__ = ["ExifFacts", "exif_facts"]
+
+N = TypeVar("N", int, float)
+
+_UNITS = {
+    2: FocalPlaneUnit.INCH,
+    3: FocalPlaneUnit.CENTIMETRE,
+    4: FocalPlaneUnit.MILLIMETRE,
+    5: FocalPlaneUnit.MICROMETRE,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExifFacts:
+    """What EXIF says, in the words of :class:`~calibrary.evidence.metadata.ImageMetadata`, serials still raw.
+
+    Attributes:
+        lens_serial, body_serial: never to be written anywhere.
+    """
+
+    make: str | None = None
+    model: str | None = None
+    software: str | None = None
+    lens: str | None = None
+    orientation: int | None = None
+    exif_size: ImageSize | None = None
+    focal_mm: float | None = None
+    focal_35mm: float | None = None
+    digital_zoom: float | None = None
+    focal_plane_resolution: tuple[float, float] | None = None
+    focal_plane_unit: FocalPlaneUnit | None = None
+    lens_serial: str | None = field(default=None, repr=False)
+    body_serial: str | None = field(default=None, repr=False)
+    faults: tuple[TagFault, ...] = ()
+
+
+def exif_facts(values: ExifValues, faults: Iterable[TagFault] = ()) -> ExifFacts:
+    """The facts in ``values``; ``faults`` are those known already, and come first."""
+    numbers = _Numbers(values, list(faults))
+    unit = numbers.whole(ExifTag.FOCAL_PLANE_UNIT, min(_UNITS), max(_UNITS))
+    width = numbers.whole(ExifTag.PIXEL_X, 1, MAX_SIDE)
+    height = numbers.whole(ExifTag.PIXEL_Y, 1, MAX_SIDE)
+    across = numbers.positive(ExifTag.FOCAL_PLANE_X)
+    down = numbers.positive(ExifTag.FOCAL_PLANE_Y)
+    return ExifFacts(
+        make=_text(values, ExifTag.MAKE),
+        model=_text(values, ExifTag.MODEL),
+        software=_text(values, ExifTag.SOFTWARE),
+        lens=_text(values, ExifTag.LENS_MODEL),
+        orientation=numbers.whole(ExifTag.ORIENTATION, 1, 8),
+        exif_size=numbers.pair((width, ExifTag.PIXEL_X), (height, ExifTag.PIXEL_Y)),
+        focal_mm=numbers.positive(ExifTag.FOCAL_LENGTH),
+        focal_35mm=numbers.positive(ExifTag.FOCAL_LENGTH_35MM, zero_is_unknown=True),
+        digital_zoom=numbers.positive(ExifTag.DIGITAL_ZOOM, zero_is_unknown=True, undefined_is_unknown=True),
+        focal_plane_resolution=numbers.pair((across, ExifTag.FOCAL_PLANE_X), (down, ExifTag.FOCAL_PLANE_Y)),
+        focal_plane_unit=_UNITS[unit] if unit is not None else None,
+        lens_serial=clean_serial(_text(values, ExifTag.LENS_SERIAL)),
+        body_serial=clean_serial(_text(values, ExifTag.BODY_SERIAL))
+        or clean_serial(_text(values, ExifTag.DNG_SERIAL)),
+        faults=tuple(numbers.faults),
+    )
+
+
+def _text(values: ExifValues, tag: int) -> str | None:
+    value = values.get(tag)
+    return clean_text(value) if isinstance(value, str | bytes) else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Numbers:
+    """Numbers out of ``values``; those that are none go to ``faults``."""
+
+    values: ExifValues
+    faults: list[TagFault]
+
+    def positive(
+        self, tag: int, *, zero_is_unknown: bool = False, undefined_is_unknown: bool = False
+    ) -> float | None:
+        """A number above 0; where the standard lets 0, or x/0, say "unknown", that is no fault."""
+        if tag not in self.values:
+            return None
+        number = self._finite(tag)
+        if number is not None and number > 0:
+            return number
+        if not (undefined_is_unknown if number is None else zero_is_unknown and number == 0):
+            self._refuse(tag, "a number above 0")
+        return None
+
+    def whole(self, tag: int, least: int, most: int) -> int | None:
+        """A whole number from ``least`` to ``most``."""
+        if tag not in self.values:
+            return None
+        number = self._finite(tag)
+        if number is not None and least <= number <= most and number.is_integer():
+            return int(number)
+        self._refuse(tag, f"a whole number from {least} to {most}")
+        return None
+
+    def pair(self, first: tuple[N | None, int], second: tuple[N | None, int]) -> tuple[N, N] | None:
+        """Both (value, tag) or neither; one without the other is a fault of the one that is missing."""
+        (a, _), (b, _) = first, second
+        if a is not None and b is not None:
+            return a, b
+        named = {fault.tag for fault in self.faults}
+        for (value, tag), (other, _) in ((first, second), (second, first)):
+            name = f"EXIF {TAG_NAMES[tag]}"
+            if value is None and other is not None and name not in named:
+                self.faults.append(TagFault(name, "no such tag", "both of the pair"))
+        return None
+
+    def _finite(self, tag: int) -> float | None:
+        try:
+            return as_number(self.values[tag])
+        except BadRationalError:
+            return None
+
+    def _refuse(self, tag: int, wanted: str) -> None:
+        value = self.values[tag]
+        items = value if isinstance(value, list | tuple) else [value]
+        found = clean_text(", ".join(map(_shown, items))) or "no value"
+        self.faults.append(TagFault(f"EXIF {TAG_NAMES[tag]}", found, wanted))
+
+
+def _shown(value: object) -> str:
+    """A ratio as it stood in the file as far as that is known: 5/0, not an error."""
+    denominator = getattr(value, "denominator", 1)
+    return str(value) if denominator == 1 else f"{getattr(value, 'numerator', '')}/{denominator}"

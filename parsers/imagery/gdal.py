@@ -1,0 +1,62 @@
+"""EXIF that a conversion to GeoTIFF has turned into text: the items of GDAL_METADATA, tag 42112.
+
+GDAL's JPEG driver offers EXIF as ``EXIF_<name>=<text>``, rationals in brackets (``(8.8)``, ``(45) (37)
+(37.5)``), and its GeoTIFF driver writes that as ``<Item name="EXIF_FocalLength">(8.8)</Item>``. Six digits
+survive. An XMP packet may stand beside it as text, in the domain ``xml:XMP``, where it is not in its own
+tag.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from calibrary.errors import ParseError
+from calibrary.evidence.metadata import TagFault
+from calibrary.parsers.imagery.exif import TAG_NAMES, TEXT_TAGS, ExifValues
+from calibrary.parsers.xml import parse_xml
+
+__all__ = ["GdalMetadata", "read_gdal_metadata"]
+
+_PREFIX = "EXIF_"
+_XMP_DOMAIN = "xml:XMP"
+_NUMBERS = {f"{_PREFIX}{name}": tag for tag, name in TAG_NAMES.items() if tag not in TEXT_TAGS}
+_TEXTS = {f"{_PREFIX}{name}": tag for tag, name in TAG_NAMES.items() if tag in TEXT_TAGS}
+_VALUE = re.compile(r"[^\s()]{1,40}")
+
+
+@dataclass(frozen=True, slots=True)
+class GdalMetadata:
+    """What was found: EXIF values by tag number, XMP packets, faults."""
+
+    values: ExifValues = field(default_factory=dict)
+    xmp: tuple[bytes, ...] = ()
+    faults: tuple[TagFault, ...] = ()
+
+
+def read_gdal_metadata(data: bytes, source: str) -> GdalMetadata:
+    """The EXIF and XMP in the XML of a GeoTIFF's GDAL_METADATA tag."""
+    try:
+        root = parse_xml(data.strip(b"\0 \t\r\n"), source=source)
+    except ParseError as error:
+        fault = TagFault("GDAL_METADATA", error.message, "well-formed XML without a document type")
+        return GdalMetadata(faults=(fault,))
+    values: dict[int, object] = {}
+    packets: list[bytes] = []
+    for item in root.iter("Item"):
+        name, text = str(item.get("name")), item.text or ""
+        if name in _TEXTS:
+            values[_TEXTS[name]] = text
+        elif name in _NUMBERS:
+            values[_NUMBERS[name]] = [_number(word) for word in _VALUE.findall(text)[:8]]
+        elif item.get("domain") == _XMP_DOMAIN and text:
+            packets.append(text.encode())
+    return GdalMetadata(values, tuple(packets))
+
+
+def _number(word: str) -> float | str:
+    """The number, or the word as it stands: what is wrong with it is said where it is used."""
+    try:
+        return float(word)
+    except ValueError:
+        return word

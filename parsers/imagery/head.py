@@ -1,0 +1,47 @@
+"""What a container reader finds in a file's head, before any of it is understood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from calibrary.calibration import ImageSize
+from calibrary.evidence.metadata import TagFault
+from calibrary.parsers.imagery.source import Block, Source
+
+__all__ = ["MAX_SIDE", "MAX_XMP_BYTES", "Head", "checked_size"]
+
+MAX_XMP_BYTES = 4 * 1024 * 1024
+"""An XMP packet with an embedded depth map can be longer; nothing about the camera is in there."""
+
+MAX_SIDE = 1 << 24
+"""px; sixteen million columns are a broken header, not an image."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Head:
+    """The undigested parts of one image's head.
+
+    Attributes:
+        size: (width, height) px as the container states it for the full-resolution image.
+        exif: the block that begins with the TIFF byte-order mark.
+        xmp: the packets, main one first.
+        gdal_metadata: the XML of a GeoTIFF's tag 42112.
+        faults: parts that are there but could not be taken.
+    """
+
+    size: ImageSize
+    exif: Block | None = None
+    xmp: tuple[bytes, ...] = ()
+    gdal_metadata: bytes | None = None
+    faults: tuple[TagFault, ...] = ()
+
+
+def checked_size(source: Source, width: int, height: int) -> ImageSize:
+    """(width, height) if an image can have it.
+
+    Raises:
+        ParseError: a side is zero or absurd.
+    """
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+        raise source.broken(f"its header claims an image of {width} × {height} pixels")
+    return width, height

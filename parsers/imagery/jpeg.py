@@ -1,0 +1,166 @@
+"""JPEG: the marker segments up to the scan, by seeking from one to the next.
+
+ITU-T T.81 annex B for the markers, CIPA DC-008 §4.7 for EXIF in APP1, XMP part 3 §1.1.3 for XMP and
+extended XMP. Everything else (thumbnails, FLIR and DJI raw temperatures, MPF) is stepped over unread.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from calibrary.calibration import ImageSize
+from calibrary.evidence.metadata import TagFault
+from calibrary.parsers.imagery.head import MAX_XMP_BYTES, Head, checked_size
+from calibrary.parsers.imagery.source import Block, Source
+
+__all__ = ["SIGNATURE", "read_jpeg"]
+
+SIGNATURE = b"\xff\xd8\xff"
+EXIF_HEADER = b"Exif\0"
+XMP_HEADER = b"http://ns.adobe.com/xap/1.0/\0"
+EXTENDED_XMP_HEADER = b"http://ns.adobe.com/xmp/extension/\0"
+_EXTENSION_FIELDS = len(EXTENDED_XMP_HEADER) + 32 + 4 + 4
+
+MAX_SEGMENTS = 5000
+"""A 1280 × 1024 thermal image of DJI has sixty."""
+MAX_XMP_PACKETS = 4
+MAX_JUNK = 64 * 1024
+"""Bytes stepped over where a marker was due, as decoders do."""
+
+_PROBE = 64
+"""Bytes read at a segment that is not at hand: its marker, length and identifier."""
+
+_MARKER = re.compile(rb"\xff[^\x00\xff]", re.DOTALL)
+_SOI, _EOI, _SOS, _APP1, _TEM = 0xD8, 0xD9, 0xDA, 0xE1, 0x01
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_STANDALONE = frozenset(range(0xD0, 0xD8)) | {_TEM, _SOI}
+
+
+class _Extension(NamedTuple):
+    """One part of an extended XMP packet."""
+
+    guid: bytes
+    full_length: int
+    position: int
+    start: int
+    length: int
+
+
+@dataclass(slots=True)
+class _Found:
+    """What the walk has come across."""
+
+    size: ImageSize | None = None
+    exif: Block | None = None
+    xmp: list[bytes] = field(default_factory=list)
+    extensions: list[_Extension] = field(default_factory=list)
+
+
+def read_jpeg(source: Source) -> Head:
+    """Size, EXIF block and XMP packets of a JPEG.
+
+    Raises:
+        ParseError: it ends, or its image data begin, before its frame header.
+    """
+    found = _Found()
+    _walk(source, found)
+    if found.size is None:
+        raise source.broken("the JPEG has no frame header, so it has no size; it is cut off or damaged")
+    packets, faults = _with_extensions(source, found.xmp, found.extensions)
+    return Head(size=found.size, exif=found.exif, xmp=packets, faults=faults)
+
+
+def _walk(source: Source, found: _Found) -> None:
+    offset = 2
+    for _ in range(MAX_SEGMENTS):
+        header = source.read(offset, 4, ahead=_PROBE)
+        if not _MARKER.match(header):
+            offset = _next_marker(source, offset)
+            header = source.read(offset, 4, ahead=_PROBE)
+        marker = header[1] if len(header) >= 2 else _EOI
+        if marker in _STANDALONE:
+            offset += 2
+            continue
+        if marker in {_EOI, _SOS} or len(header) < 4:
+            return
+        start, size = offset + 4, max(int.from_bytes(header[2:4], "big") - 2, 0)
+        if marker == _APP1:
+            _application_1(source, found, start, size)
+        elif marker in _FRAMES and found.size is None:
+            found.size = _frame_size(source, start)
+        offset = start + size
+    raise source.broken(f"the JPEG has more than {MAX_SEGMENTS} segments before its image data")
+
+
+def _next_marker(source: Source, offset: int) -> int:
+    """Where a marker next begins, padding and junk stepped over as decoders do; the file's end if nowhere."""
+    junk = source.read(offset, MAX_JUNK)
+    if marker := _MARKER.search(junk):
+        return offset + marker.start()
+    if len(junk) < MAX_JUNK:
+        return source.size
+    raise source.broken(f"the JPEG has {MAX_JUNK} bytes without a marker where its next segment should be")
+
+
+def _frame_size(source: Source, start: int) -> ImageSize:
+    frame = source.read(start, 5, ahead=_PROBE)
+    if len(frame) < 5:
+        raise source.broken("the JPEG ends within its frame header")
+    height, width = int.from_bytes(frame[1:3], "big"), int.from_bytes(frame[3:5], "big")
+    return checked_size(source, width, height)
+
+
+def _application_1(source: Source, found: _Found, start: int, size: int) -> None:
+    identifier = source.read(start, min(size, _PROBE - 4), ahead=_PROBE)
+    if identifier.startswith(EXIF_HEADER):
+        if found.exif is None:
+            found.exif = source.block(start + 6, max(size - 6, 0))
+    elif identifier.startswith(XMP_HEADER):
+        if len(found.xmp) < MAX_XMP_PACKETS:
+            found.xmp.append(source.read(start, size)[len(XMP_HEADER) :])
+    elif identifier.startswith(EXTENDED_XMP_HEADER):
+        fields = source.read(start, min(size, _EXTENSION_FIELDS), ahead=_EXTENSION_FIELDS)
+        if len(fields) == _EXTENSION_FIELDS:
+            guid, numbers = fields[len(EXTENDED_XMP_HEADER) : -8], fields[-8:]
+            full_length, position = int.from_bytes(numbers[:4], "big"), int.from_bytes(numbers[4:], "big")
+            data_start, length = start + _EXTENSION_FIELDS, size - _EXTENSION_FIELDS
+            found.extensions.append(_Extension(guid, full_length, position, data_start, length))
+
+
+def _with_extensions(
+    source: Source, packets: list[bytes], extensions: list[_Extension]
+) -> tuple[tuple[bytes, ...], tuple[TagFault, ...]]:
+    """The packets, and behind them the extension that one of them names (``xmpNote:HasExtendedXMP``)."""
+    named = sorted({part.guid for part in extensions if any(part.guid in packet for packet in packets)})
+    faults: list[TagFault] = []
+    for guid in named[:MAX_XMP_PACKETS]:
+        joined = _joined(
+            source, sorted((part for part in extensions if part.guid == guid), key=lambda p: p.position)
+        )
+        if isinstance(joined, TagFault):
+            faults.append(joined)
+        else:
+            packets = [*packets, joined]
+    return tuple(packets), tuple(faults)
+
+
+def _joined(source: Source, parts: list[_Extension]) -> bytes | TagFault:
+    full_length, wanted = parts[0].full_length, "a whole extended XMP packet"
+    if full_length > MAX_XMP_BYTES:
+        return TagFault("XMP extension", f"{full_length} bytes", f"at most {MAX_XMP_BYTES} bytes")
+    due = 0
+    for part in parts:
+        if part.position != due or part.full_length != full_length:
+            return TagFault(
+                "XMP extension", f"a part for byte {part.position} where byte {due} was due", wanted
+            )
+        due += part.length
+    if due != full_length:
+        return TagFault("XMP extension", f"{due} of {full_length} bytes", wanted)
+    data = b"".join(source.read(part.start, part.length) for part in parts)
+    if hashlib.md5(data, usedforsecurity=False).hexdigest().upper().encode() != parts[0].guid.upper():
+        return TagFault("XMP extension", "bytes that do not match their digest", wanted)
+    return data

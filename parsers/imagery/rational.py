@@ -1,0 +1,47 @@
+"""Numbers as image libraries hand them over: ratios with zero below the line, floats, several values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from numbers import Real
+
+from calibrary.errors import BadRationalError
+
+__all__ = ["as_number"]
+
+
+def as_number(value: object, *, source: str | None = None, place: str | None = None) -> float:
+    """One finite number from a ratio of any kind, a float, an int, or a sequence of equal ones.
+
+    Args:
+        value: what exifread or Pillow gave for a tag.
+        source: the file, for messages.
+        place: the tag, for messages.
+
+    Raises:
+        BadRationalError: the denominator is zero, or it is no finite number, or several different ones.
+    """
+
+    def refuse(found: str) -> BadRationalError:
+        return BadRationalError(f"found {found}; a finite number was wanted", source=source, place=place)
+
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        if not value:
+            raise refuse("no value")
+        numbers = {as_number(item, source=source, place=place) for item in value}
+        if len(numbers) > 1:
+            raise refuse(f"{len(value)} different values")
+        return numbers.pop()
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise refuse(f"{type(value).__name__} {str(value)[:40]!r}")
+    # exifread's Ratio and Pillow's IFDRational both keep 5/0 as it stood, and make a NaN or an error of it.
+    if getattr(value, "denominator", 1) == 0:
+        raise refuse(f"{getattr(value, 'numerator', '')}/0")
+    try:
+        number = float(value)
+    except OverflowError:
+        raise refuse(f"{str(value)[:40]}") from None
+    if not math.isfinite(number):
+        raise refuse(str(number))
+    return number

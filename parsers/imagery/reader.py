@@ -1,0 +1,131 @@
+"""One image file in, one :class:`~calibrary.evidence.metadata.ImageMetadata` out."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.parsers.imagery import heif, jpeg, png, tiff
+from calibrary.parsers.imagery.exif import ExifValues, read_block
+from calibrary.parsers.imagery.facts import ExifFacts, exif_facts
+from calibrary.parsers.imagery.gdal import read_gdal_metadata
+from calibrary.parsers.imagery.head import Head
+from calibrary.parsers.imagery.identity import hash_serial
+from calibrary.parsers.imagery.schemas import SerialRank
+from calibrary.parsers.imagery.source import Source, open_source
+from calibrary.parsers.imagery.xmp import XmpFacts, read_xmp
+
+__all__ = ["IMAGE_SUFFIXES", "read_metadata", "read_source"]
+
+IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".tif", ".tiff", ".dng", ".heic", ".heif", ".png"})
+"""What a directory scan takes, in lower case. How a file is read is decided by its first bytes."""
+
+_PLACEHOLDERS = {
+    b"version https://git-lfs.github.com/spec/": "Git LFS pointer; run `git lfs pull`",
+    b"/annex/objects/": "git-annex pointer; run `git annex get`",
+}
+_WRONG_MAKE = "camera"
+"""Autel's XL715 writes EXIF Make "Camera" and its real name into XMP."""
+
+
+def read_metadata(path: str | os.PathLike[str]) -> ImageMetadata:
+    """What an image file's head says about its camera; pixels are not decoded.
+
+    JPEG, TIFF, BigTIFF, DNG, PNG, HEIF and AVIF, recognised by content. A broken tag is a fault in the
+    record; neither it nor a broken EXIF or XMP block costs the rest.
+
+    Args:
+        path: a regular file.
+
+    Raises:
+        InputError: the file cannot be opened or read.
+        ParseError: it is empty, no image, or cut off before its size.
+    """
+    with open_source(path) as source:
+        return read_source(source)
+
+
+def read_source(source: Source) -> ImageMetadata:
+    """The same for a file that is open; ``source.bytes_read`` then tells what it took.
+
+    Raises:
+        ParseError: it is empty, no image, or cut off before its size.
+    """
+    found = _recognise(source)
+    gdal = read_gdal_metadata(found.head.gdal_metadata, source.name) if found.head.gdal_metadata else None
+    values, faults = dict(found.values), found.head.faults
+    if gdal is not None:
+        # The directories are the file's own; the text stands in where they are silent.
+        values = {**gdal.values, **values}
+        faults += gdal.faults
+    exif = exif_facts(values, faults)
+    packets = found.head.xmp or (gdal.xmp if gdal is not None else ())
+    xmp = read_xmp(packets, source.name) if packets else XmpFacts()
+    has_exif = found.has_exif or (gdal is not None and bool(gdal.values))
+    return _merged(found.head, exif, xmp, has_exif=has_exif)
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    head: Head
+    values: ExifValues
+    has_exif: bool
+
+
+def _recognise(source: Source) -> _Found:
+    """By its first bytes, as every decoder does."""
+    start = source.head
+    if start.startswith(jpeg.SIGNATURE):
+        return _with_exif(jpeg.read_jpeg(source))
+    if start.startswith(tiff.SIGNATURES):
+        found = tiff.read_tiff(source)
+        return _Found(found.head, found.values, found.has_exif)
+    if start.startswith(png.SIGNATURE):
+        return _with_exif(png.read_png(source))
+    if heif.is_heif(start):
+        return _with_exif(heif.read_heif(source))
+    if not source.size:
+        raise source.broken("the file is empty; copy it from the card again")
+    for prefix, meaning in _PLACEHOLDERS.items():
+        if start.startswith(prefix):
+            raise source.broken(f"this is a {meaning}")
+    raise source.broken(f"this is no JPEG, TIFF, DNG, PNG or HEIF image: it begins with {start[:8]!r}")
+
+
+def _with_exif(head: Head) -> _Found:
+    if head.exif is None:
+        return _Found(head, {}, has_exif=False)
+    values, faults = read_block(head.exif)
+    return _Found(replace(head, faults=head.faults + faults), values, has_exif=True)
+
+
+def _merged(head: Head, exif: ExifFacts, xmp: XmpFacts, *, has_exif: bool) -> ImageMetadata:
+    make = exif.make
+    if make is None or (make.casefold() == _WRONG_MAKE and xmp.make):
+        make = xmp.make
+    return ImageMetadata(
+        size=head.size,
+        exif_size=exif.exif_size,
+        orientation=exif.orientation,
+        make=make,
+        model=exif.model or xmp.model,
+        software=exif.software or xmp.software,
+        lens=exif.lens,
+        focal_mm=exif.focal_mm,
+        focal_35mm=exif.focal_35mm,
+        digital_zoom=exif.digital_zoom,
+        focal_plane_resolution=exif.focal_plane_resolution,
+        focal_plane_unit=exif.focal_plane_unit,
+        serial=_serial(make, exif, xmp),
+        xmp=tuple(xmp.properties.values()),
+        faults=exif.faults + tuple(xmp.faults),
+        has_exif=has_exif,
+    )
+
+
+def _serial(make: str | None, exif: ExifFacts, xmp: XmpFacts) -> str | None:
+    """The hash of the serial number that is tied most closely to the camera."""
+    written = {SerialRank.LENS: exif.lens_serial, SerialRank.BODY: exif.body_serial}
+    known = xmp.serials | {rank: serial for rank, serial in written.items() if serial is not None}
+    return hash_serial(make, known[max(known)]) if known else None

@@ -1,0 +1,149 @@
+"""XMP: from packets to the properties that say something about the camera.
+
+XMP part 1 (ISO 16684-1) §7: RDF/XML whose properties are attributes or elements of any number of
+``rdf:Description``, simple, arrays (``rdf:Seq``, ``rdf:Bag``, ``rdf:Alt``) or structures in any of their
+spellings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from calibrary.errors import ParseError
+from calibrary.evidence.metadata import TagFault, XmpProperty
+from calibrary.parsers.imagery.head import MAX_XMP_BYTES
+from calibrary.parsers.imagery.identity import clean_serial, clean_text
+from calibrary.parsers.imagery.schemas import PROPERTIES, SERIALS, SOFTWARE, TIFF_MAKE, TIFF_MODEL, SerialRank
+from calibrary.parsers.xml import parse_xml
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+__all__ = ["XmpFacts", "read_xmp"]
+
+MAX_VALUE = 2000
+"""Characters; a DewarpDataK6 has two hundred."""
+MAX_ITEMS = 200
+
+_RDF = "{http://www.w3.org/1999/02/22-rdf-syntax-ns#}"
+_DESCRIPTION, _ITEM, _VALUE, _RESOURCE = f"{_RDF}Description", f"{_RDF}li", f"{_RDF}value", f"{_RDF}resource"
+_ARRAYS = frozenset({f"{_RDF}Seq", f"{_RDF}Bag", f"{_RDF}Alt"})
+_SYNTAX = (_RDF, "{http://www.w3.org/XML/1998/namespace}")
+
+
+@dataclass(slots=True)
+class XmpFacts:
+    """What the packets of one image say.
+
+    Attributes:
+        properties: by (schema, name), in document order; the first of a name counts.
+        make, model, software: where EXIF has none.
+        serials: raw, by rank; never to be written anywhere.
+        faults: packets and properties that cannot be used.
+    """
+
+    properties: dict[tuple[str, str], XmpProperty] = field(default_factory=dict)
+    make: str | None = None
+    model: str | None = None
+    software: str | None = None
+    serials: dict[SerialRank, str] = field(default_factory=dict, repr=False)
+    faults: list[TagFault] = field(default_factory=list)
+
+
+def read_xmp(packets: Iterable[bytes], source: str) -> XmpFacts:
+    """The facts in an image's packets, main one first; a broken packet is a fault, and the others count."""
+    facts = XmpFacts()
+    for packet in packets:
+        try:
+            root = parse_xml(_trimmed(packet), source=source, max_bytes=MAX_XMP_BYTES)
+        except ParseError as error:
+            found = ", ".join(part for part in (error.message, error.place) if part)
+            facts.faults.append(TagFault("XMP", found, "well-formed XMP"))
+            continue
+        for rdf in root.iter(f"{_RDF}RDF"):
+            for node in rdf:
+                _take_node(node, facts)
+    return facts
+
+
+def _trimmed(packet: bytes) -> bytes:
+    """The packet from its first "<" to its last ">": cameras pad with spaces, NUL and byte-order marks."""
+    start, end = packet.find(b"<"), packet.rfind(b">") + 1
+    if packet[start + 1 : start + 2] == b"\0":
+        return b"\xff\xfe" + packet[start : end + 1]
+    if start > 0 and packet[start - 1] == 0:
+        return b"\xfe\xff" + packet[start - 1 : end]
+    return packet[max(start, 0) : end]
+
+
+def _take_node(node: _Element, facts: XmpFacts) -> None:
+    for name, text in node.items():
+        if name in PROPERTIES or name in SERIALS or name in SOFTWARE:
+            _take(str(name), [("", str(text))], facts)
+    for child in node:
+        if child.tag in PROPERTIES or child.tag in SERIALS or child.tag in SOFTWARE:
+            _take(str(child.tag), _values(child), facts)
+
+
+def _take(clark: str, values: Iterable[tuple[str, str]], facts: XmpFacts) -> None:
+    """Put one property's values, given as (member of the structure or "", text), where they belong."""
+    members: dict[str, list[str]] = {}
+    for member, text in values:
+        stripped = " ".join(text.split())
+        if stripped:
+            members.setdefault(member, []).append(stripped)
+    first = members.get("", [""])[0]
+    if clark in SERIALS:
+        if (serial := clean_serial(first)) is not None:
+            facts.serials.setdefault(SERIALS[clark], serial)
+        return
+    if clark in SOFTWARE:
+        facts.software = facts.software or clean_text(first)
+        return
+    if clark == TIFF_MAKE:
+        facts.make = facts.make or clean_text(first)
+    elif clark == TIFF_MODEL:
+        facts.model = facts.model or clean_text(first)
+    schema, name, wanted = PROPERTIES[clark]
+    for member, texts in members.items():
+        if member in wanted:
+            _keep(XmpProperty(schema, f"{name}/{member}" if member else name, tuple(texts)), facts)
+
+
+def _keep(item: XmpProperty, facts: XmpFacts) -> None:
+    length = sum(map(len, item.values))
+    if length > MAX_VALUE or len(item.values) > MAX_ITEMS:
+        found = f"{len(item.values)} values of {length} characters"
+        wanted = f"at most {MAX_ITEMS} values of {MAX_VALUE} characters"
+        facts.faults.append(TagFault(f"XMP {item.schema}:{item.name}", found, wanted))
+        return
+    printable = tuple(
+        text if text.isprintable() else "".join(filter(str.isprintable, text)) for text in item.values
+    )
+    facts.properties.setdefault((item.schema, item.name), XmpProperty(item.schema, item.name, printable))
+
+
+def _values(element: _Element, member: str = "") -> Iterator[tuple[str, str]]:
+    """(member or "", text) of a property element or array item, in document order."""
+    for name, text in element.items():
+        if name in {_RESOURCE, _VALUE}:
+            yield member, str(text)
+        elif not str(name).startswith(_SYNTAX):
+            yield _inside(member, str(name)), str(text)
+    for child in element:
+        if child.tag in _ARRAYS:
+            for item in child.iterchildren(_ITEM):
+                yield from _values(item, member)
+        elif child.tag in {_DESCRIPTION, _VALUE}:
+            yield from _values(child, member)
+        else:
+            yield from _values(child, _inside(member, str(child.tag)))
+    if len(element) == 0 and element.text:
+        yield member, element.text
+
+
+def _inside(member: str, clark: str) -> str:
+    local = clark.rpartition("}")[2]
+    return f"{member}/{local}" if member else local

@@ -1,0 +1,149 @@
+"""Text and numbers as files write them, read strictly: what is not plainly a number is an error, never a guess."""
+
+from __future__ import annotations
+
+import codecs
+import math
+import re
+from collections.abc import Sequence
+
+from calibrary.calibration import ImageSize
+from calibrary.errors import ParseError
+
+__all__ = ["decode", "image_size", "lines", "number", "numbers", "shown", "whole"]
+
+LONGEST_SIDE_PX = 1_000_000
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_NOT_FINITE = re.compile(r"[+-]?\.?(?:nan|inf|infinity|1\.#\w+)(?:\(\w*\))?", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+
+
+def decode(data: bytes, *, source: str, errors: str = "strict") -> str:
+    """Text of a file whose encoding nobody declared: UTF-16 with its mark, UTF-8, else Latin-1.
+
+    Numbers and keys are ASCII in every format; only labels can come out wrong, and Latin-1 loses no byte of
+    them.
+
+    Raises:
+        ParseError: the bytes are no text.
+    """
+    for mark, encoding in _MARKS:
+        if data.startswith(mark):
+            try:
+                text = data[len(mark) :].decode(encoding, errors)
+            except UnicodeDecodeError as error:
+                raise ParseError(f"this is no {encoding.upper()} text: {error.reason}", source=source) from None
+            break
+    else:
+        try:
+            text = data.decode("utf-8", errors)
+        except UnicodeDecodeError:
+            text = data.decode("latin-1")
+    if "\0" in text:
+        raise ParseError("the file is binary, wanted text", source=source)
+    return text
+
+
+def lines(text: str, *, source: str) -> tuple[str, ...]:
+    """The lines of a line-based format, without their ends; ``\\n``, ``\\r\\n`` and ``\\r`` all end one.
+
+    Such a format has no closing bracket, so a missing newline at the end is the only sign of a file that was cut
+    short in the middle of its last number.
+
+    Raises:
+        ParseError: the last line is not ended.
+    """
+    if not text.endswith(("\n", "\r")):
+        raise ParseError(
+            "the last line is not ended, so the file may be cut short; complete it, or end it with a newline",
+            source=source,
+        )
+    return tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")[:-1])
+
+
+def number(text: str, *, source: str | None = None, place: str | None = None) -> float:
+    """One finite number.
+
+    ``float`` alone would take "1_000", "infinity" and "nan".
+
+    Raises:
+        ParseError: it is none; a decimal comma is named as such.
+    """
+    stripped = text.strip()
+    if _NUMBER.fullmatch(stripped):
+        value = float(stripped)
+        if math.isfinite(value):
+            return value
+    if _NOT_FINITE.fullmatch(stripped) or _NUMBER.fullmatch(stripped):
+        raise ParseError(f"{shown(stripped)} is not finite, wanted a number", source=source, place=place)
+    hint = "; write a decimal point" if _DECIMAL_COMMA.fullmatch(stripped) else ""
+    raise ParseError(f"{shown(stripped)} is no number{hint}", source=source, place=place)
+
+
+def numbers(
+    text: str, *, count: int | Sequence[int] | None = None, source: str | None = None, place: str | None = None
+) -> tuple[float, ...]:
+    """Numbers parted by white space, of the given count (or one of the given counts).
+
+    Raises:
+        ParseError: one of them is none, or there are too many or too few.
+    """
+    values = tuple(number(part, source=source, place=place) for part in text.split())
+    return counted(values, count, source=source, place=place)
+
+
+def counted(
+    values: tuple[float, ...], count: int | Sequence[int] | None, *, source: str | None, place: str | None
+) -> tuple[float, ...]:
+    """The values themselves, once their count is one of those wanted.
+
+    Raises:
+        ParseError: it is not.
+    """
+    wanted = (count,) if isinstance(count, int) else count
+    if wanted is not None and len(values) not in wanted:
+        sentence = " or ".join(str(item) for item in wanted)
+        raise ParseError(f"{len(values)} numbers, wanted {sentence}", source=source, place=place)
+    return values
+
+
+def whole(text: str, *, source: str | None = None, place: str | None = None) -> int:
+    """A whole number, also where a program wrote it as "5472.0".
+
+    Raises:
+        ParseError: it has a fraction, or is no number.
+    """
+    value = number(text, source=source, place=place)
+    if value != int(value):
+        raise ParseError(f"{shown(text)} has a fraction, wanted a whole number", source=source, place=place)
+    return int(value)
+
+
+def image_size(
+    width: float, height: float, *, source: str | None = None, place: str | None = None
+) -> ImageSize:
+    """(width, height) px, once both are whole, positive and no longer than an image can be.
+
+    Raises:
+        ParseError: they are not.
+    """
+    sides = (width, height)
+    if not all(math.isfinite(side) and side == int(side) and 1 <= side <= LONGEST_SIDE_PX for side in sides):
+        raise ParseError(
+            f"the image size is {width:g}×{height:g}, wanted whole numbers of pixels from 1 to {LONGEST_SIDE_PX}",
+            source=source,
+            place=place,
+        )
+    return int(width), int(height)
+
+
+def shown(text: str, limit: int = 40) -> str:
+    """Text from a file, short and quoted for a message; control characters are escaped."""
+    short = text if len(text) <= limit else text[:limit] + "…"
+    return ascii(short) if not short.isprintable() else f"'{short}'"

@@ -1,0 +1,119 @@
+"""Calibrations to bytes, with a verdict measured on the bytes themselves.
+
+Whatever a writer makes is read back before anybody sees it, and compared with what was meant: the verdict is a
+measurement, not a promise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+
+from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
+from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.parsers.content import Content
+from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt, compare
+from calibrary.parsers.format import Format, Verdict, WriteContext
+from calibrary.parsers.reading import read_content
+
+__all__ = ["encoded"]
+
+
+def encoded(
+    calibrations: Sequence[Calibration], record: Format, *, name: str, max_error_px: float | None = None
+) -> tuple[bytes, Verdict]:
+    """One file's bytes and what they hold of what was meant.
+
+    Args:
+        calibrations: one, or several where the format takes several.
+        record: the format.
+        name: the file's name; its suffix chooses the syntax where the format has several.
+        max_error_px: the largest distance, anywhere in the image, that may come from models the format lacks.
+
+    Raises:
+        UnsupportedModelError: the format is not written, or holds the calibration only with a larger error.
+        InputError: there is nothing to write, or a K that is only a guess.
+    """
+    limit = DEFAULT_MAX_ERROR_PX if max_error_px is None else max_error_px
+    if not (math.isfinite(limit) and limit >= 0):
+        raise InputError(f"max_error_px is {limit}, wanted a number of pixels from 0")
+    if record.write is None or record.capacity is None:
+        raise UnsupportedModelError(f"format {record.name} is read but not written")
+    _refuse_guesses(calibrations)
+    if len(calibrations) > 1 and not record.capacity.several_cameras:
+        raise UnsupportedModelError(
+            f"a {record.name} file holds one camera, not {len(calibrations)}; write one file for each"
+        )
+    adapted = [adapt(item, record.capacity, max_error_px=limit) for item in calibrations]
+    data = record.write(adapted, WriteContext(name=name))
+    size = _one_size(calibrations) if record.needs_image_size else None
+    copies = read_content(Content(data, name), record=record, image_size=size)
+    fits = tuple(compare(original, copy) for original, copy in zip(calibrations, copies, strict=True))
+    for fit in fits:
+        if fit.max_px > limit:
+            raise UnsupportedModelError(
+                f"{record.name} cannot hold the calibration within {limit:g} px: what it holds is off by "
+                f"rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give max_error_px to accept that"
+            )
+    dropped = dict.fromkeys(
+        lost
+        for original, copy in zip(calibrations, copies, strict=True)
+        for lost in _losses(original, copy, record)
+    )
+    return data, Verdict(fits=fits, dropped=tuple(dropped))
+
+
+def _refuse_guesses(calibrations: Sequence[Calibration]) -> None:
+    if not calibrations:
+        raise InputError("there is no calibration to write")
+    for item in calibrations:
+        if not item.grade.is_metric:
+            raise InputError(
+                f"the K of {item.camera} is a {item.grade.value}, a guess; a calibration file would pass it off as "
+                "measured, so none is written"
+            )
+
+
+def _one_size(calibrations: Sequence[Calibration]) -> ImageSize:
+    sizes = {item.intrinsics.image_size for item in calibrations}
+    if len(sizes) > 1:
+        raise UnsupportedModelError("the format does not hold image sizes, so cameras of several sizes cannot share a file")
+    return sizes.pop()
+
+
+def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterator[str]:
+    """What was known before and is not in the file, in words."""
+    if record.needs_image_size:
+        yield "image size"
+    if original.distortion is not None and copy.distortion is None:
+        yield f"distortion ({original.distortion.model})"
+    if original.distortion is None and copy.distortion is not None:
+        yield "that the distortion is unknown (the file reads as having none)"
+    before, after = original.intrinsics, copy.intrinsics
+    if before.skew and not after.skew:
+        yield f"skew of {before.skew:.6g} px"
+    if before.fx != before.fy and after.fx == after.fy:
+        yield f"the difference of fx and fy, {before.fx - before.fy:.6g} px"
+    for item in fields(CameraKey):
+        value = getattr(original.camera, item.name)
+        if item.name != "image_size" and value is not None and value != getattr(copy.camera, item.name):
+            yield item.name.replace("_", " ")
+    yield from _lost_quality(original.quality or Quality(), copy.quality or Quality())
+    if copy.grade is not original.grade:
+        yield f"grade {original.grade.value} (the file reads as {copy.grade.value})"
+    kept = dict(copy.extras)
+    for key, value in original.extras:
+        if kept.get(key) != value:
+            yield key
+
+
+def _lost_quality(before: Quality, after: Quality) -> Iterator[str]:
+    if before.rms_px is not None and after.rms_px != before.rms_px:
+        yield "rms of the reprojection error"
+    if before.points is not None and after.points != before.points:
+        yield "number of points"
+    if before.views is not None and after.views != before.views:
+        yield "number of views"
+    if before.std and dict(after.std) != dict(before.std):
+        yield "standard deviations"

@@ -1,0 +1,108 @@
+"""The one way XML enters calibrary: no DTD, no entities, no network, bounded in bytes and in depth.
+
+A calibration file or an XMP packet has no use for a document type, and a document type is what every XML
+attack needs (entity expansion, external files), so one is refused before the parser sees it.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from calibrary.errors import ParseError
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+__all__ = ["MAX_BYTES", "MAX_DEPTH", "parse_xml"]
+
+MAX_BYTES = 16 * 1024 * 1024
+"""A block of some twenty thousand Metashape cameras is about this long."""
+
+MAX_DEPTH = 64
+
+_UTF_16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+# A document type may follow only white space, processing instructions and comments (XML 1.0, production 22).
+# The groups are atomic, so hostile prologs cost linear time.
+_DOCTYPE = re.compile(rb"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DOTALL)
+
+
+def parse_xml(
+    data: bytes, *, source: str, max_bytes: int = MAX_BYTES, max_depth: int = MAX_DEPTH
+) -> _Element:
+    """The root element of an XML document that cannot reach outside itself.
+
+    Comments and processing instructions are left out of the tree, so every child is an element. A byte-order
+    mark and any encoding libxml2 knows are fine.
+
+    Args:
+        data: the whole document.
+        source: the file's name, for messages.
+        max_bytes: longest document accepted.
+        max_depth: deepest nesting of elements accepted; the root is at depth 1.
+
+    Raises:
+        ParseError: the document is not well-formed, has a DTD, or is too long or too deep.
+    """
+    from lxml import etree
+
+    if len(data) > max_bytes:
+        raise ParseError(f"{len(data)} bytes of XML; at most {max_bytes} are read", source=source)
+    if _DOCTYPE.match(_ascii_prolog(data)):
+        raise _dtd_refused(source)
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        dtd_validation=False,
+        attribute_defaults=False,
+        huge_tree=False,
+        recover=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise ParseError(
+            f"this is no well-formed XML: {_reason(error)}", source=source, place=_place(error)
+        ) from None
+    except (
+        ValueError,
+        LookupError,
+    ) as error:  # lxml's own refusals, such as a declared encoding it cannot decode
+        raise ParseError(f"this is no readable XML: {error}", source=source) from None
+    # A document in an encoding the prolog test cannot see through (EBCDIC, UTF-7) ends here.
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise _dtd_refused(source)
+    if root.xpath(f"boolean({'/*' * (max_depth + 1)})"):
+        raise ParseError(f"XML elements are nested more than {max_depth} deep", source=source)
+    return root
+
+
+def _ascii_prolog(data: bytes) -> bytes:
+    """The document as ASCII where its encoding leaves ASCII recognisable: UTF-8, -16, -32, Latin-n."""
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    for mark in _UTF_16:
+        data = data.removeprefix(mark)
+    return data.replace(b"\0", b"") if b"\0" in data[:4] else data
+
+
+def _dtd_refused(source: str) -> ParseError:
+    return ParseError(
+        "the XML has a document type (DTD), which nothing here needs; take the <!DOCTYPE …> out of it",
+        source=source,
+    )
+
+
+def _reason(error: Exception) -> str:
+    """libxml2's sentence without the position, which goes into ``place``."""
+    return (
+        re.sub(r",? line \d+, column \d+.*$", "", str(error), flags=re.DOTALL).strip()[:200]
+        or "unknown fault"
+    )
+
+
+def _place(error: object) -> str | None:
+    line = getattr(error, "lineno", None)
+    return f"line {line}" if line else None

@@ -1,0 +1,137 @@
+"""What a document breaks of its schema, said to the person who wrote the document."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+if TYPE_CHECKING:
+    from jsonschema.exceptions import ValidationError
+
+__all__ = ["Complaint", "complaints"]
+
+Path: TypeAlias = tuple[str | int, ...]
+Complaint: TypeAlias = tuple[Path, str]
+
+KINDS: Final = {
+    "string": "text",
+    "number": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
+    "array": "a list",
+    "object": "a map",
+    "null": "null",
+}
+LONGEST_SHOWN: Final = 60
+
+
+def complaints(errors: Iterable[ValidationError]) -> list[Complaint]:
+    """(path, message) of every breach, in the order of the document's paths, each said once."""
+    said = dict.fromkeys(_complaint(error) for error in errors)
+    return sorted(said, key=lambda complaint: [str(step).rjust(12) for step in complaint[0]])
+
+
+def _complaint(error: ValidationError) -> Complaint:
+    if error.validator in {"anyOf", "oneOf"} and error.context:
+        return _complaint(max(error.context, key=_depth))
+    say = _SAYINGS.get(str(error.validator))
+    message = say(error.instance, error.validator_value, error.schema) if say else _shorten(error.message)
+    return tuple(error.absolute_path), message
+
+
+def _depth(error: ValidationError) -> int:
+    """How far the value got in one of several alternatives: the furthest is the one that was meant."""
+    return len(error.absolute_path)
+
+
+def _type(found: object, wanted: object, _: object) -> str:
+    kinds = [wanted] if isinstance(wanted, str) else _list(wanted)
+    text = f"{_shown(found)}, wanted {_either(KINDS.get(str(kind), str(kind)) for kind in kinds)}"
+    if kinds[0] == "string" and not isinstance(found, dict | list):
+        text += ": quote it"
+    return text
+
+
+def _required(found: object, wanted: object, _: object) -> str:
+    missing = [name for name in _list(wanted) if name not in _mapping(found)]
+    return f"lacks {', '.join(map(str, missing))}"
+
+
+def _additional(found: object, _: object, schema: object) -> str:
+    known = list(_mapping(_mapping(schema).get("properties", {})))
+    extra = [name for name in _mapping(found) if name not in known]
+    name = extra[0] if extra else "?"
+    close = get_close_matches(name, known, n=1)
+    wanted = f"did you mean {close[0]}?" if close else f"wanted {_either(known)}"
+    return f"{_shown(name)} is no key here, {wanted}"
+
+
+def _enum(found: object, wanted: object, _: object) -> str:
+    return f"{_shown(found)}, wanted {_either(map(_shown, _list(wanted)))}"
+
+
+def _const(found: object, wanted: object, _: object) -> str:
+    return f"{_shown(found)}, wanted {_shown(wanted)}"
+
+
+def _pattern(found: object, wanted: object, _: object) -> str:
+    return f"{_shown(found)}, wanted text that matches {wanted}"
+
+
+def _unique(found: object, *_: object) -> str:
+    return f"{_shown(found)}, wanted no two items alike"
+
+
+def _bound(words: str) -> Callable[[object, object, object], str]:
+    return lambda found, wanted, _: f"{_shown(found)}, wanted {words.format(wanted)}"
+
+
+_SAYINGS: Final[Mapping[str, Callable[[Any, Any, Any], str]]] = {
+    "type": _type,
+    "required": _required,
+    "additionalProperties": _additional,
+    "unevaluatedProperties": _additional,
+    "enum": _enum,
+    "const": _const,
+    "pattern": _pattern,
+    "uniqueItems": _unique,
+    "minimum": _bound("at least {}"),
+    "maximum": _bound("at most {}"),
+    "exclusiveMinimum": _bound("more than {}"),
+    "exclusiveMaximum": _bound("less than {}"),
+    "minLength": _bound("at least {} characters"),
+    "maxLength": _bound("at most {} characters"),
+    "minItems": _bound("at least {} items"),
+    "maxItems": _bound("at most {} items"),
+    "minProperties": _bound("at least {} keys"),
+}
+
+
+def _list(value: object) -> Sequence[object]:
+    return value if isinstance(value, list) else []
+
+
+def _mapping(value: object) -> Mapping[str, object]:
+    return value if isinstance(value, dict) else {}
+
+
+def _either(choices: Iterable[str]) -> str:
+    *first, last = list(choices) or ["nothing"]
+    return f"{', '.join(first)} or {last}" if first else last
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, dict):
+        return "a map"
+    if isinstance(value, list) and len(value) > 4:
+        return f"a list of {len(value)}"
+    spelled = {None: "null", True: "true", False: "false"}
+    if value is None or isinstance(value, bool):
+        return spelled[value]
+    return _shorten(ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value))
+
+
+def _shorten(text: str) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 1] + "…"

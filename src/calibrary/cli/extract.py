@@ -1,0 +1,206 @@
+"""``calibrary extract``: the ingest gate."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calibrary.policy import Policy
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary extract --image-dir flight/                      one K per camera, from what the images say
+  calibrary extract --image-dir flight/ --recursive --json   the same for machines
+  calibrary extract --image-dir flight/ --sensor-width-mm 13.2 --sensor-height-mm 8.8
+  calibrary extract --image-dir flight/ --registry ../fleet-registry --hand-off colmap
+
+exit code 0: every camera has a valid K; 1: at least one has not.
+"""
+
+
+class _Given(float):
+    """A number that was typed, and is not the default."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "extract",
+        help="derive and validate one K per camera from a directory of images",
+        description="Derive and validate one K per camera from a directory of images.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    _add_source_flags(parser)
+    parser.add_argument(
+        "--principal-point-tolerance",
+        type=_fraction,
+        metavar="FRACTION",
+        help="the same as --principal-point-tolerance-px under its clear name",
+    )
+    parser.add_argument(
+        "--policy",
+        default="fleet",
+        metavar="{fleet,source}|FILE",
+        help="what K is held against: 'fleet' knows real UAV cameras, 'source' holds every camera to "
+        "0.8 … 1.5 W, or a YAML file of your own (default: fleet)",
+    )
+    parser.add_argument("--registry", type=Path, metavar="PATH", help="the fleet's registry of calibrations")
+    parser.add_argument("--recursive", action="store_true", help="go into sub-folders")
+    parser.add_argument(
+        "--workers",
+        type=_count,
+        default=0,
+        metavar="N",
+        help="processes that read images (default: as many as there are cores, for large flights)",
+    )
+    parser.add_argument(
+        "--hand-off",
+        choices=["colmap", "opensfm", "odm", "opencv", "none"],
+        default="none",
+        help="also write what this solver needs, for cameras with a valid K (default: none)",
+    )
+    parser.add_argument("--json", action="store_true", help="print the report as JSON on standard output")
+    parser.add_argument("--dry-run", action="store_true", help="judge everything, write nothing")
+    parser.set_defaults(run=_run)
+
+
+def _add_source_flags(parser: argparse.ArgumentParser) -> None:
+    """The eight flags of the source document, names and defaults as they stand there."""
+    parser.add_argument(
+        "--image-dir", default="./input/", metavar="DIR", help="directory of images (default: ./input/)"
+    )
+    parser.add_argument(
+        "--sensor-width-mm",
+        type=_millimetres,
+        default=13.2,
+        metavar="MM",
+        help="physical sensor width, for a folder with one camera (default: the camera's own where it is "
+        "known, else 13.2, marked as assumed)",
+    )
+    parser.add_argument(
+        "--sensor-height-mm",
+        type=_millimetres,
+        default=8.8,
+        metavar="MM",
+        help="physical sensor height (default: as for the width, 8.8)",
+    )
+    parser.add_argument(
+        "--max-focal-deviation-pct",
+        type=_per_cent,
+        default=15.0,
+        metavar="PCT",
+        help="largest |fx − fy| / max(fx, fy) in per cent (default: 15.0)",
+    )
+    parser.add_argument(
+        "--principal-point-tolerance-px",
+        type=_fraction,
+        default=0.05,
+        metavar="FRACTION",
+        help="largest offset of the principal point from the middle, as a FRACTION of the side in spite of "
+        "its name (default: 0.05)",
+    )
+    parser.add_argument(
+        "--fallback-k", metavar="FILE", help="a calibrated K (.npy) for when the images yield none"
+    )
+    parser.add_argument(
+        "--output-matrix",
+        default="K_matrix.npy",
+        metavar="FILE",
+        help="where K goes; with several cameras FILE's name gets each camera's in it (default: K_matrix.npy)",
+    )
+    parser.add_argument(
+        "--strict-validation", action="store_true", help="stop at the first breach and write nothing"
+    )
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.atomic import write_files
+    from calibrary.cli.extract_display import Display
+    from calibrary.extract.hand_off import Solver
+    from calibrary.extract.outputs import plan
+    from calibrary.extract.report import encode
+    from calibrary.extract.run import Request, run
+
+    solver = Solver(arguments.hand_off)
+    with Display(quiet=arguments.json) as display:
+        outcome = run(
+            Request(
+                image_dir=Path(arguments.image_dir),
+                sensor_mm=_sensor(arguments),
+                policy=_policy(arguments),
+                fallback_k=Path(arguments.fallback_k) if arguments.fallback_k else None,
+                registry=arguments.registry,
+                recursive=arguments.recursive,
+                workers=arguments.workers,
+                strict=arguments.strict_validation,
+                found=display.found,
+                progress=display.advance,
+            )
+        )
+    outputs = plan(outcome, Path(arguments.output_matrix), solver)
+    if not arguments.dry_run:
+        write_files(outputs.files)
+    if arguments.json:
+        sys.stdout.write(encode(outputs.document).decode())
+    display.show(outcome, outputs, solver=solver, dry_run=arguments.dry_run)
+    return outcome.exit_code
+
+
+def _sensor(arguments: argparse.Namespace) -> tuple[float | None, float | None]:
+    width, height = arguments.sensor_width_mm, arguments.sensor_height_mm
+    return (
+        float(width) if isinstance(width, _Given) else None,
+        float(height) if isinstance(height, _Given) else None,
+    )
+
+
+def _policy(arguments: argparse.Namespace) -> Policy:
+    """The policy named, with the limits that were typed in place of its own."""
+    from dataclasses import replace
+
+    from calibrary.policy import POLICIES
+    from calibrary.policy_file import read_policy
+
+    policy = POLICIES.get(arguments.policy) or read_policy(Path(arguments.policy))
+    if isinstance(arguments.max_focal_deviation_pct, _Given):
+        policy = replace(policy, focal_symmetry_max=arguments.max_focal_deviation_pct / 100.0)
+    tolerance = arguments.principal_point_tolerance
+    if tolerance is None:
+        tolerance = arguments.principal_point_tolerance_px
+    if isinstance(tolerance, _Given):
+        policy = replace(policy, principal_point_drift_max=float(tolerance))
+    return policy
+
+
+def _millimetres(text: str) -> _Given:
+    return _between(text, 0.1, 1000.0, "a positive number of millimetres")
+
+
+def _per_cent(text: str) -> _Given:
+    return _between(text, 0.0, 100.0, "per cent, 0 … 100")
+
+
+def _fraction(text: str) -> _Given:
+    return _between(text, 0.0, 1.0, "a fraction of the side, 0 … 1")
+
+
+def _between(text: str, low: float, high: float, wanted: str) -> _Given:
+    try:
+        value = _Given(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number, wanted {wanted}") from None
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text} is out of range, wanted {wanted}")
+    return value
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or not 0 <= int(text) <= 256:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 0 … 256")
+    return int(text)

@@ -1,0 +1,168 @@
+"""Kannala–Brandt: the fisheye model, which works in the angle from the axis and so reaches past 90°."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks
+from calibrary.distortion.roots import first_positive_root
+
+__all__ = ["KannalaBrandt"]
+
+TABLE_NODES = 1024
+
+SETTLED = 1e-9
+"""A Newton step this short, relative to the angle, leaves an error of its square: nothing in float64."""
+
+SOLVER_STEPS = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KannalaBrandt(Distortion):
+    """OpenCV's fisheye model, COLMAP ``OPENCV_FISHEYE``, Kalibr ``equidistant``.
+
+    With θ the angle between the ray (X, Y, Z) and the axis, and R² = X² + Y²::
+
+        θ  = atan2(R, Z)
+        θd = θ·(1 + k1·θ² + k2·θ⁴ + k3·θ⁶ + k4·θ⁸)
+        x' = θd·X / R        y' = θd·Y / R
+
+    Source: J. Kannala and S. Brandt, "A generic camera model and calibration method for conventional,
+    wide-angle, and fish-eye lenses", 2006, in the form of ``cv2.fisheye``. OpenCV and COLMAP take θ as
+    atan(R/Z) and stop at 90°; with atan2 the same coefficients go on to the fold, or to the point behind the
+    camera. :meth:`observe` and :meth:`rays` cover all of it; :meth:`distort` and :meth:`undistort` the part in
+    front, which is all that x/z and y/z can say.
+    """
+
+    model: ClassVar[str] = "kannala-brandt"
+
+    k1: float
+    k2: float
+    k3: float
+    k4: float
+
+    def max_angle_rad(self) -> float:
+        """The angle at which θd stops growing, at most π: a ray straight back has no direction in the image."""
+        # Roots are safe to ask for once no coefficient exceeds one, and a power of two changes no digit.
+        slopes = [1.0] + [(2 * i + 1) * k for i, k in enumerate(self._k, start=1)]
+        octave = min((math.floor(-math.log2(abs(k)) / i) for i, k in enumerate(slopes) if i and k), default=0)
+        square = first_positive_root([math.ldexp(slope, i * octave) for i, slope in enumerate(slopes)])
+        # sqrt(square · 2**octave), kept from overflowing: nothing beyond π matters.
+        return min(math.pi, math.sqrt(min(square, 1e100)) * 2.0 ** min(octave / 2, 1000.0))
+
+    def valid_radius(self) -> float:
+        """The tangent of the fold angle; ``inf`` when the model is one-to-one up to 90° and beyond."""
+        fold = self.max_angle_rad()
+        return math.tan(fold) if fold < math.pi / 2 else math.inf
+
+    def observe(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) observed coordinates; NaN from the fold angle on, and straight back."""
+        rays = as_rows(rays, 3)
+        out = np.empty((len(rays), 2))
+        fold = self.max_angle_rad()
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(rays)):
+                x, y, z = np.ascontiguousarray(rays[rows].T)
+                r = np.hypot(x, y)
+                theta = np.arctan2(r, z)
+                stretch = self._image(theta) / r
+                # On the axis itself the image is the principal point; straight back it is a whole circle.
+                stretch[(r == 0) & (z > 0)] = 0.0
+                stretch[~(theta < fold) | ~np.isfinite(stretch)] = math.nan
+                out[rows, 0], out[rows, 1] = x * stretch, y * stretch
+        return out
+
+    def rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) observed coordinates to (N, 3) unit directions; NaN from the image of the fold angle on."""
+        xy = as_rows(xy, 2)
+        out = np.empty((len(xy), 3))
+        for rows in blocks(len(xy)):
+            theta, x, y = self._angle_and_direction(xy[rows])
+            sine = np.sin(theta)
+            out[rows, 0], out[rows, 1], out[rows, 2] = x * sine, y * sine, np.cos(theta)
+        return out
+
+    def distort(self, xy: FloatArray) -> FloatArray:
+        """Ideal (x/z, y/z), so less than 90° off the axis, to observed; NaN from :meth:`valid_radius` on."""
+        xy = as_rows(xy, 2)
+        out = np.empty_like(xy)
+        for rows in blocks(len(xy)):
+            out[rows] = self.observe(np.column_stack([xy[rows], np.ones(rows.stop - rows.start)]))
+        return out
+
+    def undistort(self, xy: FloatArray) -> FloatArray:
+        """Observed to ideal (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
+        xy = as_rows(xy, 2)
+        out = np.empty_like(xy)
+        for rows in blocks(len(xy)):
+            theta, x, y = self._angle_and_direction(xy[rows])
+            theta[theta >= math.pi / 2] = math.nan
+            tangent = np.tan(theta)
+            out[rows, 0], out[rows, 1] = x * tangent, y * tangent
+        return out
+
+    @property
+    def _k(self) -> tuple[float, float, float, float]:
+        return self.k1, self.k2, self.k3, self.k4
+
+    def _image(self, theta: FloatArray) -> FloatArray:
+        """θd of θ."""
+        square = theta * theta
+        value = np.full_like(theta, self.k4)
+        for k in (self.k3, self.k2, self.k1, 1.0):
+            value *= square
+            value += k
+        value *= theta
+        return value
+
+    def _slope(self, theta: FloatArray) -> FloatArray:
+        """dθd/dθ."""
+        square = theta * theta
+        value = np.full_like(theta, 9.0 * self.k4)
+        for slope in (7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1, 1.0):
+            value *= square
+            value += slope
+        return value
+
+    def _angle_and_direction(self, xy: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """θ of every observed point and the unit vector towards it in the image."""
+        x, y = np.ascontiguousarray(xy.T)
+        with np.errstate(all="ignore"):
+            rho = np.hypot(x, y)
+            theta = self._angle(rho)
+            x, y = x / rho, y / rho
+        on_axis = rho == 0
+        x[on_axis] = y[on_axis] = 0.0
+        return theta, x, y
+
+    def _angle(self, rho: FloatArray) -> FloatArray:
+        """θ such that θd = ``rho``, inside the fold; NaN where there is none.
+
+        Newton's method from a tabulated start. A step that would leave the bracket halves it instead, so the
+        solution next to the fold, where the slope vanishes, is found as surely as any other.
+        """
+        fold = self.max_angle_rad()
+        nodes = np.linspace(0.0, fold, TABLE_NODES)
+        image = np.maximum.accumulate(self._image(nodes))
+        theta = np.interp(rho, image, nodes)
+        theta[~(rho < image[-1])] = math.nan
+        low, high = np.zeros_like(theta), np.full_like(theta, fold)
+        moving = np.flatnonzero((theta > 0) & (theta < fold))
+        for _ in range(SOLVER_STEPS):
+            at = theta[moving]
+            miss = self._image(at) - rho[moving]
+            low[moving] = np.where(miss <= 0, at, low[moving])
+            high[moving] = np.where(miss >= 0, at, high[moving])
+            to = at - miss / self._slope(at)
+            inside = (to >= low[moving]) & (to <= high[moving])
+            to = np.where(inside, to, 0.5 * (low[moving] + high[moving]))
+            theta[moving] = to
+            moving = moving[~(np.abs(to - at) <= SETTLED * at)]
+            if len(moving) == 0:
+                break
+        theta[~(theta < fold)] = math.nan
+        return theta

@@ -1,0 +1,74 @@
+"""What OpenCV's perspective models have in common: one map, perhaps seen on a tilted sensor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
+from calibrary.distortion.fold import fold_radius
+from calibrary.distortion.inverse import invert
+from calibrary.distortion.polynomial import PolynomialMap
+
+__all__ = ["OpenCVDistortion"]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenCVDistortion(Distortion):
+    """A model whose coefficients are OpenCV's k, p, s (and τ), or a part of them."""
+
+    def _lens(self) -> PolynomialMap:
+        """The map in front of the sensor."""
+        return PolynomialMap(**self.coefficients)
+
+    def _sensor(self) -> FloatArray | None:
+        """(3, 3) homography from the upright image to the sensor; None where the sensor is upright."""
+        return None
+
+    def valid_radius(self) -> float:
+        """The fold of the map, or the radius at which a tilted sensor's horizon comes into view."""
+        sensor = self._sensor()
+        with np.errstate(all="ignore"):
+            if sensor is None:
+                return fold_radius(self._lens())
+            h1, h2, h0 = sensor[2]
+            return fold_radius(self._lens(), (h1 / h0, h2 / h0))
+
+    def distort(self, xy: FloatArray) -> FloatArray:
+        """Ideal to observed; NaN from :meth:`valid_radius` on."""
+        xy = as_rows(xy, 2)
+        out = np.empty_like(xy)
+        lens, sensor, radius = self._lens(), self._sensor(), self.valid_radius()
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(xy)):
+                x, y = np.ascontiguousarray(xy[rows].T)
+                u, v = lens.image(x, y)
+                if sensor is not None:
+                    u, v = _through(sensor, u, v)
+                unseen = ~(x * x + y * y < radius * radius)
+                u[unseen] = math.nan
+                out[rows, 0], out[rows, 1] = finite_pair(u, v)
+        return out
+
+    def undistort(self, xy: FloatArray) -> FloatArray:
+        """Observed to ideal, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""
+        xy = as_rows(xy, 2)
+        out = np.empty_like(xy)
+        lens, sensor, radius = self._lens(), self._sensor(), self.valid_radius()
+        upright = None if sensor is None else np.linalg.inv(sensor)
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(xy)):
+                u, v = np.ascontiguousarray(xy[rows].T)
+                if upright is not None:
+                    u, v = _through(upright, u, v)
+                out[rows, 0], out[rows, 1] = invert(lens, radius, u, v)
+        return out
+
+
+def _through(homography: FloatArray, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points through a homography; NaN for those beyond its horizon."""
+    H = homography
+    depth = H[2, 0] * u + H[2, 1] * v + H[2, 2]
+    depth[~(depth > 0)] = math.nan
+    return (H[0, 0] * u + H[0, 1] * v + H[0, 2]) / depth, (H[1, 0] * u + H[1, 1] * v + H[1, 2]) / depth

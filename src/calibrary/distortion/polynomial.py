@@ -1,0 +1,169 @@
+"""The map that OpenCV's perspective models share, with its Jacobian.
+
+::
+
+    u = x·N(r²)/D(r²) + 2·p1·x·y + p2·(r² + 2x²) + s1·r² + s2·r⁴         r² = x² + y²
+    v = y·N(r²)/D(r²) + p1·(r² + 2y²) + 2·p2·x·y + s3·r² + s4·r⁴
+    N(s) = 1 + k1·s + k2·s² + k3·s³        D(s) = 1 + k4·s + k5·s² + k6·s³
+
+Source: OpenCV, "Camera Calibration and 3D Reconstruction", detailed description.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from calibrary.distortion.base import FloatArray
+
+__all__ = ["Jacobian", "PolynomialMap"]
+
+Jacobian: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y."""
+
+POWERS = {
+    "k1": 2, "k2": 4, "p1": 1, "p2": 1, "k3": 6, "k4": 2,
+    "k5": 4, "k6": 6, "s1": 1, "s2": 3, "s3": 1, "s4": 3,
+}  # fmt: skip
+"""How the share of each coefficient in the image point grows with r, relative to the point itself."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PolynomialMap:
+    """The coefficients of the formula above; what a model has not got is zero."""
+
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    k3: float = 0.0
+    k4: float = 0.0
+    k5: float = 0.0
+    k6: float = 0.0
+    s1: float = 0.0
+    s2: float = 0.0
+    s3: float = 0.0
+    s4: float = 0.0
+
+    @property
+    def numerator(self) -> list[float]:
+        """N, constant term first, without trailing zeros."""
+        return _trimmed([1.0, self.k1, self.k2, self.k3])
+
+    @property
+    def denominator(self) -> list[float]:
+        """D, constant term first, without trailing zeros."""
+        return _trimmed([1.0, self.k4, self.k5, self.k6])
+
+    @property
+    def is_radial(self) -> bool:
+        """Whether every point moves along its own radius."""
+        return not (self.p1 or self.p2 or self.has_prism)
+
+    @property
+    def has_prism(self) -> bool:
+        """Whether a thin-prism term is at work."""
+        return bool(self.s1 or self.s2 or self.s3 or self.s4)
+
+    @property
+    def octave(self) -> int:
+        """A power of two just below the radius at which the strongest coefficient moves a point by itself.
+
+        What a map does, it does at radii of this order. Counted in this unit no coefficient exceeds one, so
+        that nothing overflows and roots are well conditioned, and a power of two changes no digit.
+        """
+        return min(
+            (
+                math.floor(-math.log2(abs(c)) / power) - 1
+                for name, power in POWERS.items()
+                if (c := getattr(self, name))
+            ),
+            default=0,
+        )
+
+    def in_octave(self, octave: int) -> PolynomialMap:
+        """The same map with ideal and observed radii counted in units of 2**octave."""
+        return PolynomialMap(
+            **{name: math.ldexp(getattr(self, name), power * octave) for name, power in POWERS.items()}
+        )
+
+    def radial(self, r: FloatArray) -> FloatArray:
+        """Where the radial part alone puts radius ``r``."""
+        r2 = r * r
+        return r * _horner(self.numerator, r2) / _horner(self.denominator, r2)
+
+    def image(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Ideal to observed."""
+        r2 = x * x
+        r2 += y * y
+        gain = _horner(self.numerator, r2)
+        if len(self.denominator) > 1:
+            gain = gain / _horner(self.denominator, r2)
+        if not (self.p1 or self.p2):
+            u, v = x * gain, y * gain
+        else:
+            # 2·p1·x·y + p2·(r² + 2x²) = x·across + p2·r², and likewise for v.
+            gain = gain + (2.0 * self.p2) * x + (2.0 * self.p1) * y
+            u, v = x * gain, y * gain
+            u += self.p2 * r2
+            v += self.p1 * r2
+        if self.has_prism:
+            u += r2 * (self.s1 + self.s2 * r2)
+            v += r2 * (self.s3 + self.s4 * r2)
+        return u, v
+
+    def image_and_jacobian(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Jacobian]:
+        """Ideal to observed, and the four derivatives there."""
+        x2, y2 = 2.0 * x, 2.0 * y
+        r2 = x * x + y * y
+        gain, slope = self._gain_and_slope(r2)
+        gain = gain + self.p2 * x2 + self.p1 * y2
+        gain_x = slope * x2 + 2.0 * self.p2
+        gain_y = slope * y2 + 2.0 * self.p1
+        u, v = x * gain, y * gain
+        ux, uy = gain + x * gain_x, x * gain_y
+        vx, vy = y * gain_x, gain + y * gain_y
+        for out, out_x, out_y, first, second in (
+            (u, ux, uy, self.p2 + self.s1, self.s2),
+            (v, vx, vy, self.p1 + self.s3, self.s4),
+        ):
+            if first or second:
+                out += r2 * (first + second * r2)
+                growth = first + (2.0 * second) * r2
+                out_x += growth * x2
+                out_y += growth * y2
+        return u, v, (ux, uy, vx, vy)
+
+    def _gain_and_slope(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """N/D and its derivative by r²."""
+        top, bottom = self.numerator, self.denominator
+        gain, slope = _horner(top, r2), _horner(_derivative(top), r2)
+        if len(bottom) > 1:
+            divisor = _horner(bottom, r2)
+            gain = gain / divisor
+            slope = (slope - gain * _horner(_derivative(bottom), r2)) / divisor
+        return gain, slope
+
+
+def _horner(coefficients: Sequence[float], s: FloatArray) -> FloatArray:
+    """The polynomial with the constant term first, at ``s``."""
+    if len(coefficients) == 1:
+        return s * 0.0 + coefficients[0]
+    value = s * coefficients[-1]
+    for c in coefficients[-2:0:-1]:
+        value += c
+        value *= s
+    value += coefficients[0]
+    return value
+
+
+def _derivative(coefficients: Sequence[float]) -> list[float]:
+    return [power * c for power, c in enumerate(coefficients)][1:] or [0.0]
+
+
+def _trimmed(coefficients: list[float]) -> list[float]:
+    while len(coefficients) > 1 and coefficients[-1] == 0.0:
+        coefficients.pop()
+    return coefficients

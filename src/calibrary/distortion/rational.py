@@ -1,0 +1,34 @@
+"""The rational model: a quotient of two radial polynomials, for lenses whose distortion turns sharply."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from calibrary.distortion.opencv import OpenCVDistortion
+
+__all__ = ["Rational"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rational(OpenCVDistortion):
+    """OpenCV's eight coefficients, ROS ``rational_polynomial``, COLMAP ``FULL_OPENCV``.
+
+    With r² = x² + y² and L = (1 + k1·r² + k2·r⁴ + k3·r⁶) / (1 + k4·r² + k5·r⁴ + k6·r⁶)::
+
+        x' = x·L + 2·p1·x·y + p2·(r² + 2x²)
+        y' = y·L + p1·(r² + 2y²) + 2·p2·x·y
+
+    Source: OpenCV, CALIB_RATIONAL_MODEL. Its k4 divides; the k4 of Metashape multiplies r⁸ and is another number.
+    """
+
+    model: ClassVar[str] = "rational"
+
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+    k3: float
+    k4: float
+    k5: float
+    k6: float

@@ -1,0 +1,164 @@
+"""The ``Camera:`` XMP of Pix4D's camera description, as MicaSense, Parrot, DJI and senseFly write it.
+
+Perspective cameras: ``PerspectiveFocalLength`` in mm by the specification, ``PrincipalPoint`` "cx,cy" in mm
+from the upper left (MicaSense's own reader, DJI's white paper; Pix4D's help figure shows the lower left, so
+the y direction is an assumption), ``PerspectiveDistortion`` k1, k2, k3, p1, p2 — in that order, which is not
+OpenCV's. RedEdge firmware 2 wrote the focal length in *pixels* and no unit; later firmware has
+``PerspectiveFocalLengthUnits``. Without the tag the unit is the one in which the value agrees with
+FocalLength and the focal plane.
+
+Fisheye cameras: ``FisheyeAffineMatrix`` C, D, E, F in px with θ = 2/π · atan2(r, z), so that 2C/π compares
+with a pinhole's focal length near the axis. It is no K.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from calibrary.calibration import Grade, ImageSize, Intrinsics
+from calibrary.distortion import BrownConrady, Distortion
+from calibrary.errors import InputError
+from calibrary.evidence.context import Finding, Scene, numbers
+from calibrary.evidence.frame import files_frame
+from calibrary.evidence.witness import Dropped, Source
+
+__all__ = ["witnesses"]
+
+SCHEMA = "Camera"
+FOCAL_TAG = "Camera:PerspectiveFocalLength"
+FISHEYE_TAG = "Camera:FisheyeAffineMatrix"
+
+UNIT_AGREEMENT = 0.20
+CENTRE_SLACK = 0.25
+"""A principal point this far from the middle, as a share of the side, was read in the wrong unit."""
+
+MILLIMETRE_UNITS = frozenset({"mm", "millimeter", "millimeters", "millimetre", "millimetres"})
+PIXEL_UNITS = frozenset({"px", "pixel", "pixels"})
+
+
+def witnesses(scene: Scene) -> Iterator[Finding]:
+    """The perspective or the fisheye calibration."""
+    if scene.metadata.xmp_text(SCHEMA, "PerspectiveFocalLength") is not None:
+        yield _perspective(scene)
+    if scene.metadata.xmp_text(SCHEMA, "FisheyeAffineMatrix") is not None:
+        yield _fisheye(scene)
+
+
+def _perspective(scene: Scene) -> Finding:
+    source = Source.CAMERA_PERSPECTIVE
+    values = numbers(scene.metadata.xmp_text(SCHEMA, "PerspectiveFocalLength") or "")
+    if values is None or len(values) != 1 or values[0] <= 0:
+        return Dropped(source=source, tag=FOCAL_TAG, reason="holds no positive focal length")
+    size = files_frame(scene.metadata)
+    focal_px, how = _focal_px(scene, values[0], size)
+    if focal_px is None:
+        return Dropped(source=source, tag=FOCAL_TAG, reason=how)
+    centre, centre_note = _centre(scene, size)
+    cx, cy = centre or (size[0] / 2, size[1] / 2)
+    try:
+        intrinsics = Intrinsics(fx=focal_px[0], fy=focal_px[1], cx=cx, cy=cy, image_size=size)
+        distortion = _distortion(scene)
+    except InputError as error:
+        return Dropped(source=source, tag=FOCAL_TAG, reason=error.message)
+    foreign = scene.is_foreign(intrinsics)
+    if foreign is not None:
+        return Dropped(source=source, tag=FOCAL_TAG, reason=foreign)
+    return scene.hear(
+        source,
+        FOCAL_TAG,
+        Grade.CALIBRATED,
+        intrinsics,
+        distortion=distortion,
+        measured_centre=centre is not None,
+        assumptions=tuple(note for note in (how, centre_note) if note),
+    )
+
+
+def _focal_px(scene: Scene, value: float, size: ImageSize) -> tuple[tuple[float, float] | None, str]:
+    """The focal length in px and the assumption behind its unit, or None and why not."""
+    per_mm = scene.px_per_mm()
+    unit = (scene.metadata.xmp_text(SCHEMA, "PerspectiveFocalLengthUnits") or "").lower()
+    as_px = (value, value)
+    as_mm = (value * per_mm[0], value * per_mm[1]) if per_mm is not None else None
+    no_pitch = "is in mm, and neither FocalPlaneResolution nor the catalogue tells the pixel pitch"
+    if unit in MILLIMETRE_UNITS:
+        return (as_mm, "") if as_mm is not None else (None, no_pitch)
+    if unit in PIXEL_UNITS:
+        return as_px, ""
+    if unit:
+        return None, f"has the unknown unit {unit[:20]!r}, wanted mm or pixels"
+    return _unit_by_cross_check(scene, value, size, as_px, as_mm)
+
+
+def _unit_by_cross_check(
+    scene: Scene,
+    value: float,
+    size: ImageSize,
+    as_px: tuple[float, float],
+    as_mm: tuple[float, float] | None,
+) -> tuple[tuple[float, float] | None, str]:
+    expected = scene.expected_over_width()
+    if expected is not None:
+        expected_px = expected * size[0]
+        if abs(as_px[0] / expected_px - 1.0) <= UNIT_AGREEMENT:
+            return as_px, "no unit tag: in pixels, by agreement with FocalLength"
+        if as_mm is not None and abs(as_mm[0] / expected_px - 1.0) <= UNIT_AGREEMENT:
+            return as_mm, "no unit tag: in mm, by agreement with FocalLength"
+        return None, f"= {value:g} has no unit and agrees with FocalLength neither as mm nor as pixels"
+    # Fields of view of 3 … 130 degrees; nothing else tells.
+    if 0.23 * size[0] <= value <= 19 * size[0]:
+        return as_px, "no unit tag: in pixels, because as mm no lens is that long"
+    if as_mm is not None and 0.23 * size[0] <= as_mm[0] <= 19 * size[0]:
+        return as_mm, "no unit tag: in mm, because as pixels no lens is that wide"
+    return None, f"= {value:g} has no unit, and nothing tells whether it is mm or pixels"
+
+
+def _centre(scene: Scene, size: ImageSize) -> tuple[tuple[float, float] | None, str]:
+    """The principal point in px and what had to be assumed, or None for the middle of the frame."""
+    text = scene.metadata.xmp_text(SCHEMA, "PrincipalPoint")
+    if text is None:
+        return None, ""
+    values = numbers(text)
+    if values is None or len(values) != 2:
+        return None, "PrincipalPoint holds no two numbers: the middle of the frame instead"
+    per_mm = scene.px_per_mm()
+    readings = [(values[0], values[1])]
+    if per_mm is not None:
+        readings.insert(0, (values[0] * per_mm[0], values[1] * per_mm[1]))
+    for point in readings:
+        if all(abs(c / side - 0.5) <= CENTRE_SLACK for c, side in zip(point, size, strict=True)):
+            return point, "PrincipalPoint counts from the upper left"
+    return None, "PrincipalPoint is nowhere near the middle in mm or pixels: the middle instead"
+
+
+def _distortion(scene: Scene) -> Distortion | None:
+    values = numbers(scene.metadata.xmp_text(SCHEMA, "PerspectiveDistortion") or "")
+    if values is None or len(values) != 5:
+        return None
+    k1, k2, k3, p1, p2 = values
+    return BrownConrady(k1=k1, k2=k2, p1=p1, p2=p2, k3=k3)
+
+
+def _fisheye(scene: Scene) -> Finding:
+    values = numbers(scene.metadata.xmp_text(SCHEMA, "FisheyeAffineMatrix") or "")
+    if values is None or len(values) != 4 or values[0] <= 0 or values[3] <= 0:
+        return Dropped(
+            source=Source.CAMERA_FISHEYE,
+            tag=FISHEYE_TAG,
+            reason="holds no C, D, E, F with C and F positive",
+        )
+    size = files_frame(scene.metadata)
+    centre, note = _centre(scene, size)
+    cx, cy = centre or (size[0] / 2, size[1] / 2)
+    intrinsics = Intrinsics(
+        fx=2 * values[0] / math.pi, fy=2 * values[3] / math.pi, cx=cx, cy=cy, image_size=size
+    )
+    return scene.hear(
+        Source.CAMERA_FISHEYE,
+        FISHEYE_TAG,
+        Grade.CALIBRATED,
+        intrinsics,
+        measured_centre=centre is not None,
+        assumptions=(note,) if note else (),
+    )

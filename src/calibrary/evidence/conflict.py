@@ -1,0 +1,116 @@
+"""Witnesses that disagree, and what most likely went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from calibrary.evidence.context import Scene
+from calibrary.evidence.frame import files_frame
+from calibrary.evidence.witness import Source, Witness
+
+__all__ = ["AGREEMENT", "Cause", "Conflict", "conflicts", "disagreement"]
+
+from enum import StrEnum
+
+AGREEMENT = 0.05
+"""Independent ways to one focal length agree within this; further apart is a conflict."""
+
+RATIO_SLACK = 0.03
+
+
+class Cause(StrEnum):
+    """What most likely made two witnesses disagree; the value is the sentence for people."""
+
+    WRONG_EXIF_FOCAL = "this camera is known to write a wrong EXIF FocalLength"
+    LEAK_35MM = "a 35 mm equivalent stands where the focal length in millimetres belongs"
+    DIGITAL_ZOOM = "digital zoom is applied in one of them only"
+    OTHER_SUB_CAMERA = "the tag belongs to another sub-camera of this Model"
+    STALE_EXIF_SIZE = "EXIF's image size is not the file's"
+    CROP = "one of them does not know of a crop"
+    UNIT = "millimetres were taken for pixels, or pixels for millimetres"
+    SENSOR_SIZE = "the sensor size is not this camera's"
+    UNKNOWN = "no known cause fits; look at the tags"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conflict:
+    """Two witnesses further apart than they may be.
+
+    Attributes:
+        chosen: the better one.
+        other: the one that disagrees with it.
+        difference: (other − chosen) / chosen of the focal length.
+        cause: the likeliest reason.
+    """
+
+    chosen: Witness
+    other: Witness
+    difference: float
+    cause: Cause
+
+
+def disagreement(a: Witness, b: Witness) -> float:
+    """(b − a) / a of the focal lengths, 0.0 when they agree within 5 % and what rounding explains."""
+    difference = b.intrinsics.fx / a.intrinsics.fx - 1.0
+    return difference if abs(difference) > max(AGREEMENT, a.tolerance, b.tolerance) else 0.0
+
+
+def conflicts(scene: Scene, chosen: Witness, others: Sequence[Witness]) -> Iterator[Conflict]:
+    """Every other witness that disagrees with the chosen one."""
+    for other in others:
+        difference = disagreement(chosen, other)
+        if difference:
+            yield Conflict(
+                chosen=chosen, other=other, difference=difference, cause=_cause(scene, chosen, other)
+            )
+
+
+def _cause(scene: Scene, chosen: Witness, other: Witness) -> Cause:
+    ratio = other.intrinsics.fx / chosen.intrinsics.fx
+    metadata = scene.metadata
+    focal_mm, focal_35mm = metadata.focal_mm, metadata.focal_35mm
+    if focal_mm is not None and focal_35mm is not None and _near(focal_mm / focal_35mm, 1.0):
+        return Cause.LEAK_35MM
+    zoom = metadata.digital_zoom or 1.0
+    if zoom > 1.0 and _near_either(ratio, zoom):
+        return Cause.DIGITAL_ZOOM
+    if any(_is_sibling(scene, witness) for witness in (other, chosen)):
+        return Cause.OTHER_SUB_CAMERA
+    if {chosen.source, other.source} & {Source.GIVEN_SENSOR, Source.ASSUMED_SENSOR}:
+        return Cause.SENSOR_SIZE
+    exif_size, size = metadata.exif_size, metadata.size
+    if exif_size is not None and exif_size != size and _near_either(ratio, exif_size[0] / size[0]):
+        return Cause.STALE_EXIF_SIZE
+    native = scene.native_size
+    if native is not None and native != size and _near_either(ratio, native[0] / files_frame(metadata)[0]):
+        return Cause.CROP
+    per_mm = scene.px_per_mm()
+    if per_mm is not None and _near_either(ratio, per_mm[0]):
+        return Cause.UNIT
+    return Cause.UNKNOWN
+
+
+def _is_sibling(scene: Scene, witness: Witness) -> bool:
+    """Whether a witness tells the focal length of another camera that shares the Model."""
+    own = scene.known.fx_over_w if scene.known is not None else None
+    over_width = witness.intrinsics.fx / witness.intrinsics.image_size[0]
+    if own is not None and _near(over_width / own, 1.0):
+        return False
+    focal_mm = scene.metadata.focal_mm
+    rests_on_focal = witness.tag.startswith("EXIF FocalLength ")
+    for sibling in scene.siblings:
+        if sibling.fx_over_w is not None and _near(over_width / sibling.fx_over_w, 1.0):
+            return True
+        if rests_on_focal and focal_mm and sibling.focal_mm and _near(focal_mm / sibling.focal_mm, 1.0):
+            own_focal = scene.known.focal_mm if scene.known is not None else None
+            return own_focal is None or not _near(focal_mm / own_focal, 1.0)
+    return False
+
+
+def _near(a: float, b: float) -> bool:
+    return abs(a / b - 1.0) <= RATIO_SLACK
+
+
+def _near_either(ratio: float, factor: float) -> bool:
+    return factor != 1.0 and (_near(ratio, factor) or _near(ratio, 1.0 / factor))

@@ -1,0 +1,121 @@
+"""DJI's XMP, http://www.dji.com/drone-dji/1.0/.
+
+``DewarpData`` is "date;fx,fy,cx,cy,k1,k2,p1,p2,k3": the unit's own calibration in px, the principal point as
+an offset from the middle of the photo (x right, y down; a bundle adjustment of the same flight confirms the
+signs), Brown's coefficients in OpenCV's order. ``DewarpDataK6`` has k4, k5, k6 at its end: OpenCV's rational
+model (Matrice 4 manual). ``DewarpFlag`` = 1 says the camera has undistorted the frame already: K stands, the
+distortion is none. ``CalibratedFocalLength`` and ``CalibratedOpticalCenterX/Y`` are the *design* values, as
+DJI's manuals say: focal length ÷ pitch, and the middle of the frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from calibrary.calibration import Grade, ImageSize, Intrinsics
+from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational
+from calibrary.errors import InputError
+from calibrary.evidence.context import Finding, Scene, numbers
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.witness import Dropped, Source
+
+__all__ = ["is_dewarped", "witnesses"]
+
+SCHEMA = "drone-dji"
+
+
+def is_dewarped(metadata: ImageMetadata) -> bool:
+    """Whether the camera says that it has undistorted the frame already."""
+    return metadata.xmp_text(SCHEMA, "DewarpFlag") == "1"
+
+
+def witnesses(scene: Scene) -> Iterator[Finding]:
+    """DewarpDataK6, DewarpData and the design values."""
+    for name, source, count in (
+        ("DewarpDataK6", Source.DJI_DEWARP_K6, 12),
+        ("DewarpData", Source.DJI_DEWARP, 9),
+    ):
+        text = scene.metadata.xmp_text(SCHEMA, name)
+        if text is not None:
+            yield _dewarp(scene, text, f"drone-dji:{name}", source, count)
+    yield from _design(scene)
+
+
+def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Finding:
+    # The date before the semicolon is DJI's; K6's manual does not say whether it has one.
+    values = numbers(text.rsplit(";", 1)[-1])
+    if values is None or len(values) != count:
+        found = "no list of numbers" if values is None else f"{len(values)} numbers"
+        return Dropped(source=source, tag=tag, reason=f"holds {found}, wanted {count}")
+    fx, fy, dx, dy, *rest = values
+    if fx <= 0 or fy <= 0:
+        return Dropped(
+            source=source, tag=tag, reason="holds zeros: this camera was never calibrated, or lost it in repair"
+        )
+    reason = "no frame to count in"
+    for size in _frames(scene):
+        try:
+            intrinsics = Intrinsics(fx=fx, fy=fy, cx=size[0] / 2 + dx, cy=size[1] / 2 + dy, image_size=size)
+        except InputError as error:
+            return Dropped(source=source, tag=tag, reason=error.message)
+        foreign = scene.is_foreign(intrinsics)
+        if foreign is None:
+            return scene.hear(
+                source,
+                tag,
+                Grade.CALIBRATED,
+                intrinsics,
+                distortion=_distortion(scene.metadata, tuple(rest)),
+                measured_centre=True,
+            )
+        reason = foreign
+    return Dropped(source=source, tag=tag, reason=reason)
+
+
+def _distortion(metadata: ImageMetadata, rest: tuple[float, ...]) -> Distortion:
+    if is_dewarped(metadata):
+        return NoDistortion()
+    k1, k2, p1, p2, k3, *higher = rest
+    if not higher:
+        return BrownConrady(k1=k1, k2=k2, p1=p1, p2=p2, k3=k3)
+    k4, k5, k6 = higher
+    return Rational(k1=k1, k2=k2, p1=p1, p2=p2, k3=k3, k4=k4, k5=k5, k6=k6)
+
+
+def _design(scene: Scene) -> Iterator[Finding]:
+    tag = "drone-dji:CalibratedFocalLength"
+    text = scene.metadata.xmp_text(SCHEMA, "CalibratedFocalLength")
+    if text is None:
+        return
+    values = numbers(text)
+    if values is None or len(values) != 1 or values[0] <= 0:
+        yield Dropped(source=Source.DJI_DESIGN, tag=tag, reason="holds no positive number of pixels")
+        return
+    centre = _design_centre(scene.metadata)
+    reason = "no frame to count in"
+    for size in _frames(scene):
+        cx, cy = centre or (size[0] / 2, size[1] / 2)
+        intrinsics = Intrinsics(fx=values[0], fy=values[0], cx=cx, cy=cy, image_size=size)
+        foreign = scene.is_foreign(intrinsics)
+        if foreign is None:
+            yield scene.hear(Source.DJI_DESIGN, tag, Grade.DESIGN, intrinsics)
+            return
+        reason = foreign
+    yield Dropped(source=Source.DJI_DESIGN, tag=tag, reason=reason)
+
+
+def _design_centre(metadata: ImageMetadata) -> tuple[float, float] | None:
+    centre = [
+        numbers(metadata.xmp_text(SCHEMA, f"CalibratedOpticalCenter{axis}") or "") for axis in ("X", "Y")
+    ]
+    if centre[0] is None or centre[1] is None or len(centre[0]) != 1 or len(centre[1]) != 1:
+        return None
+    return centre[0][0], centre[1][0]
+
+
+def _frames(scene: Scene) -> Iterator[ImageSize]:
+    """The frame of the design centre (exactly its middle) first, then the likely ones."""
+    centre = _design_centre(scene.metadata)
+    if centre is not None and min(centre) >= 1:
+        yield round(centre[0] * 2), round(centre[1] * 2)
+    yield from scene.frames()

@@ -1,0 +1,149 @@
+"""Bringing intrinsics from the frame a source counts in to the frame of the file.
+
+A tag describes the sensor's frame, or the frame the camera meant to write, and not the file that lies here:
+files are resized, and modes crop. Two steps are safe and taken: the same aspect ratio is a scale; the same
+width or height with less of the other is a centred 1:1 crop, which is an assumption and recorded as one.
+Everything else would stretch K and is refused. EXIF's image size, when it differs from the file's, is the
+frame between the two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from calibrary.calibration import ImageSize, Intrinsics, same_aspect
+from calibrary.errors import FrameError
+from calibrary.evidence.metadata import ImageMetadata
+
+__all__ = ["Adapted", "adapt", "exif_contradiction", "files_frame"]
+
+CROP_SLACK_PX = 2
+"""Modes round their sides to multiples of the codec's block."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adapted:
+    """Intrinsics in the file's frame and how they came there.
+
+    Attributes:
+        intrinsics: in the file's frame.
+        reference_size: the frame they were counted in before.
+        steps: what was done, in words; empty when the frames are the same.
+        assumptions: what had to be taken for granted.
+    """
+
+    intrinsics: Intrinsics
+    reference_size: ImageSize
+    steps: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
+
+
+def adapt(intrinsics: Intrinsics, metadata: ImageMetadata) -> Adapted:
+    """Bring intrinsics from their own frame to the file's, by way of EXIF's frame where that is needed.
+
+    Digital zoom is applied when the camera enlarged the zoomed part back to the full frame.
+
+    Raises:
+        FrameError: no scale and no centred 1:1 crop leads from one frame to the other.
+    """
+    adapted = Adapted(intrinsics=intrinsics, reference_size=intrinsics.image_size)
+    adapted = _zoomed(adapted, metadata)
+    file_size, exif_size = metadata.size, metadata.exif_size
+    try:
+        return _step(adapted, file_size)
+    except FrameError:
+        if exif_size is None or exif_size == file_size or not _leads(exif_size, file_size):
+            raise
+    return _step(_step(adapted, exif_size), file_size)
+
+
+def exif_contradiction(metadata: ImageMetadata) -> str | None:
+    """Why EXIF's frame cannot be that of this file, or None when one leads to the other."""
+    exif_size, size = metadata.exif_size, metadata.size
+    if exif_size is None or _leads(exif_size, size):
+        return None
+    text = f"EXIF describes a {_x(exif_size)} frame but the file holds {_x(size)} pixels"
+    if same_aspect(exif_size, size[::-1]):
+        return f"{text}: it was rotated by 90°; give the camera's own file"
+    return f"{text}, which is neither that frame scaled nor a 1:1 crop of it; give the camera's own file"
+
+
+def files_frame(metadata: ImageMetadata) -> ImageSize:
+    """The frame the camera meant to write: EXIF's size where it leads to the file, else the file's own."""
+    if metadata.exif_size is not None and _leads(metadata.exif_size, metadata.size):
+        return metadata.exif_size
+    return metadata.size
+
+
+def _leads(a: ImageSize, b: ImageSize) -> bool:
+    return same_aspect(a, b) or _is_one_to_one_crop(a, b)
+
+
+def _is_one_to_one_crop(a: ImageSize, b: ImageSize) -> bool:
+    """Whether b can be a with rows or columns cut off on both sides, pixels untouched."""
+    same_width = abs(a[0] - b[0]) <= CROP_SLACK_PX and b[1] <= a[1] and b[0] <= a[0]
+    same_height = abs(a[1] - b[1]) <= CROP_SLACK_PX and b[0] <= a[0] and b[1] <= a[1]
+    return same_width or same_height
+
+
+def _step(adapted: Adapted, target: ImageSize) -> Adapted:
+    current = adapted.intrinsics
+    source = current.image_size
+    if source == target:
+        return adapted
+    if same_aspect(source, target):
+        step = f"scaled {_x(source)} → {_x(target)}"
+        return replace(adapted, intrinsics=current.scaled(target), steps=(*adapted.steps, step))
+    if _is_one_to_one_crop(source, target):
+        box = ((source[0] - target[0]) / 2, (source[1] - target[1]) / 2, *target)
+        step = f"cropped {_x(source)} → {_x(target)}"
+        return replace(
+            adapted,
+            intrinsics=current.cropped(box),
+            steps=(*adapted.steps, step),
+            assumptions=(*adapted.assumptions, "the crop is centred"),
+        )
+    raise FrameError(
+        f"a {_x(source)} frame does not lead to {_x(target)} by a scale or a centred 1:1 crop; "
+        "register the camera at this size"
+    )
+
+
+def _zoomed(adapted: Adapted, metadata: ImageMetadata) -> Adapted:
+    """Apply digital zoom to intrinsics of the unzoomed frame.
+
+    A camera that enlarges the zoomed part back to the full frame multiplies its focal length; one that writes
+    the part as it is has cropped 1:1.
+    """
+    zoom = metadata.digital_zoom or 1.0
+    if zoom <= 1.0:
+        return adapted
+    current = adapted.intrinsics
+    width, height = current.image_size
+    written = files_frame(metadata)
+    if abs(written[0] * zoom / width - 1.0) <= 0.02 and abs(written[1] * zoom / height - 1.0) <= 0.02:
+        box = ((width - written[0]) / 2, (height - written[1]) / 2, *written)
+        return replace(
+            adapted,
+            intrinsics=current.cropped(box),
+            steps=(*adapted.steps, f"cropped {_x(current.image_size)} → {_x(written)} by {zoom:g}× digital zoom"),
+            assumptions=(*adapted.assumptions, "the crop is centred"),
+        )
+    enlarged = replace(
+        current,
+        fx=current.fx * zoom,
+        fy=current.fy * zoom,
+        cx=width / 2 + (current.cx - width / 2) * zoom,
+        cy=height / 2 + (current.cy - height / 2) * zoom,
+        skew=current.skew * zoom,
+    )
+    return replace(
+        adapted,
+        intrinsics=enlarged,
+        steps=(*adapted.steps, f"enlarged {zoom:g}× by digital zoom"),
+        assumptions=(*adapted.assumptions, "digital zoom was enlarged back to the full frame, about its centre"),
+    )
+
+
+def _x(size: ImageSize) -> str:
+    return f"{size[0]}×{size[1]}"

@@ -1,0 +1,51 @@
+"""Which camera took an image, as far as the image tells.
+
+Model alone is not a camera: the wide, tele and thermal cameras of one payload share it, the bands of a
+multispectral head do, and so do the modes of one camera. Two images are of one camera when the whole key is
+equal; firmware is no part of it, for a K that moved with the firmware must be seen, not split away.
+"""
+
+from __future__ import annotations
+
+from calibrary.calibration import CameraKey
+from calibrary.evidence.dji import is_dewarped
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.known_camera import normalise_sub_camera
+
+__all__ = ["camera_key", "stated_sub_camera"]
+
+SUB_CAMERA_TAGS = (
+    ("drone-dji", "ImageSource"),
+    ("drone-skydio", "CameraSource"),
+    ("Camera", "BandName"),
+)
+
+
+def stated_sub_camera(metadata: ImageMetadata) -> str | None:
+    """The sub-camera a tag names, in the common vocabulary, or None when no tag does."""
+    for schema, name in SUB_CAMERA_TAGS:
+        values = metadata.xmp_values(schema, name)
+        if not values:
+            continue
+        named = normalise_sub_camera(",".join(values))
+        if named is not None:
+            return named
+    rig_index = metadata.xmp_text("Camera", "RigCameraIndex")
+    return f"rig-{rig_index}" if rig_index is not None and rig_index.isdecimal() else None
+
+
+def camera_key(metadata: ImageMetadata, sub_camera: str | None = None) -> CameraKey:
+    """The camera of an image; ``sub_camera`` is what was inferred where no tag names it."""
+    modes = ["dewarped"] if is_dewarped(metadata) else []
+    if metadata.digital_zoom is not None and metadata.digital_zoom > 1.0:
+        modes.append(f"zoom {metadata.digital_zoom:.3g}×")
+    return CameraKey(
+        make=metadata.make,
+        model=metadata.model,
+        sub_camera=stated_sub_camera(metadata) or sub_camera,
+        lens=metadata.lens,
+        focal_mm=round(metadata.focal_mm, 2) if metadata.focal_mm is not None else None,
+        capture_mode=", ".join(modes) or None,
+        image_size=metadata.size,
+        serial=metadata.serial,
+    )

@@ -1,0 +1,90 @@
+"""One independent source of a camera's focal length, and the ways to get one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from calibrary.calibration import Grade, ImageSize, Intrinsics
+from calibrary.distortion import Distortion
+
+__all__ = ["Dropped", "Source", "Witness"]
+
+
+class Source(StrEnum):
+    """Where a witness's focal length is from, most trusted first."""
+
+    DJI_DEWARP_K6 = "dji-dewarp-k6"
+    DJI_DEWARP = "dji-dewarp"
+    CAMERA_PERSPECTIVE = "camera-perspective"
+    CAMERA_FISHEYE = "camera-fisheye"
+    SKYDIO_CALIBRATED = "skydio-calibrated"
+    GIVEN_SENSOR = "given-sensor"
+    REGISTRY_PITCH = "registry-pitch"
+    FOCAL_PLANE = "focal-plane"
+    CATALOGUE_PITCH = "catalogue-pitch"
+    DJI_DESIGN = "dji-design"
+    FIELD_OF_VIEW = "field-of-view"
+    ASSUMED_SENSOR = "assumed-sensor"
+    FOCAL_35MM = "focal-35mm"
+
+    @property
+    def rank(self) -> int:
+        """0 for the most trusted, counting up."""
+        return list(Source).index(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Witness:
+    """What one source says K is, brought to the file's frame.
+
+    Attributes:
+        source: which kind of source.
+        tag: the tag or rule, as people know it.
+        grade: what such a source is good for.
+        intrinsics: in the file's frame, canonical origin.
+        distortion: beside it, where the source gives one; None is unknown.
+        measured_centre: whether the principal point is the source's, and not just the middle of the frame.
+        reference_size: the frame the source counts in.
+        steps: what brought it from there to the file's frame.
+        assumptions: what had to be taken for granted.
+        tolerance: relative rounding of the source itself (a 35 mm equivalent is a whole number of mm).
+        pinhole: False for a fisheye: its focal length can be compared, but is no K.
+    """
+
+    source: Source
+    tag: str
+    grade: Grade
+    intrinsics: Intrinsics
+    distortion: Distortion | None = None
+    measured_centre: bool = False
+    reference_size: ImageSize
+    steps: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
+    tolerance: float = 0.0
+    pinhole: bool = True
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        """Sorts witnesses best first.
+
+        A maker's design value is focal length ÷ pitch as well, only with nobody to check its pitch, so it does
+        not stand above the derived ones: between those the source decides.
+        """
+        grade = Grade.DESIGN if self.grade is Grade.DERIVED else self.grade
+        return grade.rank, self.source.rank
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dropped:
+    """A source that is there but cannot be believed.
+
+    Attributes:
+        source: which kind of source.
+        tag: the tag, as people know it.
+        reason: what was found and why it cannot be of this image.
+    """
+
+    source: Source
+    tag: str
+    reason: str

@@ -1,0 +1,1 @@
+"""The ingest gate: one proved K per camera from a directory of images."""

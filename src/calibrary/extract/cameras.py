@@ -1,0 +1,237 @@
+"""From camera states to cameras: which states are one camera, what its K is, and whether it may be used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from calibrary.calibration import Calibration, CameraKey, Intrinsics
+from calibrary.errors import FrameError
+from calibrary.evidence.collect import Evidence, collect
+from calibrary.evidence.context import Scene
+from calibrary.evidence.frame import adapt
+from calibrary.evidence.identity import camera_key
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.witness import Source
+from calibrary.extract.knowledge import Knowledge, Known
+from calibrary.policy import Policy
+from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Verdict, validate
+
+__all__ = ["Camera", "Sensor", "State", "circumstances", "judge", "sort_cameras"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """The sensor size that stands where neither image nor catalogue tells one.
+
+    Attributes:
+        size_mm: (width, height); a side is None where only the other was stated.
+        given: whether the user stated it; else it is the default, an assumption.
+    """
+
+    size_mm: tuple[float | None, float | None]
+    given: bool
+
+    def sides(self, metadata: ImageMetadata) -> tuple[float, float]:
+        """Both sides in mm; one that was not stated follows from square pixels."""
+        width, height = self.size_mm
+        w_px, h_px = metadata.size
+        if width is None:
+            assert height is not None
+            return height * w_px / h_px, height
+        return width, height if height is not None else width * h_px / w_px
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """One camera state: equal metadata, and the images that carry it."""
+
+    metadata: ImageMetadata
+    names: tuple[str, ...]
+    known: Known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """One camera of the run.
+
+    Attributes:
+        key: which camera.
+        states: its states, the one with most images first.
+        evidence: of the state whose K stands for the camera.
+        calibration: the K to use, None when there is none.
+        report: the calibration against the policy, None without one.
+        spread: (max − min) / K of fx over the states, None with one state.
+        why_not: in one line, when there is no K at all.
+    """
+
+    key: CameraKey
+    states: tuple[State, ...]
+    evidence: Evidence
+    calibration: Calibration | None
+    report: Report | None
+    spread: float | None = None
+    why_not: str | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every image of this camera."""
+        return tuple(name for state in self.states for name in state.names)
+
+    @property
+    def verdict(self) -> Verdict:
+        """What becomes of its K."""
+        return self.report.verdict if self.report is not None else Verdict.REJECTED
+
+    @property
+    def reason(self) -> str | None:
+        """Why the K is not valid, in one line; None for a valid one."""
+        if self.report is None:
+            return self.why_not
+        return self.report.failures[0].message if self.report.failures else None
+
+
+def sort_cameras(
+    states: Mapping[ImageMetadata, Sequence[str]], knowledge: Knowledge
+) -> dict[CameraKey, tuple[State, ...]]:
+    """Put camera states together that are one camera, the commonest state first."""
+    cameras: dict[CameraKey, list[State]] = {}
+    for metadata, names in states.items():
+        known = knowledge.of(metadata)
+        inferred = known.camera.sub_camera if known.camera is not None else None
+        key = camera_key(metadata, inferred)
+        cameras.setdefault(key, []).append(State(metadata=metadata, names=tuple(names), known=known))
+    ordered = sorted(cameras.items(), key=lambda item: str(item[0]))
+    return {key: tuple(sorted(group, key=lambda s: (-len(s.names), s.names[0]))) for key, group in ordered}
+
+
+def judge(
+    key: CameraKey,
+    states: Sequence[State],
+    *,
+    policy: Policy,
+    sensor: Sensor,
+) -> Camera:
+    """Choose one camera's K and hold it against the policy.
+
+    The K is one that an image carries, never an average: of the states with the best-graded witness, the one
+    with most images. The others are measured against it.
+    """
+    heard = [(state, collect(_scene(state, sensor))) for state in states]
+    with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
+    if not with_k:
+        state, evidence = heard[0]
+        return Camera(
+            key=key,
+            states=tuple(states),
+            evidence=evidence,
+            calibration=None,
+            report=None,
+            why_not=_why_not(state, evidence),
+        )
+    best_grade = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
+    state, evidence = next((s, e) for s, e in with_k if e.chosen and e.chosen.rank[0] == best_grade)
+    calibration = evidence.calibration(_dated(key, states), source_name=state.names[0].rsplit("/", 1)[-1])
+    assert calibration is not None
+    spread = _spread(calibration.intrinsics, (e for _, e in with_k)) if len(heard) > 1 else None
+    report = validate(calibration, policy, circumstances(evidence, state.known, spread=spread))
+    return Camera(
+        key=key,
+        states=tuple(states),
+        evidence=evidence,
+        calibration=calibration,
+        report=report,
+        spread=spread,
+    )
+
+
+def circumstances(evidence: Evidence, known: Known, *, spread: float | None = None) -> Circumstances:
+    """What is known around the chosen witness of one image."""
+    chosen = evidence.chosen
+    metadata = evidence.scene.metadata
+    causes = {conflict.other: conflict.cause.value for conflict in evidence.conflicts}
+    return Circumstances(
+        expected=_expected(metadata, known),
+        others=tuple(
+            NamedFocal(
+                name=witness.tag,
+                fx=witness.intrinsics.fx,
+                tolerance=witness.tolerance,
+                cause=causes.get(witness),
+            )
+            for witness in evidence.witnesses
+            if witness is not chosen
+        ),
+        focal_mm=metadata.focal_mm,
+        focal_35mm=metadata.focal_35mm,
+        sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
+        zoomed=metadata.digital_zoom is not None and metadata.digital_zoom > 1.0,
+        spread=spread,
+    )
+
+
+def _scene(state: State, sensor: Sensor) -> Scene:
+    sides = sensor.sides(state.metadata)
+    return Scene(
+        metadata=state.metadata,
+        known=state.known.camera,
+        known_from=state.known.source,
+        siblings=state.known.siblings,
+        given_sensor_mm=sides if sensor.given else None,
+        # A default sensor under a camera that is known would only be wrong with more digits.
+        assumed_sensor_mm=None if sensor.given or state.known.has_pitch else sides,
+    )
+
+
+def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
+    """The known camera's focal length in the file's frame, None where it is not known there."""
+    camera = known.camera
+    if camera is None or camera.fx_over_w is None or camera.native_size is None:
+        return None
+    width, height = camera.native_size
+    focal = camera.fx_over_w * width
+    if camera.zoom_mm is not None and camera.focal_mm is not None:
+        if metadata.focal_mm is None:
+            return None
+        focal *= metadata.focal_mm / camera.focal_mm
+    native = Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=(width, height))
+    try:
+        fx = adapt(native, metadata).intrinsics.fx
+    except FrameError:
+        return None
+    return Expected(fx=fx, spread=camera.spread, source=known.source)
+
+
+def _spread(K: Intrinsics, others: Iterable[Evidence]) -> float:
+    focal = [evidence.chosen.intrinsics.fx for evidence in others if evidence.chosen is not None]
+    return (max(focal) - min(focal)) / K.fx
+
+
+def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
+    """The key with the firmware, where all images name the same."""
+    firmware = {state.metadata.software for state in states}
+    return replace(key, firmware=firmware.pop() if len(firmware) == 1 else None)
+
+
+def _why_not(state: State, evidence: Evidence) -> str:
+    metadata = state.metadata
+    fisheye = next((w for w in evidence.witnesses if not w.pinhole), None)
+    if fisheye is not None or evidence.scene.is_fisheye:
+        return "a fisheye lens: no pinhole K describes it; calibrate it with a fisheye model"
+    fault = metadata.fault("EXIF FocalLength")
+    if fault is not None:
+        return f"EXIF FocalLength is {fault.found}, wanted {fault.wanted}"
+    if evidence.dropped:
+        return f"{evidence.dropped[0].tag}: {evidence.dropped[0].reason}"
+    if metadata.focal_mm is None and metadata.focal_35mm is not None:
+        return (
+            f"EXIF has only a 35 mm equivalent ({metadata.focal_35mm:g} mm), which is no focal length of this sensor"
+        )
+    if metadata.focal_mm is None:
+        missing = "no EXIF FocalLength" if metadata.has_exif else "no EXIF at all"
+        return f"{missing} and no calibration tag: give files as the camera wrote them"
+    if state.known.camera is not None:
+        return "its frame is neither the camera's full frame scaled nor a 1:1 crop of it; register it at this size"
+    return "nothing tells the size of its pixels"
+
+

@@ -1,0 +1,85 @@
+"""The limits a K is held against, and the two sets of them that ship."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from calibrary.errors import InputError
+
+__all__ = ["FLEET", "POLICIES", "SOURCE", "Policy"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Policy:
+    """Limits, all of them fractions.
+
+    Attributes:
+        name: for reports.
+        focal_symmetry_max: |fx − fy| / max(fx, fy) above this is an error.
+        focal_symmetry_proven: above this a K is unproven (calibrated cameras hold 0.5 %); None to not ask.
+        principal_point_drift_max: offset from the middle over the side, per axis.
+        focal_over_width: (low, high) of fx / W for a camera nobody knows, from its images' metadata.
+        measured_over_width: the same for a calibration that was measured and handed over (fields of view of
+            130 … 3 degrees: what a lens can be); None to hold it to ``focal_over_width`` as well.
+        known_camera_tolerance: ± of a known camera's fx, None to hold known cameras to the band as well.
+        witnesses_settle: whether two independent focal lengths that agree stand in for the band.
+        witness_agreement: how near independent focal lengths must lie.
+        skew_max: |skew| / fx; a bundle adjustment may leave a trace of it, metadata never does.
+        group_spread_max: (max − min) / fx over the images of one camera.
+        assumed_sensor_is_unproven: whether a K may rest on a sensor size nobody stated.
+        distortion_monotonic: whether distortion must be one-to-one up to the image's corners.
+    """
+
+    name: str
+    focal_symmetry_max: float = 0.15
+    focal_symmetry_proven: float | None = 0.02
+    principal_point_drift_max: float = 0.05
+    focal_over_width: tuple[float, float] = (0.8, 1.5)
+    measured_over_width: tuple[float, float] | None = (0.23, 19.0)
+    known_camera_tolerance: float | None = 0.03
+    witnesses_settle: bool = True
+    witness_agreement: float = 0.05
+    skew_max: float = 0.001
+    group_spread_max: float = 0.005
+    assumed_sensor_is_unproven: bool = True
+    distortion_monotonic: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("focal_over_width", "measured_over_width"):
+            band = getattr(self, name)
+            if band is not None and not 0 < band[0] < band[1] < math.inf:
+                raise InputError(
+                    f"{name} is [{band[0]:g}, {band[1]:g}], wanted two positive numbers, low before high",
+                    source=self.name,
+                )
+        for name in (
+            "focal_symmetry_max",
+            "focal_symmetry_proven",
+            "principal_point_drift_max",
+            "known_camera_tolerance",
+            "witness_agreement",
+            "skew_max",
+            "group_spread_max",
+        ):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value <= 1:
+                raise InputError(f"{name} is {value:g}, wanted a fraction 0 … 1", source=self.name)
+
+
+FLEET = Policy(name="fleet")
+"""The default: the source document's errors, and what a fleet's real cameras need beside them."""
+
+SOURCE = Policy(
+    name="source",
+    focal_symmetry_proven=None,
+    measured_over_width=None,
+    known_camera_tolerance=None,
+    skew_max=0.0,
+    witnesses_settle=False,
+    assumed_sensor_is_unproven=False,
+    distortion_monotonic=False,
+)
+"""The source document's numbers to the letter: 15 %, 5 % and 0.8 … 1.5 W for every camera."""
+
+POLICIES = {policy.name: policy for policy in (FLEET, SOURCE)}

@@ -1,0 +1,43 @@
+"""Policies of your own: YAML against schemas/policy-1.schema.json."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+from calibrary.errors import InputError, ParseError
+from calibrary.policy import POLICIES, Policy
+from calibrary.schemas import require
+from calibrary.strictyaml import load_yaml
+
+__all__ = ["read_policy"]
+
+LARGEST_POLICY = 1 << 20
+
+
+def read_policy(path: Path) -> Policy:
+    """Read a policy file; what it does not say it takes from its ``base`` ("fleet" when absent).
+
+    Raises:
+        InputError: no such file, or a limit out of range.
+        ParseError: it is no YAML, or breaks the schema.
+    """
+    try:
+        if not path.is_file():
+            wanted = ", ".join(POLICIES)
+            raise InputError(f"no such policy; wanted {wanted} or a YAML file", source=str(path))
+        with path.open("rb") as file:
+            data = file.read(LARGEST_POLICY + 1)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", source=str(path)) from None
+    if len(data) > LARGEST_POLICY:
+        raise ParseError("is larger than 1 MiB, wanted a policy", source=str(path))
+    document = load_yaml(data, source=path.name)
+    require(document, "policy-1", source=path.name)
+    assert isinstance(document, dict)
+    base = POLICIES[str(document.get("base", "fleet"))]
+    limits = {field.name: document[field.name] for field in fields(Policy) if field.name in document}
+    for band in ("focal_over_width", "measured_over_width"):
+        if isinstance(values := limits.get(band), list):
+            limits[band] = tuple(values)  # type: ignore[assignment]  # the schema says two numbers
+    return replace(base, **limits)  # type: ignore[arg-type]  # checked against the schema

@@ -1,0 +1,350 @@
+"""Whether a K may reach a solver: a policy's limits, every rule measured, a verdict.
+
+No rule stops another and a NaN fails. Two policies ship: ``source`` holds every camera to one band of focal
+lengths; ``fleet`` knows that most UAV cameras lie outside it, and judges a known camera by what is known of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from calibrary.calibration import Calibration
+from calibrary.errors import ValidationError
+from calibrary.policy import Policy
+
+__all__ = ["Circumstances", "Expected", "Finding", "NamedFocal", "Report", "Severity", "Verdict", "validate"]
+
+
+class Severity(StrEnum):
+    """What a finding does to the verdict."""
+
+    PASS = "pass"
+    WARNING = "warning"
+    UNPROVEN = "unproven"
+    ERROR = "error"
+
+
+class Verdict(StrEnum):
+    """What becomes of a K."""
+
+    VALID = "valid"
+    UNPROVEN = "unproven"
+    REJECTED = "rejected"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One rule, measured.
+
+    Attributes:
+        rule: its name.
+        severity: what the measurement means.
+        measured: the number, in the unit the message names; None where the rule measures none.
+        limit: what it was held against.
+        message: found, wanted and what to do.
+    """
+
+    rule: str
+    severity: Severity
+    measured: float | None = None
+    limit: float | None = None
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.rule}: {self.message}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expected:
+    """What somebody who knows the camera says fx should be, in the frame of the calibration.
+
+    Attributes:
+        fx: px.
+        spread: relative half-width that is known for this camera, None for the policy's.
+        source: "catalogue" or "registry".
+    """
+
+    fx: float
+    spread: float | None = None
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedFocal:
+    """An independent focal length in the frame of the calibration, and its own rounding."""
+
+    name: str
+    fx: float
+    tolerance: float = 0.0
+    cause: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circumstances:
+    """What is known around a calibration when it is judged.
+
+    Attributes:
+        expected: of a known camera.
+        others: independent focal lengths, the judged one not among them.
+        focal_mm, focal_35mm: EXIF's, where the K rests on them.
+        sensor_assumed: the K rests on a sensor size nobody stated.
+        zoomed: the K rests on how the camera handles digital zoom.
+        spread: (max − min) / K of fx over the images of this camera.
+    """
+
+    expected: Expected | None = None
+    others: tuple[NamedFocal, ...] = ()
+    focal_mm: float | None = None
+    focal_35mm: float | None = None
+    sensor_assumed: bool = False
+    zoomed: bool = False
+    spread: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """Every rule's finding, and the verdict they add up to."""
+
+    policy: str
+    findings: tuple[Finding, ...] = field(default_factory=tuple)
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst finding decides."""
+        severities = {finding.severity for finding in self.findings}
+        if Severity.ERROR in severities:
+            return Verdict.REJECTED
+        return Verdict.UNPROVEN if Severity.UNPROVEN in severities else Verdict.VALID
+
+    @property
+    def failures(self) -> tuple[Finding, ...]:
+        """What keeps the K from being valid, worst first."""
+        errors = [f for f in self.findings if f.severity is Severity.ERROR]
+        return (*errors, *(f for f in self.findings if f.severity is Severity.UNPROVEN))
+
+    def raise_for_failures(self) -> None:
+        """Do nothing for a valid K.
+
+        Raises:
+            ValidationError: the K is rejected or unproven.
+        """
+        if self.failures:
+            raise ValidationError("; ".join(str(finding) for finding in self.failures), self)
+
+
+def validate(
+    calibration: Calibration, policy: Policy, circumstances: Circumstances | None = None
+) -> Report:
+    """Hold a calibration against a policy; every rule is measured."""
+    around = circumstances or Circumstances()
+    findings = tuple(f for rule in RULES for f in rule(calibration, policy, around))
+    return Report(policy=policy.name, findings=findings)
+
+
+def _focal_symmetry(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
+    K = c.intrinsics
+    measured = abs(K.fx - K.fy) / max(K.fx, K.fy)
+    limit = policy.focal_symmetry_max
+    severity = Severity.PASS
+    if not measured <= limit:
+        severity = Severity.ERROR
+    elif policy.focal_symmetry_proven is not None and not measured <= policy.focal_symmetry_proven:
+        severity, limit = Severity.UNPROVEN, policy.focal_symmetry_proven
+    message = f"|fx − fy| / max = {measured:.2%}, at most {limit:.2%}"
+    if severity is not Severity.PASS:
+        message += "; not square pixels: a wrong sensor size, a transcoded frame, or corrupt EXIF"
+    yield Finding(rule="focal-symmetry", severity=severity, measured=measured, limit=limit, message=message)
+
+
+def _principal_point(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
+    K, (width, height) = c.intrinsics, c.intrinsics.image_size
+    measured = max(abs(K.cx - width / 2) / width, abs(K.cy - height / 2) / height)
+    limit = policy.principal_point_drift_max
+    ok = measured <= limit
+    message = f"principal point is {measured:.2%} of the frame from its middle, at most {limit:.2%}"
+    if not ok:
+        message += "; a decentred lens, or a K of another frame"
+    yield Finding(
+        rule="principal-point-drift",
+        severity=Severity.PASS if ok else Severity.ERROR,
+        measured=measured,
+        limit=limit,
+        message=message,
+    )
+
+
+def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    expected = around.expected
+    if policy.known_camera_tolerance is not None and expected is not None:
+        yield _against_known(c, expected, max(policy.known_camera_tolerance, expected.spread or 0.0))
+        return
+    fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
+    measured = c.provenance.kind != "image-metadata" and c.grade.is_metric
+    low, high = (policy.measured_over_width if measured else None) or policy.focal_over_width
+    in_band = low <= fx_over_w <= high
+    agreeing = [o for o in around.others if _apart(c, o) <= max(policy.witness_agreement, o.tolerance)]
+    if policy.witnesses_settle and agreeing and not around.sensor_assumed:
+        message = f"fx = {fx_over_w:.3f} W, and {agreeing[0].name} says the same independently"
+        yield Finding(
+            rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message
+        )
+        return
+    message = f"fx = {fx_over_w:.3f} W, wanted {low:g} … {high:g} W"
+    if not in_band:
+        message += (
+            "; a 35 mm equivalent or a wrong sensor size, unless the lens really is that wide or long: "
+            "then register the camera"
+        )
+    yield Finding(
+        rule="focal-plausibility",
+        severity=Severity.PASS if in_band else Severity.ERROR,
+        measured=fx_over_w,
+        limit=low if fx_over_w < low else high,
+        message=message,
+    )
+
+
+def _against_known(c: Calibration, expected: Expected, limit: float) -> Finding:
+    measured = c.intrinsics.fx / expected.fx - 1.0
+    ok = abs(measured) <= limit
+    message = f"fx = {c.intrinsics.fx:.1f} px is {measured:+.2%} from the {expected.source}'s "
+    message += f"{expected.fx:.1f} px for this camera, at most ±{limit:.1%}"
+    return Finding(
+        rule="focal-plausibility",
+        severity=Severity.PASS if ok else Severity.ERROR,
+        measured=measured,
+        limit=limit,
+        message=message,
+    )
+
+
+def _zero_skew(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
+    measured = abs(c.intrinsics.skew) / c.intrinsics.fx
+    ok = measured <= policy.skew_max
+    yield Finding(
+        rule="zero-skew",
+        severity=Severity.PASS if ok else Severity.ERROR,
+        measured=measured,
+        limit=policy.skew_max,
+        message=f"skew is {c.intrinsics.skew:g} px, wanted {'0' if policy.skew_max == 0 else 'next to 0'}",
+    )
+
+
+def _leak_35mm(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    """The millimetres of EXIF FocalLength are the 35 mm equivalent's, yet the pitch is not a 35 mm frame's."""
+    focal_mm, focal_35mm = around.focal_mm, around.focal_35mm
+    if focal_mm is None or focal_35mm is None:
+        return
+    prior = next((o for o in around.others if o.name == "EXIF FocalLengthIn35mmFilm"), None)
+    apart = _apart(c, prior) if prior is not None else 0.0
+    leaked = abs(focal_mm / focal_35mm - 1.0) <= 0.01 and apart > max(
+        policy.witness_agreement, prior.tolerance if prior else 0.0
+    )
+    message = f"FocalLength {focal_mm:g} mm beside a 35 mm equivalent of {focal_35mm:g} mm"
+    if leaked:
+        message += f": the equivalent was written as the focal length, and fx is {apart:+.0%} from it"
+    yield Finding(
+        rule="no-35mm-leak", severity=Severity.ERROR if leaked else Severity.PASS, message=message
+    )
+
+
+def _witness_agreement(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    for other in around.others:
+        measured = _apart(c, other)
+        limit = max(policy.witness_agreement, other.tolerance)
+        if measured <= limit:
+            continue
+        # A known camera is judged by what is known of it; an unknown one is not proven while witnesses quarrel.
+        settled = around.expected is not None or not policy.witnesses_settle
+        message = f"{other.name} says fx = {other.fx:.1f} px, {other.fx / c.intrinsics.fx - 1.0:+.1%}"
+        if other.cause:
+            message += f": {other.cause}"
+        yield Finding(
+            rule="witness-agreement",
+            severity=Severity.WARNING if settled else Severity.UNPROVEN,
+            measured=measured,
+            limit=limit,
+            message=message,
+        )
+
+
+def _sensor_stated(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    if not around.sensor_assumed:
+        return
+    yield Finding(
+        rule="sensor-stated",
+        severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
+        message="K rests on an assumed sensor size; name it with --sensor-width-mm and --sensor-height-mm, "
+        "or register the camera",
+    )
+
+
+def _digital_zoom(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    if not around.zoomed:
+        return
+    yield Finding(
+        rule="digital-zoom",
+        severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
+        message="digital zoom: K follows the usual handling, which no tag proves; fly without it, "
+        "or calibrate and register this zoom state",
+    )
+
+
+def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
+    """Distortion that folds back before the image's corner maps two directions to one pixel."""
+    if c.distortion is None or not policy.distortion_monotonic:
+        return
+    width, height = c.intrinsics.image_size
+    corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
+    lost = int(np.isnan(c.unproject(corners)).any(axis=1).sum())
+    yield Finding(
+        rule="distortion-monotonic",
+        severity=Severity.ERROR if lost else Severity.PASS,
+        measured=float(lost),
+        limit=0.0,
+        message=f"the distortion folds back before {lost} of 4 image corners; calibrate with corners covered"
+        if lost
+        else "the distortion does not fold back inside the image",
+    )
+
+
+def _group_spread(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    if around.spread is None:
+        return
+    ok = around.spread <= policy.group_spread_max
+    message = f"fx spreads by {around.spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
+    if not ok:
+        message += "; two units or two states share one key: separate them"
+    yield Finding(
+        rule="one-k-per-camera",
+        severity=Severity.PASS if ok else Severity.ERROR,
+        measured=around.spread,
+        limit=policy.group_spread_max,
+        message=message,
+    )
+
+
+def _apart(c: Calibration, other: NamedFocal) -> float:
+    apart = abs(other.fx / c.intrinsics.fx - 1.0)
+    return math.inf if math.isnan(apart) else apart
+
+
+Rule = Callable[[Calibration, Policy, Circumstances], Iterator[Finding]]
+
+RULES: tuple[Rule, ...] = (
+    _focal_symmetry,
+    _principal_point,
+    _focal_plausibility,
+    _zero_skew,
+    _leak_35mm,
+    _witness_agreement,
+    _sensor_stated,
+    _digital_zoom,
+    _distortion_monotonic,
+    _group_spread,
+)

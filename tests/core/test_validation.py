@@ -1,0 +1,162 @@
+"""Every rule of a policy, its two sides, and the verdict they add up to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
+from calibrary.distortion import BrownConrady
+from calibrary.errors import InputError, ValidationError
+from calibrary.policy import FLEET, SOURCE, Policy
+from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Severity, Verdict, validate
+
+W, H = 5472, 3648
+
+
+def calibration(fx: float = 5000.0, fy: float | None = None, **over: float) -> Calibration:
+    numbers = {"cx": W / 2, "cy": H / 2, **over}
+    return Calibration(
+        camera=CameraKey(image_size=(W, H)),
+        intrinsics=Intrinsics(fx=fx, fy=fx if fy is None else fy, image_size=(W, H), **numbers),
+        grade=Grade.DERIVED,
+        provenance=Provenance(kind="image-metadata"),
+    )
+
+
+def severity(report: Report, rule: str) -> Severity:
+    return max((f.severity for f in report.findings if f.rule == rule), key=list(Severity).index)
+
+
+def test_a_k_inside_every_limit_is_valid_and_raises_nothing() -> None:
+    report = validate(calibration(), FLEET)
+    assert report.verdict is Verdict.VALID
+    report.raise_for_failures()
+
+
+def test_every_rule_is_measured_even_after_one_has_failed() -> None:
+    report = validate(calibration(fx=100.0, fy=5000.0, cx=0.0), FLEET)
+    failed = {f.rule for f in report.findings if f.severity is Severity.ERROR}
+    assert {"focal-symmetry", "principal-point-drift", "focal-plausibility"} <= failed
+
+
+def test_failures_are_raised_with_the_report() -> None:
+    report = validate(calibration(fx=100.0), FLEET)
+    with pytest.raises(ValidationError) as caught:
+        report.raise_for_failures()
+    assert caught.value.report is report
+
+
+@pytest.mark.parametrize("policy", [FLEET, SOURCE])
+def test_fifteen_per_cent_between_the_focal_lengths_is_the_errors_line(policy: Policy) -> None:
+    assert severity(validate(calibration(5000.0, 5000.0 * 0.851), policy), "focal-symmetry") is not Severity.ERROR
+    assert severity(validate(calibration(5000.0, 5000.0 * 0.849), policy), "focal-symmetry") is Severity.ERROR
+
+
+def test_two_per_cent_between_the_focal_lengths_is_unproven_under_fleet_only() -> None:
+    camera = calibration(5000.0, 5000.0 * 0.97)
+    assert severity(validate(camera, FLEET), "focal-symmetry") is Severity.UNPROVEN
+    assert severity(validate(camera, SOURCE), "focal-symmetry") is Severity.PASS
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.0499, Severity.PASS), (0.0501, Severity.ERROR)])
+def test_the_principal_point_may_drift_by_five_per_cent(share: float, expected: Severity) -> None:
+    report = validate(calibration(cy=H / 2 + share * H), FLEET)
+    assert severity(report, "principal-point-drift") is expected
+
+
+@pytest.mark.parametrize("policy", [FLEET, SOURCE])
+@pytest.mark.parametrize(("over_width", "ok"), [(0.79, False), (0.8, True), (1.5, True), (1.51, False)])
+def test_an_unknown_camera_is_held_to_the_band(policy: Policy, *, over_width: float, ok: bool) -> None:
+    report = validate(calibration(over_width * W), policy)
+    assert (severity(report, "focal-plausibility") is Severity.PASS) is ok
+
+
+def test_a_known_camera_is_judged_by_what_is_known_of_it_under_fleet() -> None:
+    around = Circumstances(expected=Expected(fx=3657.0, source="catalogue"))
+    assert validate(calibration(3650.0), FLEET, around).verdict is Verdict.VALID
+    assert validate(calibration(3650.0), SOURCE, around).verdict is Verdict.REJECTED
+    assert validate(calibration(3800.0), FLEET, around).verdict is Verdict.REJECTED
+
+
+def test_a_known_cameras_own_spread_widens_its_limit() -> None:
+    around = Circumstances(expected=Expected(fx=3657.0, spread=0.06, source="registry"))
+    assert validate(calibration(3800.0), FLEET, around).verdict is Verdict.VALID
+
+
+def test_two_independent_focal_lengths_settle_an_unknown_camera_under_fleet() -> None:
+    around = Circumstances(others=(NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=3600.0),))
+    assert validate(calibration(3650.0), FLEET, around).verdict is Verdict.VALID
+    assert validate(calibration(3650.0), SOURCE, around).verdict is Verdict.REJECTED
+
+
+def test_an_assumed_sensor_is_never_settled_and_never_proven_under_fleet() -> None:
+    others = (NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=5000.0),)
+    around = Circumstances(others=others, sensor_assumed=True)
+    assert validate(calibration(), FLEET, around).verdict is Verdict.UNPROVEN
+    assert validate(calibration(), SOURCE, around).verdict is Verdict.VALID
+
+
+def test_an_unknown_camera_is_unproven_while_its_witnesses_quarrel() -> None:
+    around = Circumstances(others=(NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=9000.0),))
+    assert validate(calibration(), FLEET, around).verdict is Verdict.UNPROVEN
+
+
+def test_a_known_camera_may_have_one_quarrelling_witness() -> None:
+    around = Circumstances(
+        expected=Expected(fx=5000.0, source="catalogue"),
+        others=(NamedFocal(name="EXIF FocalLength × FocalPlaneResolution", fx=9000.0),),
+    )
+    report = validate(calibration(), FLEET, around)
+    assert report.verdict is Verdict.VALID
+    assert severity(report, "witness-agreement") is Severity.WARNING
+
+
+def test_a_35_mm_equivalent_in_the_place_of_the_focal_length_is_an_error() -> None:
+    prior = NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=3648.0, tolerance=1 / 24)
+    around = Circumstances(others=(prior,), focal_mm=24.0, focal_35mm=24.0)
+    assert severity(validate(calibration(9949.0), SOURCE, around), "no-35mm-leak") is Severity.ERROR
+
+
+def test_a_full_frame_cameras_equivalent_is_its_focal_length_and_no_leak() -> None:
+    prior = NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=7966.0, tolerance=1 / 35)
+    around = Circumstances(others=(prior,), focal_mm=35.0, focal_35mm=35.0)
+    assert severity(validate(calibration(7986.0), SOURCE, around), "no-35mm-leak") is Severity.PASS
+
+
+def test_skew_is_an_error_under_source_and_a_trace_of_it_is_not_under_fleet() -> None:
+    camera = calibration(skew=0.4)
+    assert severity(validate(camera, SOURCE), "zero-skew") is Severity.ERROR
+    assert severity(validate(camera, FLEET), "zero-skew") is Severity.PASS
+    assert severity(validate(calibration(skew=40.0), FLEET), "zero-skew") is Severity.ERROR
+
+
+def test_distortion_that_folds_before_the_corner_is_an_error() -> None:
+    folded = replace(calibration(3657.0), distortion=BrownConrady(k1=-0.6, k2=0.0, p1=0.0, p2=0.0))
+    assert severity(validate(folded, FLEET), "distortion-monotonic") is Severity.ERROR
+    sound = replace(calibration(), distortion=BrownConrady(k1=-0.1, k2=0.0, p1=0.0, p2=0.0))
+    assert severity(validate(sound, FLEET), "distortion-monotonic") is Severity.PASS
+
+
+def test_half_a_per_cent_between_images_of_one_camera_is_the_line() -> None:
+    assert validate(calibration(), FLEET, Circumstances(spread=0.004)).verdict is Verdict.VALID
+    assert validate(calibration(), FLEET, Circumstances(spread=0.006)).verdict is Verdict.REJECTED
+
+
+def test_digital_zoom_is_unproven_under_fleet() -> None:
+    assert validate(calibration(), FLEET, Circumstances(zoomed=True)).verdict is Verdict.UNPROVEN
+
+
+def test_a_measured_calibration_of_an_unknown_camera_is_held_to_what_a_lens_can_be() -> None:
+    measured = replace(calibration(3657.0), provenance=Provenance(kind="matrix-file"), grade=Grade.CALIBRATED)
+    assert validate(measured, FLEET).verdict is Verdict.VALID
+    assert validate(measured, SOURCE).verdict is Verdict.REJECTED
+
+
+@pytest.mark.parametrize(
+    "over", [{"focal_symmetry_max": 1.5}, {"witness_agreement": -0.1}, {"focal_over_width": (1.5, 0.8)}]
+)
+def test_a_policy_with_a_limit_out_of_range_is_refused(over: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=next(iter(over))):
+        replace(FLEET, **over)  # type: ignore[arg-type]  # the wrong values are the point

@@ -1,0 +1,90 @@
+"""Witnesses more than 5 % apart are a conflict, and the likely cause is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from calibrary.evidence.collect import collect
+from calibrary.evidence.conflict import Cause, Conflict
+from calibrary.evidence.context import Scene
+from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
+
+from .scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, micasense, p4_rtk
+
+
+def conflict(scene: Scene) -> Conflict:
+    [found] = collect(scene).conflicts
+    return found
+
+
+def test_witnesses_that_agree_within_five_per_cent_do_not_conflict() -> None:
+    assert collect(Scene(metadata=p4_rtk(), known=P4_RTK)).conflicts == ()
+
+
+def test_a_whole_number_of_35_mm_is_given_its_rounding() -> None:
+    metadata = ImageMetadata(size=(5472, 3648), focal_mm=8.8, focal_35mm=23.0)
+    assert collect(Scene(metadata=metadata, known=P4_RTK)).conflicts == ()
+
+
+def test_a_35_mm_equivalent_written_as_the_focal_length_is_a_leak() -> None:
+    metadata = ImageMetadata(size=(5472, 3648), focal_mm=24.0, focal_35mm=24.0)
+    assert conflict(Scene(metadata=metadata, known=P4_RTK)).cause is Cause.LEAK_35MM
+
+
+def test_digital_zoom_that_one_witness_does_not_know_is_named() -> None:
+    metadata = ImageMetadata(
+        size=(5472, 3648),
+        focal_mm=17.6,
+        digital_zoom=2.0,
+        focal_plane_resolution=(416.67, 416.67),
+        focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+        focal_35mm=24.0,
+    )
+    assert conflict(Scene(metadata=metadata)).cause is Cause.DIGITAL_ZOOM
+
+
+def test_another_sub_cameras_focal_length_is_named() -> None:
+    metadata = ImageMetadata(size=(640, 512), focal_mm=4.4, focal_35mm=40.0)
+    found = conflict(Scene(metadata=metadata, known=M3T_THERMAL, siblings=(M3T_WIDE,)))
+    assert found.cause is Cause.OTHER_SUB_CAMERA
+
+
+def test_a_wrong_given_sensor_is_named() -> None:
+    metadata = ImageMetadata(size=(5472, 3648), focal_mm=8.8, focal_35mm=24.0)
+    causes = {c.cause for c in collect(Scene(metadata=metadata, known=P4_RTK, given_sensor_mm=(6.17, 4.63))).conflicts}
+    assert causes == {Cause.SENSOR_SIZE}
+
+
+def test_a_stale_exif_size_is_named() -> None:
+    metadata = ImageMetadata(
+        size=(640, 512),
+        exif_size=(1280, 1024),
+        focal_mm=9.1,
+        focal_plane_resolution=(83.333, 83.333),
+        focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+    )
+    assert conflict(Scene(metadata=metadata, known=M3T_THERMAL)).cause is Cause.STALE_EXIF_SIZE
+
+
+def test_a_crop_one_witness_does_not_know_of_is_named() -> None:
+    metadata = ImageMetadata(
+        size=(4864, 3648),
+        focal_mm=8.8,
+        focal_plane_resolution=(5472 / 13.1328 * 5472 / 4864,) * 2,
+        focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+    )
+    assert conflict(Scene(metadata=metadata, known=P4_RTK)).cause is Cause.CROP
+
+
+def test_millimetres_taken_for_pixels_do_not_get_past_the_cross_check() -> None:
+    evidence = collect(Scene(metadata=micasense("5.45", unit="pixels")))
+    assert evidence.chosen is not None
+    assert evidence.chosen.intrinsics.fx == pytest.approx(5.5 * 266.666667)
+    assert "another frame" in evidence.dropped[0].reason
+
+
+def test_a_conflict_without_a_known_pattern_says_so() -> None:
+    metadata = replace(p4_rtk(), focal_35mm=31.0)
+    assert conflict(Scene(metadata=metadata, known=P4_RTK)).cause is Cause.UNKNOWN

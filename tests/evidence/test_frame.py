@@ -1,0 +1,74 @@
+"""A tag's frame is brought to the file's by a scale, a centred 1:1 crop, or not at all."""
+
+from __future__ import annotations
+
+import pytest
+
+from calibrary.calibration import Intrinsics
+from calibrary.errors import FrameError
+from calibrary.evidence.frame import adapt, exif_contradiction
+from calibrary.evidence.metadata import ImageMetadata
+
+FULL = Intrinsics(fx=3660.0, fy=3655.0, cx=2731.5, cy=1846.75, image_size=(5472, 3648))
+
+
+def test_the_same_frame_is_left_alone() -> None:
+    adapted = adapt(FULL, ImageMetadata(size=(5472, 3648)))
+    assert adapted.intrinsics == FULL
+    assert adapted.steps == ()
+
+
+def test_the_same_aspect_is_a_scale() -> None:
+    K = adapt(FULL, ImageMetadata(size=(1368, 912))).intrinsics
+    assert (K.fx, K.fy, K.cx, K.cy) == (3660.0 / 4, 3655.0 / 4, 2731.5 / 4, 1846.75 / 4)
+
+
+def test_less_width_at_the_same_height_is_a_centred_crop_that_keeps_the_focal_length() -> None:
+    adapted = adapt(FULL, ImageMetadata(size=(4864, 3648)))
+    K = adapted.intrinsics
+    assert (K.fx, K.fy, K.cx, K.cy) == (3660.0, 3655.0, 2731.5 - (5472 - 4864) / 2, 1846.75)
+    assert "the crop is centred" in adapted.assumptions
+
+
+def test_exifs_frame_stands_between_a_crop_and_a_scale() -> None:
+    sensor = Intrinsics(fx=2378.5, fy=2378.5, cx=2029.2, cy=1520.3, image_size=(4056, 3040))
+    K = adapt(sensor, ImageMetadata(size=(1500, 844), exif_size=(4056, 2282))).intrinsics
+    assert K.fx == pytest.approx(2378.5 * 1500 / 4056)
+    assert K.cy == pytest.approx((1520.3 - 379) * 844 / 2282)
+
+
+@pytest.mark.parametrize("size", [(3840, 2160), (3648, 5472), (512, 512)])
+def test_what_would_stretch_k_is_refused(size: tuple[int, int]) -> None:
+    with pytest.raises(FrameError, match="does not lead to"):
+        adapt(FULL, ImageMetadata(size=size))
+
+
+def test_a_zoomed_frame_of_full_size_was_enlarged_about_its_middle() -> None:
+    adapted = adapt(FULL, ImageMetadata(size=(5472, 3648), digital_zoom=2.0))
+    K = adapted.intrinsics
+    assert (K.fx, K.fy) == (7320.0, 7310.0)
+    assert K.cx == 2736 + 2 * (2731.5 - 2736)
+    assert any("zoom" in step for step in adapted.steps)
+
+
+def test_a_zoomed_frame_of_the_zoomed_size_was_cropped_one_to_one() -> None:
+    K = adapt(FULL, ImageMetadata(size=(2736, 1824), digital_zoom=2.0)).intrinsics
+    assert (K.fx, K.cx, K.cy) == (3660.0, 2731.5 - 1368, 1846.75 - 912)
+
+
+@pytest.mark.parametrize(
+    ("size", "exif_size"), [((8, 8), (4000, 3000)), ((16, 16), (1280, 720)), ((3000, 4000), (4000, 3000))]
+)
+def test_exif_of_another_frame_is_a_contradiction(size: tuple[int, int], exif_size: tuple[int, int]) -> None:
+    contradiction = exif_contradiction(ImageMetadata(size=size, exif_size=exif_size))
+    assert contradiction is not None
+    assert f"{exif_size[0]}×{exif_size[1]}" in contradiction
+
+
+@pytest.mark.parametrize(
+    ("size", "exif_size"), [((640, 512), (1280, 1024)), ((40, 30), (4864, 3648)), ((4000, 2250), (4000, 3000))]
+)
+def test_a_resized_or_cropped_file_does_not_contradict_its_exif(
+    size: tuple[int, int], exif_size: tuple[int, int]
+) -> None:
+    assert exif_contradiction(ImageMetadata(size=size, exif_size=exif_size)) is None

@@ -1,0 +1,320 @@
+"""What each maker's tags mean, in numbers; the rules were read off real cameras' files."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from calibrary.calibration import Grade
+from calibrary.distortion import BrownConrady, NoDistortion, Rational
+from calibrary.evidence.collect import Evidence, collect
+from calibrary.evidence.context import Scene
+from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
+from calibrary.evidence.witness import Source, Witness
+
+from .scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2, micasense, p4_rtk, xmp
+
+
+def witness(evidence: Evidence, source: Source) -> Witness:
+    return next(w for w in evidence.witnesses if w.source is source)
+
+
+def test_dewarp_data_counts_the_principal_point_from_the_middle_y_down() -> None:
+    chosen = collect(Scene(metadata=p4_rtk(), known=P4_RTK)).chosen
+    assert chosen is not None
+    K = chosen.intrinsics
+    assert (K.fx, K.fy, K.cx, K.cy) == (3660.5, 3655.25, 2736 - 4.5, 1824 + 22.75)
+    assert chosen.grade is Grade.CALIBRATED
+    assert chosen.distortion == BrownConrady(k1=-0.268, k2=0.112, p1=0.0008, p2=-0.0001, k3=-0.034)
+
+
+def test_dewarp_data_of_a_resized_file_is_scaled_from_exifs_frame() -> None:
+    chosen = collect(Scene(metadata=p4_rtk(size=(1368, 912)), known=P4_RTK)).chosen
+    assert chosen is not None
+    assert chosen.intrinsics.fx == pytest.approx(3660.5 / 4)
+    assert chosen.reference_size == (5472, 3648)
+
+
+def test_dewarp_data_with_a_leading_blank_is_read() -> None:
+    text = " 2018-09-07;3657.0,3650.5,-4,23,-0.267,0.11,0.0008,0.0001,-0.03"
+    chosen = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK)).chosen
+    assert chosen is not None
+    assert chosen.source is Source.DJI_DEWARP
+
+
+def test_dewarp_flag_1_keeps_k_and_says_that_there_is_no_distortion_left() -> None:
+    chosen = collect(Scene(metadata=p4_rtk(DewarpFlag="1"), known=P4_RTK)).chosen
+    assert chosen is not None
+    assert chosen.intrinsics.fx == 3660.5
+    assert chosen.distortion == NoDistortion()
+
+
+def test_dewarp_data_k6_is_opencvs_rational_model() -> None:
+    k6 = "3725.1,3724.9,1.5,-2.5,0.1,0.02,0.0003,-0.0004,0.005,0.06,0.007,0.0008"
+    metadata = replace(p4_rtk(), xmp=xmp("drone-dji", DewarpDataK6=k6))
+    chosen = collect(Scene(metadata=metadata, known=P4_RTK)).chosen
+    assert chosen is not None
+    assert chosen.distortion == Rational(
+        k1=0.1, k2=0.02, p1=0.0003, p2=-0.0004, k3=0.005, k4=0.06, k5=0.007, k6=0.0008
+    )
+
+
+@pytest.mark.parametrize("text", ["2020-01-01;0,0,0,0,0,0,0,0,0", "2020-01-01;1,2,3", "nonsense", "1;nan,1,1,1,1,1,1,1,1"])
+def test_dewarp_data_that_is_no_calibration_is_dropped_with_a_reason(text: str) -> None:
+    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    assert [d.source for d in evidence.dropped] == [Source.DJI_DEWARP]
+    assert evidence.chosen is not None
+    assert evidence.chosen.source is Source.CATALOGUE_PITCH
+
+
+def test_calibrated_focal_length_is_the_design_value_and_not_a_calibration() -> None:
+    metadata = replace(
+        p4_rtk(),
+        xmp=xmp(
+            "drone-dji",
+            CalibratedFocalLength="3666.666504",
+            CalibratedOpticalCenterX="2736.000000",
+            CalibratedOpticalCenterY="1824.000000",
+        ),
+    )
+    design = witness(collect(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
+    assert design.grade is Grade.DESIGN
+    assert not design.measured_centre
+
+
+def test_the_design_centre_tells_the_frame_of_a_file_whose_exif_size_lies() -> None:
+    metadata = ImageMetadata(
+        size=(2736, 1824),
+        exif_size=(2736, 1824),
+        make="DJI",
+        model="FC6310R",
+        focal_mm=8.8,
+        xmp=xmp(
+            "drone-dji",
+            CalibratedFocalLength="3666.666504",
+            CalibratedOpticalCenterX="2736.0",
+            CalibratedOpticalCenterY="1824.0",
+        ),
+    )
+    design = witness(collect(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
+    assert design.reference_size == (5472, 3648)
+    assert design.intrinsics.fx == pytest.approx(3666.666504 / 2)
+
+
+def test_rededge_firmware_2_writes_pixels_without_a_unit() -> None:
+    chosen = collect(Scene(metadata=micasense("1449.36"))).chosen
+    assert chosen is not None
+    assert chosen.source is Source.CAMERA_PERSPECTIVE
+    assert chosen.intrinsics.fx == 1449.36
+
+
+def test_rededge_firmware_3_writes_millimetres_with_a_unit() -> None:
+    chosen = collect(Scene(metadata=micasense("5.4522", unit="mm"))).chosen
+    assert chosen is not None
+    assert chosen.intrinsics.fx == pytest.approx(5.4522 * 266.666667)
+
+
+def test_camera_principal_point_is_in_millimetres_from_the_upper_left() -> None:
+    chosen = collect(Scene(metadata=micasense("1449.36"))).chosen
+    assert chosen is not None
+    assert (chosen.intrinsics.cx, chosen.intrinsics.cy) == pytest.approx((2.36 * 266.666667, 1.81 * 266.666667))
+    assert chosen.measured_centre
+
+
+def test_camera_perspective_distortion_is_k1_k2_k3_p1_p2() -> None:
+    chosen = collect(Scene(metadata=micasense("1449.36"))).chosen
+    assert chosen is not None
+    assert chosen.distortion == BrownConrady(k1=-0.1, k2=0.14, k3=-0.02, p1=0.0003, p2=-0.0004)
+
+
+def test_a_focal_length_that_fits_in_neither_unit_is_dropped() -> None:
+    evidence = collect(Scene(metadata=micasense("90")))
+    assert evidence.dropped[0].source is Source.CAMERA_PERSPECTIVE
+    assert "neither as mm nor as pixels" in evidence.dropped[0].reason
+
+
+def test_an_unknown_unit_is_not_guessed() -> None:
+    evidence = collect(Scene(metadata=micasense("5.45", unit="furlong")))
+    assert "furlong" in evidence.dropped[0].reason
+
+
+def test_a_fisheye_is_heard_but_gives_no_k() -> None:
+    metadata = ImageMetadata(
+        size=(1280, 960),
+        make="Parrot",
+        model="Sequoia",
+        focal_mm=3.98,
+        focal_plane_resolution=(266.67, 266.67),
+        focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+        xmp=xmp("Camera", ModelType="fisheye", FisheyeAffineMatrix="1657.9,0.0,0.0,1657.9"),
+    )
+    evidence = collect(Scene(metadata=metadata))
+    fisheye = witness(evidence, Source.CAMERA_FISHEYE)
+    assert fisheye.intrinsics.fx == pytest.approx(2 * 1657.9 / math.pi)
+    assert fisheye.intrinsics.fx == pytest.approx(witness(evidence, Source.FOCAL_PLANE).intrinsics.fx, rel=0.01)
+    assert evidence.chosen is None
+
+
+def skydio(**over: object) -> ImageMetadata:
+    values = {
+        "CalibratedFocalLength__X": "2378.5",
+        "CalibratedFocalLength__Y": "2376.9",
+        "CalibratedOpticalCenter__X": "2028.7",
+        "CalibratedOpticalCenter__Y": "1519.8",
+    }
+    metadata = ImageMetadata(
+        size=(4056, 3040), exif_size=(4056, 3040), make="Skydio", model="2", focal_mm=4.7, xmp=xmp("drone-skydio", **values)
+    )
+    return replace(metadata, **over)  # type: ignore[arg-type]
+
+
+def test_skydio_counts_from_the_centre_of_the_first_pixel() -> None:
+    chosen = collect(Scene(metadata=skydio(), known=SKYDIO_2)).chosen
+    assert chosen is not None
+    assert (chosen.intrinsics.cx, chosen.intrinsics.cy) == (2029.2, 1520.3)
+
+
+def test_skydio_counts_in_the_full_sensor_whatever_the_file_shows() -> None:
+    cropped = skydio(size=(1500, 844), exif_size=(4056, 2282))
+    chosen = collect(Scene(metadata=cropped, known=SKYDIO_2)).chosen
+    assert chosen is not None
+    assert chosen.intrinsics.fx == pytest.approx(2378.5 * 1500 / 4056)
+    assert chosen.intrinsics.cy == pytest.approx((1520.3 - 379) * 844 / 2282)
+
+
+def test_a_camera_known_to_write_a_wrong_focal_length_is_not_believed_about_it() -> None:
+    evidence = collect(Scene(metadata=replace(skydio(), xmp=()), known=SKYDIO_2))
+    assert evidence.chosen is None
+    assert "wrong focal length" in evidence.dropped[0].reason
+
+
+def test_a_thermal_frame_with_the_colour_cameras_calibration_drops_it() -> None:
+    thermal = replace(SKYDIO_2, title="thermal", native_size=(640, 512), pitch_um=12.0, fx_over_w=1.1)
+    values = {
+        "CalibratedFocalLength__X": "4892",
+        "CalibratedFocalLength__Y": "4890",
+        "CalibratedOpticalCenter__X": "1989",
+        "CalibratedOpticalCenter__Y": "1500",
+    }
+    metadata = ImageMetadata(size=(640, 512), make="Skydio", model="X2", xmp=xmp("drone-skydio", **values))
+    evidence = collect(Scene(metadata=metadata, known=thermal))
+    assert "outside the 640×512 frame" in evidence.dropped[0].reason
+    assert evidence.chosen is None
+
+
+def test_a_calibration_a_fifth_off_the_optics_is_another_cameras() -> None:
+    text = "2020-01-01;900,900,0,0,0,0,0,0,0"
+    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    assert "another sub-camera" in evidence.dropped[0].reason
+
+
+def test_horizontal_field_of_view_gives_the_focal_length() -> None:
+    metadata = ImageMetadata(size=(4624, 3472), xmp=xmp("exif", CameraHorizontalFOV="68.0"))
+    chosen = collect(Scene(metadata=metadata)).chosen
+    assert chosen is not None
+    assert chosen.intrinsics.fx == pytest.approx(2312 / math.tan(math.radians(34)))
+
+
+@pytest.mark.parametrize(
+    ("unit", "resolution"),
+    [
+        (FocalPlaneUnit.INCH, 16393.44262),
+        (FocalPlaneUnit.CENTIMETRE, 6454.1112),
+        (FocalPlaneUnit.MILLIMETRE, 645.41112),
+        (FocalPlaneUnit.MICROMETRE, 0.64541112),
+        (None, 16393.44262),
+    ],
+)
+def test_focal_plane_resolution_counts_in_each_unit(unit: FocalPlaneUnit | None, resolution: float) -> None:
+    metadata = ImageMetadata(
+        size=(4000, 3000), focal_mm=4.5, focal_plane_resolution=(resolution, resolution), focal_plane_unit=unit
+    )
+    chosen = collect(Scene(metadata=metadata)).chosen
+    assert chosen is not None
+    assert chosen.intrinsics.fx == pytest.approx(2904.35, abs=0.01)
+
+
+def test_72_dpi_is_no_focal_plane() -> None:
+    metadata = ImageMetadata(size=(4056, 3040), focal_mm=3.7, focal_plane_resolution=(72.0, 72.0))
+    evidence = collect(Scene(metadata=metadata))
+    assert evidence.chosen is None
+    assert "1 … 100 mm" in evidence.dropped[0].reason
+
+
+def test_focal_plane_resolution_of_a_resized_file_counts_in_exifs_frame() -> None:
+    metadata = ImageMetadata(
+        size=(1000, 750),
+        exif_size=(4000, 3000),
+        focal_mm=4.5,
+        focal_plane_resolution=(16393.44262, 16393.44262),
+        focal_plane_unit=FocalPlaneUnit.INCH,
+    )
+    chosen = collect(Scene(metadata=metadata)).chosen
+    assert chosen is not None
+    assert chosen.intrinsics.fx == pytest.approx(2904.35 / 4, abs=0.01)
+
+
+def test_catalogue_pitch_keeps_its_pixels_through_a_16_9_crop() -> None:
+    metadata = ImageMetadata(size=(4000, 2250), exif_size=(4000, 2250), focal_mm=3.61, focal_35mm=20.0)
+    chosen = collect(Scene(metadata=metadata, known=PHANTOM_3)).chosen
+    assert chosen is not None
+    assert (chosen.intrinsics.fx, chosen.intrinsics.fy) == pytest.approx((3610 / 1.54, 3610 / 1.54))
+    assert (chosen.intrinsics.cx, chosen.intrinsics.cy) == (2000, 1125)
+
+
+def test_thermal_of_a_shared_model_is_not_touched_by_an_exif_size_of_super_resolution() -> None:
+    metadata = ImageMetadata(size=(640, 512), exif_size=(1280, 1024), focal_mm=9.1, focal_35mm=40.0)
+    chosen = collect(Scene(metadata=metadata, known=M3T_THERMAL, siblings=(M3T_WIDE,))).chosen
+    assert chosen is not None
+    assert chosen.intrinsics.fx == pytest.approx(758.33, abs=0.01)
+
+
+def test_super_resolution_doubles_the_pixels() -> None:
+    metadata = ImageMetadata(size=(1280, 1024), exif_size=(1280, 1024), focal_mm=9.1)
+    chosen = collect(Scene(metadata=metadata, known=M3T_THERMAL)).chosen
+    assert chosen is not None
+    assert chosen.intrinsics.fx == pytest.approx(1516.67, abs=0.01)
+
+
+def test_a_35_mm_equivalent_alone_is_a_prior_and_never_a_k() -> None:
+    evidence = collect(Scene(metadata=ImageMetadata(size=(5472, 3648), focal_35mm=24.0)))
+    assert [w.grade for w in evidence.witnesses] == [Grade.PRIOR]
+    assert evidence.chosen is None
+
+
+def test_the_35_mm_equivalent_refers_to_the_native_diagonal_not_the_crops() -> None:
+    metadata = ImageMetadata(size=(4000, 2250), focal_mm=3.61, focal_35mm=20.0)
+    prior = witness(collect(Scene(metadata=metadata, known=PHANTOM_3)), Source.FOCAL_35MM)
+    assert prior.intrinsics.fx == pytest.approx(20.0 / math.hypot(36, 24) * 5000)
+
+
+def test_a_given_sensor_is_heard_before_the_catalogue() -> None:
+    metadata = ImageMetadata(size=(5472, 3648), focal_mm=8.8)
+    scene = Scene(metadata=metadata, known=P4_RTK, given_sensor_mm=(13.2, 8.8), assumed_sensor_mm=None)
+    chosen = collect(scene).chosen
+    assert chosen is not None
+    assert chosen.source is Source.GIVEN_SENSOR
+    assert chosen.intrinsics.fx == (8.8 / 13.2) * 5472
+
+
+def test_a_sensor_is_assumed_only_when_nothing_else_tells_the_pitch() -> None:
+    metadata = ImageMetadata(size=(5472, 3648), focal_mm=8.8)
+    chosen = collect(Scene(metadata=metadata, assumed_sensor_mm=(13.2, 8.8))).chosen
+    assert chosen is not None
+    assert chosen.source is Source.ASSUMED_SENSOR
+    assert chosen.assumptions == ("the sensor is 13.2 × 8.8 mm",)
+    with_plane = replace(metadata, focal_plane_resolution=(416.67, 416.67), focal_plane_unit=FocalPlaneUnit.MILLIMETRE)
+    sources = {w.source for w in collect(Scene(metadata=with_plane, assumed_sensor_mm=(13.2, 8.8))).witnesses}
+    assert Source.ASSUMED_SENSOR not in sources
+
+
+def test_orientation_is_not_applied_and_said_so() -> None:
+    metadata = replace(micasense("1449.36"), orientation=3)
+    evidence = collect(Scene(metadata=metadata))
+    from calibrary.evidence.identity import camera_key
+
+    calibration = evidence.calibration(camera_key(metadata))
+    assert calibration is not None
+    assert "Orientation is 3" in calibration.notes[0]

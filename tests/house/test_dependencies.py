@@ -1,0 +1,73 @@
+"""Dependencies: each has its reason in CONTRIBUTING.md and its version in the lock file."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from tests.house.project import ROOT
+
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+WANTED = [
+    Requirement(line)
+    for line in (
+        *PYPROJECT["build-system"]["requires"],
+        *PYPROJECT["project"]["dependencies"],
+        *PYPROJECT["dependency-groups"]["dev"],
+    )
+]
+LOCK = (ROOT / "requirements-dev.lock").read_text()
+PYTHONS = ("3.11.0", "3.12.0", "3.13.0")
+
+
+def reasons() -> dict[str, str]:
+    """What CONTRIBUTING.md says of each dependency: ``* **name**: reason``."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    return {
+        canonicalize_name(name): why for name, why in re.findall(r"(?m)^\* \*\*([\w-]+)\*\*: (.+)$", text)
+    }
+
+
+def locked(python: str) -> dict[str, str]:
+    """The version of each package that the lock file gives to a Python."""
+    environment = {"python_version": python.rpartition(".")[0], "python_full_version": python}
+    pins = [Requirement(line) for line in re.findall(r"(?m)^([\w-]+==[^\\\n]+?) *\\?$", LOCK)]
+    here = [pin for pin in pins if pin.marker is None or pin.marker.evaluate(environment)]
+    versions: dict[str, str] = {pin.name: str(pin.specifier).removeprefix("==") for pin in here}
+    assert len(versions) == len(here), "a package is pinned twice"
+    return versions
+
+
+def test_each_dependency_has_its_reason_and_each_reason_its_dependency() -> None:
+    assert set(reasons()) == {canonicalize_name(wanted.name) for wanted in WANTED}
+
+
+@pytest.mark.parametrize("name", sorted(reasons()))
+def test_a_reason_is_a_sentence(name: str) -> None:
+    assert len(reasons()[name].split()) >= 5
+    assert reasons()[name].endswith(".")
+
+
+@pytest.mark.parametrize("python", PYTHONS)
+def test_the_lock_file_gives_each_python_what_pyproject_wants(python: str) -> None:
+    versions = locked(python)
+    missed = [
+        str(wanted)
+        for wanted in WANTED
+        if not wanted.specifier.contains(versions[canonicalize_name(wanted.name)])
+    ]
+    assert missed == [], "run `make lock`"
+
+
+def test_the_lock_file_names_no_package_index() -> None:
+    assert "://" not in LOCK
+    assert re.findall(r"(?m)^-", LOCK) == []
+
+
+def test_every_pin_carries_a_hash() -> None:
+    pins = re.split(r"(?m)^(?=[a-z])", LOCK)[1:]
+    assert [pin.splitlines()[0] for pin in pins if "--hash=sha256:" not in pin] == []
