@@ -5,8 +5,8 @@
 >>> print(parsers.write([camera], "P4R.yml", "opencv_storage"))           # doctest: +SKIP
 exact; dropped: opencv_storage has no place for …
 
-A file is recognised by what is in it, never by its name. :mod:`calibrary.parsers.format` says what a format is and
-how to add one.
+A file is recognised by what is in it, never by its name. :mod:`calibrary.parsers.format` says what a format
+is and how to add one.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """A file's bytes as the sniffers see them: each view is made once, on demand, and shared by all formats.
 
-A sniffer must never parse on its own: with some fifty formats every file would be parsed fifty times. The views
-are made to recognise a file, not to read it; they never raise, and a broken file simply shows less of itself.
+A sniffer must never parse on its own: with some fifty formats every file would be parsed fifty times. The
+views are made to recognise a file, not to read it; they never raise, and a broken file simply shows less of
+itself.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Content:
 
     @cached_property
     def suffix(self) -> str:
-        """".xml" of "Left.XML"; empty when there is none."""
+        """Such as ".xml" for "Left.XML"; empty when there is none."""
         dot = self.name.rfind(".")
         return self.name[dot:].lower() if dot > 0 else ""
 
@@ -96,9 +97,9 @@ class Content:
             return None
 
     @cached_property
-    def json_keys(self) -> frozenset[str]:
-        """The keys of a JSON object, empty for every other file."""
-        return frozenset(self.json) if isinstance(self.json, dict) else frozenset()
+    def json_keys(self) -> tuple[str, ...]:
+        """The keys of a JSON object in their order, empty for every other file."""
+        return tuple(self.json) if isinstance(self.json, dict) else ()
 
     @cached_property
     def looks_like_json(self) -> bool:
@@ -106,14 +107,14 @@ class Content:
         return self.first_line.startswith(("{", "["))
 
     @cached_property
-    def yaml_keys(self) -> frozenset[str]:
+    def yaml_keys(self) -> tuple[str, ...]:
         """What stands before a colon at the start of a line of the head: a YAML mapping's outermost keys.
 
         The text need not be YAML by the book: OpenCV's and ORB-SLAM's dialects show theirs as well.
         """
         if self.xml_tags or self.looks_like_json:
-            return frozenset()
-        return frozenset(_YAML_KEY.findall(self.text or ""))
+            return ()
+        return tuple(dict.fromkeys(_YAML_KEY.findall(self.text or "")))
 
     def beginning(self, characters: int = 40) -> str:
         """The first characters for a message, with what cannot be printed escaped."""

@@ -1,7 +1,8 @@
 """How a format counts, as data: the same record is printed in the documentation and does the conversion.
 
-The value of each enum member is the sentence people read. Half pixels are :mod:`calibrary.conventions`'s business;
-units, the direction of y and the order of the tangential terms are dealt with here and nowhere else.
+The value of each enum member is the sentence people read. Half pixels are :mod:`calibrary.conventions`'s
+business; units, the direction of y and the order of the tangential terms are dealt with here and nowhere
+else.
 """
 
 from __future__ import annotations
@@ -86,7 +87,12 @@ class Convention:
     remarks: tuple[str, ...] = ()
 
     def intrinsics(
-        self, native: Native, image_size: ImageSize, *, sensor_mm: SizeMm | None = None, source: str | None = None
+        self,
+        native: Native,
+        image_size: ImageSize,
+        *,
+        sensor_mm: SizeMm | None = None,
+        source: str | None = None,
     ) -> Intrinsics:
         """K in the canonical form from the format's own numbers.
 
@@ -145,7 +151,12 @@ class Convention:
     def sentences(self) -> tuple[str, ...]:
         """The convention in words, for ``inspect`` and the documentation."""
         order = (f"coefficients {', '.join(self.coefficients)}",) if self.coefficients else ()
-        enums = (self.unit.value, str(self.origin.value), self.y_axis.value, self.direction.value)
+        enums = (
+            self.unit.value,
+            f"the principal point counts from {self.origin.value}",
+            self.y_axis.value,
+            self.direction.value,
+        )
         return (*enums, self.tangential.value, *order, *self.remarks)
 
     def _pixels_per_unit(self, image_size: ImageSize, sensor_mm: SizeMm | None) -> tuple[float, float]:

@@ -42,8 +42,8 @@ def format_named(name: str) -> Format:
 def known_formats() -> Mapping[str, Format]:
     """All formats by name, in alphabetical order.
 
-    A registered format that cannot be loaded, or that takes a name already taken, is left out with a warning: it
-    must not keep anybody from reading other files.
+    A registered format that cannot be loaded, or that takes a name already taken, is left out with a
+    warning: it must not keep anybody from reading other files.
     """
     found = {name: _built_in(name) for name in _module_names()}
     for point in entry_points(group=GROUP):
@@ -64,7 +64,9 @@ def known_formats() -> Mapping[str, Format]:
 @cache
 def _module_names() -> frozenset[str]:
     """Modules whose name starts with an underscore are helpers of their neighbours."""
-    return frozenset(module.name for module in iter_modules(folder.__path__) if not module.name.startswith("_"))
+    return frozenset(
+        module.name for module in iter_modules(folder.__path__) if not module.name.startswith("_")
+    )
 
 
 @cache

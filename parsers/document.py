@@ -19,7 +19,7 @@ from calibrary.parsers import text as strict
 
 __all__ = ["Json", "Node", "load_json", "parse_json"]
 
-Json: TypeAlias = "None | bool | int | float | str | list[Json] | dict[str, Json]"
+Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 
 
 class Node:
@@ -184,7 +184,9 @@ def parse_json(data: bytes, *, source: str) -> Json:
         text = data.decode(json.detect_encoding(data))
         document: Json = json.loads(text, object_pairs_hook=_unique_keys, parse_constant=_not_finite)
     except json.JSONDecodeError as error:
-        raise ParseError(f"this is no JSON: {error.msg}", source=source, place=f"line {error.lineno}") from None
+        raise ParseError(
+            f"this is no JSON: {error.msg}", source=source, place=f"line {error.lineno}"
+        ) from None
     except RecursionError:
         raise ParseError("the JSON is nested too deeply", source=source) from None
     except UnicodeDecodeError as error:

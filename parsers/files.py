@@ -32,26 +32,27 @@ def read_regular_file(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
     """
     try:
         _refuse_irregular(path, path.stat().st_mode)
-        # The file may be swapped between stat and open: O_NONBLOCK keeps a pipe from hanging, and fstat decides.
+        # The file may be swapped between stat and open: O_NONBLOCK keeps a pipe from hanging; fstat decides.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with open(descriptor, "rb") as file:  # noqa: PTH123  pathlib cannot open a descriptor
             _refuse_irregular(path, os.fstat(descriptor).st_mode)
             data = file.read(max_bytes + 1)
     except OSError as error:
-        # A loop of symbolic links ends here as well, as does a name no file can have (ValueError: NUL).
+        # A loop of symbolic links ends here as well.
         raise InputError(f"cannot be read: {error.strerror or error}", source=path.name) from None
-    except ValueError as error:
+    except ValueError as error:  # a name that no file can have, with a NUL in it
         raise InputError(f"cannot be read: {error}", source=ascii(path.name)) from None
     if not data:
         raise ParseError("the file is empty", source=path.name)
     if len(data) > max_bytes:
         raise ParseError(
-            f"the file is longer than {max_bytes} bytes, which no calibration needs; raise max_bytes if it does",
+            f"the file is longer than {max_bytes} bytes, as no calibration is; else raise max_bytes",
             source=path.name,
         )
     if data.startswith(_LFS):
         raise ParseError(
-            "this is a git-LFS pointer, not the file it stands for; fetch it with `git lfs pull`", source=path.name
+            "this is a git-LFS pointer, not the file it stands for; fetch it with `git lfs pull`",
+            source=path.name,
         )
     return data
 
@@ -61,8 +62,14 @@ def companions(path: Path, *, max_bytes: int = MAX_BYTES) -> Callable[[str], byt
 
     def companion(name: str) -> bytes | None:
         relative = PurePosixPath(name)
-        if relative.is_absolute() or ".." in relative.parts or not relative.parts or "\\" in name or "\0" in name:
-            raise ParseError(f"it refers to {ascii(name)}, which is no file beside it", source=path.name)
+        if (
+            relative.is_absolute()
+            or ".." in relative.parts
+            or not relative.parts
+            or "\\" in name
+            or "\0" in name
+        ):
+            raise ParseError(f"it refers to {name!a}, which is no file beside it", source=path.name)
         beside = path.parent / relative
         return read_regular_file(beside, max_bytes=max_bytes) if beside.exists() else None
 

@@ -1,8 +1,8 @@
-"""From one distortion model to another with K held fast: in closed form where there is one, else by least squares.
+"""From one distortion model to another with K held fast: in closed form, else by least squares.
 
-A sign flip is never a conversion: an observed → ideal polynomial with its signs turned misses by tens of pixels at
-the corners of an ordinary lens. What has no closed form is fitted to the rays that the image's pixels see, and the
-distance that remains is measured on a finer grid than the one that was fitted.
+A sign flip is never a conversion: an observed → ideal polynomial with its signs turned misses by tens of
+pixels at the corners of an ordinary lens. What has no closed form is fitted to the rays that the image's
+pixels see, and the distance that remains is measured on a finer grid than the one that was fitted.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FloatArray: TypeAlias = NDArray[np.float64]
 Residuals: TypeAlias = Callable[[FloatArray], "FloatArray | None"]
 
 DEFAULT_MAX_ERROR_PX = 0.05
-"""Half of what good feature matching resolves: a conversion better than this is not seen in a reconstruction."""
+"""Half of what good feature matching resolves: a reconstruction does not see a smaller error."""
 
 EXACT = 1e-12
 """Relative; a decimal of 17 digits and a change of origin keep within it."""
@@ -68,12 +68,13 @@ def exact(distortion: Distortion, target: type[Distortion]) -> Distortion | None
 def refit(
     calibration: Calibration, target: type[Distortion], *, intrinsics: Intrinsics | None = None
 ) -> tuple[Distortion, Fit] | None:
-    """The coefficients of ``target`` that put the rays of an image closest to where the calibration puts them.
+    """The coefficients of ``target`` that put an image's rays closest to where the calibration puts them.
 
     Args:
         calibration: the original; its distortion is known.
         target: the model to fit.
-        intrinsics: the K the new coefficients stand beside, where it cannot be the original's; it is never fitted.
+        intrinsics: the K the new coefficients stand beside, where it cannot be the original's; it is not
+            fitted.
 
     Returns:
         The distortion and how well it does, None when the model cannot show a ray that the image shows (a
@@ -155,9 +156,11 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
     names = ", ".join(model.model for model in capacity.models)
     if best is None:
         raise UnsupportedModelError(
-            f"the {distortion.model} model has no counterpart among {names}, and none of them can show all that it shows"
+            f"the {distortion.model} model has no counterpart among {names}; none shows all that it does"
         )
-    raise UnsupportedModelError(f"the {distortion.model} model has no exact counterpart among {names}; {_misses(best[1])}")
+    raise UnsupportedModelError(
+        f"the {distortion.model} model has no exact counterpart among {names}; {_misses(best[1])}"
+    )
 
 
 def _misses(fit: Fit) -> str:
@@ -209,7 +212,7 @@ def _same_map(original: Calibration, copy: Calibration) -> bool:
 
 
 def _seen(calibration: Calibration, steps: int) -> tuple[FloatArray, FloatArray]:
-    """Pixels of a grid over the whole image, corners included, and the rays seen there; unseen ones left out."""
+    """A grid of pixels over the whole image, corners included, and their rays; unseen ones are left out."""
     width, height = calibration.intrinsics.image_size
     u, v = np.meshgrid(np.linspace(0.0, width, steps), np.linspace(0.0, height, steps))
     rays = calibration.unproject(np.column_stack([u.ravel(), v.ravel()]))
@@ -235,8 +238,8 @@ def _model(target: type[Distortion], coefficients: FloatArray) -> Distortion:
 def _least_squares(residuals: Residuals, unknowns: int, *, rounds: int = 60) -> FloatArray | None:
     """Levenberg and Marquardt's method from zero; None when not even zero can be evaluated.
 
-    The polynomial models are linear in their coefficients and need two rounds. A step that makes the model fold
-    inside the image has no residuals and is shortened like any step that makes things worse.
+    The polynomial models are linear in their coefficients and need two rounds. A step that makes the model
+    fold inside the image has no residuals and is shortened like any step that makes things worse.
     """
     x = np.zeros(unknowns)
     missed = residuals(x)
@@ -247,15 +250,16 @@ def _least_squares(residuals: Residuals, unknowns: int, *, rounds: int = 60) -> 
         jacobian = _jacobian(residuals, x, missed)
         if jacobian is None:
             return x
-        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-        gain = 0.0
+        scale: FloatArray = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+        cost, gain = float(missed @ missed), 0.0
         while damping < 1e12:
             padding = math.sqrt(damping) * np.eye(unknowns)
             stacked = np.vstack([jacobian / scale, padding])
-            step = np.linalg.lstsq(stacked, np.concatenate([-missed, np.zeros(unknowns)]), rcond=None)[0] / scale
+            wanted = np.concatenate([-missed, np.zeros(unknowns)])
+            step = np.linalg.lstsq(stacked, wanted, rcond=None)[0] / scale
             trial = residuals(x + step)
-            if trial is not None and trial @ trial < missed @ missed:
-                gain = 1.0 - (trial @ trial) / (missed @ missed)
+            if trial is not None and float(trial @ trial) < cost:
+                gain = 1.0 - float(trial @ trial) / cost
                 x, missed, damping = x + step, trial, max(damping / 10, 1e-15)
                 break
             damping *= 10
@@ -283,4 +287,3 @@ def _jacobian(residuals: Residuals, x: FloatArray, missed: FloatArray) -> FloatA
             return None
         columns.append((ahead - behind) / (2.0 * step))
     return np.column_stack(columns)
-

@@ -3,27 +3,31 @@
 Adding a format touches its module, ``parsers/formats/<name>.py``, and its test, nothing else:
 
 1.  The module's docstring gives the format's own words and a link; its facts are constants at the top.
-2.  ``CONVENTION`` states how the format counts (unit, origin, y axis, direction, order of the tangential terms).
-    :meth:`Convention.intrinsics` and :meth:`Convention.native` do the counting; a format never adds half a pixel.
-3.  ``sniff(content) -> Sniff | None`` looks at the shared views of :class:`~calibrary.parsers.content.Content` and
-    parses nothing itself. ``MAGIC``: a signature nobody else has. ``SHAPE``: keys or columns another format might
-    share. ``WEAK``: nothing in the file says so; counts only when nobody else claims it.
-4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens nothing: a file that belongs to it comes by
-    ``context.companion(name)``. Every camera in order; with several, ``sub_camera`` is the name the file gives each
-    and ``provenance.tag`` its key. ``context.size(found)`` settles the image size, ``context.option(name)`` what
-    only the user can know (declare it as an :class:`Option`), ``context.provenance(...)`` where it came from.
-    Numbers come through ``parsers.text``, ``parsers.document`` or ``parsers.xml``, never through bare ``float``. It raises
-    ``InputError`` kinds only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no
-    counterpart here. What is odd but readable goes to ``notes``, what was taken for granted to
-    ``provenance.assumptions``, what the file says beyond that to ``extras`` under ``"<name>/<key>"``.
-5.  ``write(calibrations, context) -> bytes``, if any, stands beside ``CAPACITY``: which models (preferred first), skew,
-    two focal lengths, how many cameras. It is handed only what fits: the framework has converted or refitted the rest
-    within the caller's limit, reads the bytes back, and measures the verdict on them, lost fields included. So a writer
-    cannot lose anything silently, and ``read`` must accept what ``write`` made. Put what makes a file complete
-    last, so that no cut-off file reads as another camera.
+2.  ``CONVENTION`` states how the format counts (unit, origin, y axis, direction, order of the tangential
+    terms). :meth:`Convention.intrinsics` and :meth:`Convention.native` do the counting; a format never adds
+    half a pixel.
+3.  ``sniff(content) -> Sniff | None`` looks at the shared views of
+    :class:`~calibrary.parsers.content.Content` and parses nothing itself. ``MAGIC``: a signature nobody else
+    has. ``SHAPE``: keys or columns another format might share. ``WEAK``: nothing in the file says so; counts
+    only when nobody else claims it.
+4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens nothing: a file that belongs to it
+    comes by ``context.companion(name)``. Every camera in order; with several, ``sub_camera`` is the name the
+    file gives each and ``provenance.tag`` its key. ``context.size(found)`` settles the image size,
+    ``context.option(name)`` what only the user can know (declare it as an :class:`Option`),
+    ``context.provenance(...)`` where it came from. Numbers come through ``parsers.text``,
+    ``parsers.document`` or ``parsers.xml``, never through bare ``float``. It raises ``InputError`` kinds
+    only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no counterpart here. What
+    is odd but readable goes to ``notes``, what was taken for granted to ``provenance.assumptions``, what the
+    file says beyond that to ``extras`` under ``"<name>/<key>"``.
+5.  ``write(calibrations, context) -> bytes``, if any, stands beside ``CAPACITY``: which models (preferred
+    first), skew, two focal lengths, how many cameras. It is handed only what fits: the framework has
+    converted or refitted the rest within the caller's limit, reads the bytes back, and measures the verdict
+    on them, lost fields included. So a writer cannot lose anything silently, and ``read`` must accept what
+    ``write`` made. Put what makes a file complete last, so that no cut-off file reads as another camera.
 6.  A format that is recognised only to be refused has ``refuses="why, and the way out"`` and no ``read``.
-7.  ``FORMAT = Format(...)`` gathers all this. ``tests/parsers/test_contract.py`` takes it from there; the format's own
-    test holds its formula, computed independently, and one small file per dialect, with values of ours.
+7.  ``FORMAT = Format(...)`` gathers all this. ``tests/parsers/test_contract.py`` takes it from there; the
+    format's own test holds its formula, computed independently, and one small file per dialect, with values
+    of ours.
 
 Third parties put the same record under the entry-point group ``calibrary.formats``.
 """
@@ -106,7 +110,8 @@ class ReadContext:
         image_size: (width, height) px as the caller gave it.
         options: answers to the format's :class:`Option` questions.
         sha256: of the bytes.
-        companion: the bytes of another file of the same folder by its relative name, None where there is none.
+        companion: the bytes of another file of the same folder by its relative name, None where there is
+            none.
     """
 
     name: str
@@ -197,8 +202,8 @@ class Format:
     Attributes:
         name: the module's name; what callers pass as ``format``.
         title: what people call it.
-        suffixes: the usual ones, with their dot, lower case: a hint, never the proof. They break the tie between
-            two WEAK claims and nothing else.
+        suffixes: the usual ones, with their dot, lower case: a hint, never the proof. They break the tie
+            between two WEAK claims and nothing else.
         reference: where the format is described.
         convention: how its numbers count; None for a format that is only refused.
         sniff: the format's claim to a file, None when it makes none.

@@ -106,7 +106,7 @@ def read_content(
     if not calibrations:
         raise ParseError(f"this {record.title} file holds no camera", source=content.name)
     if sure is Sure.WEAK:
-        note = f"nothing in the file says that it is {record.title}; it was read as such because it has the shape of one"
+        note = f"nothing in the file says that it is {record.title}; it was read so because it has the shape"
         calibrations = [replace(item, notes=(*item.notes, note)) for item in calibrations]
     return calibrations
 

@@ -1,4 +1,4 @@
-"""Text and numbers as files write them, read strictly: what is not plainly a number is an error, never a guess."""
+"""Text and numbers as files write them: what is not plainly a number is an error, never a guess."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ def decode(data: bytes, *, source: str, errors: str = "strict") -> str:
             try:
                 text = data[len(mark) :].decode(encoding, errors)
             except UnicodeDecodeError as error:
-                raise ParseError(f"this is no {encoding.upper()} text: {error.reason}", source=source) from None
+                raise ParseError(
+                    f"this is no {encoding.upper()} text: {error.reason}", source=source
+                ) from None
             break
     else:
         try:
@@ -51,10 +53,10 @@ def decode(data: bytes, *, source: str, errors: str = "strict") -> str:
 
 
 def lines(text: str, *, source: str) -> tuple[str, ...]:
-    """The lines of a line-based format, without their ends; ``\\n``, ``\\r\\n`` and ``\\r`` all end one.
+    """The lines of a line-based format, without their ends (LF, CR LF or CR).
 
-    Such a format has no closing bracket, so a missing newline at the end is the only sign of a file that was cut
-    short in the middle of its last number.
+    Such a format has no closing bracket, so a missing newline at the end is the only sign of a file that was
+    cut short in the middle of its last number.
 
     Raises:
         ParseError: the last line is not ended.
@@ -87,7 +89,11 @@ def number(text: str, *, source: str | None = None, place: str | None = None) ->
 
 
 def numbers(
-    text: str, *, count: int | Sequence[int] | None = None, source: str | None = None, place: str | None = None
+    text: str,
+    *,
+    count: int | Sequence[int] | None = None,
+    source: str | None = None,
+    place: str | None = None,
 ) -> tuple[float, ...]:
     """Numbers parted by white space, of the given count (or one of the given counts).
 
@@ -136,7 +142,7 @@ def image_size(
     sides = (width, height)
     if not all(math.isfinite(side) and side == int(side) and 1 <= side <= LONGEST_SIDE_PX for side in sides):
         raise ParseError(
-            f"the image size is {width:g}×{height:g}, wanted whole numbers of pixels from 1 to {LONGEST_SIDE_PX}",
+            f"the image size is {width:g}×{height:g}, wanted whole pixels from 1 to {LONGEST_SIDE_PX}",
             source=source,
             place=place,
         )

@@ -1,7 +1,7 @@
 """Calibrations to bytes, with a verdict measured on the bytes themselves.
 
-Whatever a writer makes is read back before anybody sees it, and compared with what was meant: the verdict is a
-measurement, not a promise.
+Whatever a writer makes is read back before anybody sees it, and compared with what was meant: the verdict is
+a measurement, not a promise.
 """
 
 from __future__ import annotations
@@ -70,15 +70,17 @@ def _refuse_guesses(calibrations: Sequence[Calibration]) -> None:
     for item in calibrations:
         if not item.grade.is_metric:
             raise InputError(
-                f"the K of {item.camera} is a {item.grade.value}, a guess; a calibration file would pass it off as "
-                "measured, so none is written"
+                f"the K of {item.camera} is a {item.grade.value}, a guess; a calibration file would pass it "
+                "off as measured, so none is written"
             )
 
 
 def _one_size(calibrations: Sequence[Calibration]) -> ImageSize:
     sizes = {item.intrinsics.image_size for item in calibrations}
     if len(sizes) > 1:
-        raise UnsupportedModelError("the format does not hold image sizes, so cameras of several sizes cannot share a file")
+        raise UnsupportedModelError(
+            "the format does not hold image sizes, so cameras of several sizes cannot share a file"
+        )
     return sizes.pop()
 
 
@@ -86,6 +88,19 @@ def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterato
     """What was known before and is not in the file, in words."""
     if record.needs_image_size:
         yield "image size"
+    yield from _lost_lens(original, copy)
+    for item in fields(CameraKey):
+        value = getattr(original.camera, item.name)
+        if item.name != "image_size" and value is not None and value != getattr(copy.camera, item.name):
+            yield item.name.replace("_", " ")
+    yield from _lost_quality(original.quality or Quality(), copy.quality or Quality())
+    if copy.grade is not original.grade:
+        yield f"grade {original.grade.value} (the file reads as {copy.grade.value})"
+    kept = dict(copy.extras)
+    yield from (key for key, value in original.extras if kept.get(key) != value)
+
+
+def _lost_lens(original: Calibration, copy: Calibration) -> Iterator[str]:
     if original.distortion is not None and copy.distortion is None:
         yield f"distortion ({original.distortion.model})"
     if original.distortion is None and copy.distortion is not None:
@@ -95,17 +110,6 @@ def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterato
         yield f"skew of {before.skew:.6g} px"
     if before.fx != before.fy and after.fx == after.fy:
         yield f"the difference of fx and fy, {before.fx - before.fy:.6g} px"
-    for item in fields(CameraKey):
-        value = getattr(original.camera, item.name)
-        if item.name != "image_size" and value is not None and value != getattr(copy.camera, item.name):
-            yield item.name.replace("_", " ")
-    yield from _lost_quality(original.quality or Quality(), copy.quality or Quality())
-    if copy.grade is not original.grade:
-        yield f"grade {original.grade.value} (the file reads as {copy.grade.value})"
-    kept = dict(copy.extras)
-    for key, value in original.extras:
-        if kept.get(key) != value:
-            yield key
 
 
 def _lost_quality(before: Quality, after: Quality) -> Iterator[str]:

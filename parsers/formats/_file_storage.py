@@ -1,9 +1,9 @@
 """OpenCV's FileStorage, the container: one tree in three syntaxes, XML, YAML and JSON.
 
-Its YAML is a dialect: up to OpenCV 4 the first line is ``%YAML:1.0``, which no YAML parser takes, and matrices
-bear the tag ``!!opencv-matrix``. A matrix is a mapping with rows, cols, dt and data in every syntax; here it is one
-as well, so that what is read in one syntax can be written in another. Numbers are plain, text is quoted where the
-syntax asks for it.
+Its YAML is a dialect: up to OpenCV 4 the first line is ``%YAML:1.0``, which no YAML parser takes, and
+matrices bear the tag ``!!opencv-matrix``. A matrix is a mapping with rows, cols, dt and data in every
+syntax; here it is one as well, so that what is read in one syntax can be written in another. Numbers are
+plain, text is quoted where the syntax asks for it.
 
 Source: OpenCV, ``modules/core/src/persistence_{xml,yml,json}.cpp``.
 """
@@ -57,7 +57,7 @@ def load(data: bytes, *, source: str) -> Node:
         # The directive becomes a comment of the same length, so that lines in messages stay right.
         plain = _DIRECTIVE.sub(rb"\1#", data)
         yaml = load_yaml(plain, source=source, max_bytes=MAX_YAML_BYTES, ignored_tags=(MATRIX_TAG,))
-        tree = Node(yaml, source=source)  # type: ignore[arg-type]  YAML's values are JSON's; list is invariant
+        tree = Node(yaml, source=source)
     if not isinstance(tree.value, dict):
         tree.fail("this is no mapping, as an OpenCV file is")
     return tree
@@ -171,7 +171,9 @@ def _xml_element(key: str, value: Json) -> str:
         inner = "".join(f"\n  {_xml_element(name, item)}" for name, item in value.items())
         return f'<{key} type_id="opencv-matrix">{inner}</{key}>'
     if isinstance(value, dict):
-        inner = "".join(f"\n{_xml_element(name, item)}" for name, item in value.items() if _XML_KEY.fullmatch(name))
+        inner = "".join(
+            f"\n{_xml_element(name, item)}" for name, item in value.items() if _XML_KEY.fullmatch(name)
+        )
         return f"<{key}>{inner}</{key}>"
     if isinstance(value, list):
         if all(isinstance(item, int | float) for item in value):
@@ -183,7 +185,9 @@ def _xml_element(key: str, value: Json) -> str:
 
 
 def _yaml(tree: Mapping[str, Json]) -> str:
-    body = "".join(line for key, value in tree.items() if _KEY.fullmatch(key) for line in _yaml_lines(key, value, ""))
+    body = "".join(
+        line for key, value in tree.items() if _KEY.fullmatch(key) for line in _yaml_lines(key, value, "")
+    )
     return f"%YAML:1.0\n---\n{body}"
 
 
@@ -198,15 +202,18 @@ def _yaml_lines(key: str, value: Json, indent: str) -> Iterator[str]:
         for item in value:
             yield f"{deeper}- {_flow(item)}\n"
     else:
-        yield f"{indent}{key}: {_flow(value, deeper)}\n"
+        yield f"{indent}{key}: {value if key == 'dt' else _flow(value, deeper)}\n"
 
 
 def _flow(value: Json, indent: str = "   ") -> str:
     if isinstance(value, list):
         if not value:
             return "[ ]"
-        rows = [", ".join(_flow(item) for item in value[start : start + 4]) for start in range(0, len(value), 4)]
-        return f"[ {f',\n{indent}    '.join(rows)} ]"
+        rows = [
+            ", ".join(_flow(item) for item in value[start : start + 4]) for start in range(0, len(value), 4)
+        ]
+        line_break = f",\n{indent}    "
+        return f"[ {line_break.join(rows)} ]"
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{name}: {_flow(item)}" for name, item in value.items()) + " }"
     return _token(value)
@@ -222,7 +229,9 @@ def _token(value: Json) -> str:
 
 
 def _json(tree: Mapping[str, Json]) -> str:
-    return json.dumps({key: _typed(value) for key, value in tree.items()}, indent=4, ensure_ascii=False) + "\n"
+    return (
+        json.dumps({key: _typed(value) for key, value in tree.items()}, indent=4, ensure_ascii=False) + "\n"
+    )
 
 
 def _typed(value: Json) -> Json:

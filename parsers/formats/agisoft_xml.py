@@ -12,10 +12,11 @@ In the format's own words::
 
     u = W/2 + cx + x'·f + x'·b1 + y'·b2        v = H/2 + cy + y'·f
 
-so fx = f + b1, fy = f and skew = b2, exactly. cx and cy are offsets from the middle of the image, px; a coefficient
-that is zero is left out. PhotoScan before 1.4 wrote ``<fx> <fy> <skew>`` instead, and under the same names cx and
-cy counted from the image's corner: it is ``<fx>`` that tells. p1 and p2 stand the other way round than OpenCV's.
-``fisheye`` applies the same polynomial to the equidistant image: without p1, p2 it is Kannala and Brandt's.
+so fx = f + b1, fy = f and skew = b2, exactly. cx and cy are offsets from the middle of the image, px; a
+coefficient that is zero is left out. PhotoScan before 1.4 wrote ``<fx> <fy> <skew>`` instead, and under the
+same names cx and cy counted from the image's corner: it is ``<fx>`` that tells. p1 and p2 stand the other
+way round than OpenCV's. ``fisheye`` applies the same polynomial to the equidistant image: without p1, p2 it
+is Kannala and Brandt's.
 
 Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
 """
@@ -49,9 +50,7 @@ CONVENTION = Convention(
     coefficients=COEFFICIENTS,
     remarks=("fx = f + b1, fy = f, skew = b2", "a number that is zero is left out"),
 )
-OLD_CONVENTION = Convention(
-    origin=Origin.PIXEL_CORNER, tangential=Tangential.SWAPPED, coefficients=COEFFICIENTS
-)
+OLD_CONVENTION = Convention(origin=Origin.CORNER, tangential=Tangential.SWAPPED, coefficients=COEFFICIENTS)
 PRINCIPAL_POINT = Option(
     name="principal_point",
     values=("offset", "absolute"),
@@ -81,7 +80,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     projection = fields.text("projection")
     if projection not in {"frame", "fisheye"}:
         raise UnsupportedModelError(
-            f"the projection is {strict.shown(projection)}, of which only Metashape itself knows the formula; "
+            f"the projection is {strict.shown(projection)}, which has no counterpart here; "
             "wanted frame or fisheye",
             source=context.name,
         )
@@ -125,9 +124,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n{body}</calibration>\n'.encode()
 
 
-def _intrinsics(
-    fields: _Fields, size: ImageSize, context: ReadContext
-) -> tuple[Intrinsics, tuple[str, ...]]:
+def _intrinsics(fields: _Fields, size: ImageSize, context: ReadContext) -> tuple[Intrinsics, tuple[str, ...]]:
     """K, and what a person should know about how it was read."""
     offset_style, absolute_style = (
         [name for name in style if name in fields] for style in (OFFSET_STYLE, ABSOLUTE_STYLE)
@@ -165,8 +162,8 @@ def _refuse_the_other_count(K: Intrinsics, *, absolute_style: bool, source: str)
     if drift > FARTHEST:
         expected = "the image's corner" if absolute_style else "its middle"
         raise ParseError(
-            f"cx and cy, counted from {expected} as this layout does, put the principal point {drift:.0%} of a "
-            "side off the middle; say which count is meant with options={'principal_point': 'offset'} or "
+            f"cx and cy, counted from {expected} as this layout does, put the principal point {drift:.0%} of "
+            "a side off the middle; say which count is meant with options={'principal_point': 'offset'} or "
             "'absolute' (--set principal_point=…)",
             source=source,
             place="cx, cy",
@@ -187,8 +184,8 @@ def _fisheye(fields: _Fields) -> Distortion:
     for name in ("p1", "p2", "p3", "p4"):
         if fields.number(name, 0.0):
             raise UnsupportedModelError(
-                f"a fisheye with {name} ≠ 0 has no counterpart here; adjust the camera in Metashape with p1 and p2 "
-                "fixed at zero and save it again",
+                f"a fisheye with {name} ≠ 0 has no counterpart here; adjust the camera in Metashape with p1 "
+                "and p2 fixed at zero and save it again",
                 source=fields.source,
                 place=name,
             )
@@ -231,7 +228,7 @@ class _Fields:
         return strict.image_size(self.number("width"), self.number("height"), source=self.source)
 
     def extras(self) -> tuple[tuple[str, str], ...]:
-        """What is not part of the camera, such as the date: its text, or its XML where it has more than text."""
+        """What is not part of the camera, such as the date: text, or XML where it is more than text."""
         return tuple(
             (PREFIX + name, _content(element)) for name, element in self.elements.items() if name not in KNOWN
         )

@@ -1,9 +1,9 @@
 """``K_matrix.npy``: an intrinsic matrix by itself, as numpy saves an array.
 
-A (3, 3) array of floats, fx s cx / 0 fy cy / 0 0 1, px. The file says neither how large the images are nor how K came
-about nor where pixels are counted from. The matrices that calibrary writes count from the outer corner of the
-top-left pixel, as the image centre (W/2, H/2) implies; one that came out of ``cv2.calibrateCamera`` counts from the
-pixel's centre and is read with ``origin=centre``.
+A (3, 3) array of floats, fx s cx / 0 fy cy / 0 0 1, px. The file says neither how large the images are nor
+how K came about nor where pixels are counted from. The matrices that calibrary writes count from the outer
+corner of the top-left pixel, as the image centre (W/2, H/2) implies; one that came out of
+``cv2.calibrateCamera`` counts from the pixel's centre and is read with ``origin=centre``.
 
 Source: NEP 1, "A simple file format for NumPy arrays" (numpy.lib.format).
 """
@@ -28,21 +28,22 @@ from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Snif
 __all__ = ["FORMAT"]
 
 CONVENTION = Convention(
-    origin=Origin.PIXEL_CORNER,
+    origin=Origin.CORNER,
     tangential=Tangential.NONE,
     remarks=("K alone: the file holds no distortion and no image size",),
 )
 ORIGIN = Option(
     name="origin",
     values=("corner", "centre"),
-    meaning="whether cx and cy count from the outer corner of the top-left pixel or, as OpenCV's, from its centre",
+    meaning="whether cx and cy count from the top-left pixel's outer corner or, as OpenCV's, from its centre",
 )
 
 MAGIC = b"\x93NUMPY"
 LONGEST_HEADER = 4096
-# The header is a Python literal; a pattern reads the three entries that every writer makes and evaluates nothing.
+# A Python literal: a pattern reads the three entries that every writer makes, and nothing is evaluated.
 _HEADER = re.compile(
-    r"\{\s*(?=[^}]*'descr':\s*'(?P<kind>[<>|]?(?:f[248]|[iu][1248]))')(?=[^}]*'fortran_order':\s*(?P<fortran>True|False))"
+    r"\{\s*(?=[^}]*'descr':\s*'(?P<kind>[<>|]?(?:f[248]|[iu][1248]))')"
+    r"(?=[^}]*'fortran_order':\s*(?P<fortran>True|False))"
     r"(?=[^}]*'shape':\s*\((?P<shape>[\d, ]*)\))[^{}]*\}\s*"
 )
 
@@ -71,7 +72,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             source=context.name,
         )
     size = context.size(None)
-    origin, sentence = Origin.PIXEL_CORNER, "cx and cy count from the pixel corner"
+    origin, sentence = Origin.CORNER, "cx and cy count from the pixel corner"
     if context.option(ORIGIN.name) == "centre":
         origin, sentence = Origin.PIXEL_CENTRE, "cx and cy count from the pixel centre, as the caller says"
     native = Native(
@@ -108,11 +109,15 @@ def _array(data: bytes, source: str) -> NDArray[np.float64]:
     version, rest = data[6:8], data[8:]
     width = {b"\1\0": 2, b"\2\0": 4, b"\3\0": 4}.get(version)
     if width is None or len(rest) < width:
-        raise ParseError(f"numpy file version {version.hex()} is not known, or the file is cut short", source=source)
+        raise ParseError(
+            f"numpy file version {version.hex()} is not known, or the file is cut short", source=source
+        )
     [length] = struct.unpack("<H" if width == 2 else "<I", rest[:width])
     header, body = rest[width : width + length], rest[width + length :]
     if length > LONGEST_HEADER or len(header) < length:
-        raise ParseError(f"the numpy header of {length} bytes is too long, or the file is cut short", source=source)
+        raise ParseError(
+            f"the numpy header of {length} bytes is too long, or the file is cut short", source=source
+        )
     found = _HEADER.fullmatch(header.decode("latin-1"))
     if found is None:
         raise ParseError("the array's elements are no plain numbers, wanted floats", source=source)
@@ -122,8 +127,8 @@ def _array(data: bytes, source: str) -> NDArray[np.float64]:
     kind = np.dtype(found["kind"])
     if len(body) != 9 * kind.itemsize:
         raise ParseError(f"{len(body)} bytes of numbers, wanted {9 * kind.itemsize}", source=source)
-    order = "F" if found["fortran"] == "True" else "C"
-    return np.frombuffer(body, dtype=kind).reshape((3, 3), order=order).astype(np.float64)
+    rows = np.frombuffer(body, dtype=kind).astype(np.float64).reshape(3, 3)
+    return rows.T if found["fortran"] == "True" else rows
 
 
 def _looks_like_k(K: NDArray[np.float64]) -> bool:

@@ -19,10 +19,11 @@ In the format's own words::
     avg_reprojection_error: 0.31
 
 The container has no schema: programs name things as they like, so the keys of OpenCV's samples and the usual
-variations of them are known (:data:`MATRIX_KEYS`, :data:`COEFFICIENT_KEYS`), with "left", "right" or a number for
-one of several cameras. The count of coefficients tells the model as far as OpenCV's documentation makes it tell: 5
-Brown–Conrady, 8 rational, 12 thin prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of OpenCV's calibration
-sample (unless it says ``fisheye_model: 1``); under other keys nothing tells them from a fisheye's k1 k2 k3 k4.
+variations of them are known (:data:`MATRIX_KEYS`, :data:`COEFFICIENT_KEYS`), with "left", "right" or a
+number for one of several cameras. The count of coefficients tells the model as far as OpenCV's documentation
+makes it tell: 5 Brown–Conrady, 8 rational, 12 thin prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of
+OpenCV's calibration sample (unless it says ``fisheye_model: 1``); under other keys nothing tells them from a
+fisheye's k1 k2 k3 k4.
 
 Sources: OpenCV, "Camera Calibration and 3D Reconstruction"; ``samples/cpp/calibration.cpp``,
 ``samples/cpp/stereo_calib.cpp`` and the camera-calibration tutorial's ``camera_calibration.cpp``.
@@ -33,7 +34,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Quality
 from calibrary.distortion import (
@@ -49,7 +49,7 @@ from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Json, Node
+from calibrary.parsers.document import Json, Node, parse_json
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _file_storage as storage
 
@@ -60,7 +60,13 @@ CONVENTION = Convention(
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),
     remarks=("cv2.fisheye's four are k1, k2, k3, k4",),
 )
-MODELS: dict[int, type[Distortion]] = {4: BrownConrady, 5: BrownConrady, 8: Rational, 12: ThinPrism, 14: Tilted}
+MODELS: dict[int, type[Distortion]] = {
+    4: BrownConrady,
+    5: BrownConrady,
+    8: Rational,
+    12: ThinPrism,
+    14: Tilted,
+}
 DISTORTION = Option(
     name="distortion",
     values=("brown", "fisheye"),
@@ -69,7 +75,8 @@ DISTORTION = Option(
 
 # Keys are compared in lower case without "_", "-", "." and spaces.
 MATRIX_KEYS = (
-    "cameramatrix", "cameramat", "cammatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "kmatrix", "mtx", "k", "m",
+    "cameramatrix", "cameramat", "cammatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "kmatrix", "mtx",
+    "k", "m",
 )  # fmt: skip
 COEFFICIENT_KEYS = (
     "distortioncoefficients", "distortioncoeffs", "distcoefficients", "distcoeffs", "distcoeff", "distortion",
@@ -78,7 +85,9 @@ COEFFICIENT_KEYS = (
 OWN_KEYS = frozenset({("cameramatrix", "distortioncoefficients"), ("m", "d")})
 """Of OpenCV's calibration and stereo samples, whose coefficients are Brown's unless they say otherwise."""
 SIZE_KEYS = (("imagewidth", "imageheight"), ("imgwidth", "imgheight"), ("width", "height"))
-FOREIGN_KEYS = frozenset({"distortion_model", "projection_matrix", "camera_model", "model_type", "sensor_type"})
+FOREIGN_KEYS = frozenset(
+    {"calib_time", "camera_model", "distortion_model", "model_type", "projection_matrix", "sensor_type"}
+)
 """Of programs that use OpenCV's container or its words with a meaning of their own."""
 METASHAPE_SPELLING = frozenset({"Camera_Matrix", "image_Width"})
 
@@ -89,13 +98,13 @@ _COEFFICIENTS = re.compile(_LABELLED.format("|".join(COEFFICIENT_KEYS)))
 
 
 def sniff(content: Content) -> Sniff | None:
-    """The container with a camera matrix in it; a program with keys of its own may claim the file more strongly."""
+    """The container with a camera matrix in it; a program with keys of its own may claim it more strongly."""
     if content.xml_root is not None:
         if content.xml_root != "opencv_storage":
             return None
         keys, storage_mark = content.xml_tags, "the XML root is <opencv_storage>"
     else:
-        keys = tuple(content.json_keys or content.yaml_keys)
+        keys = content.json_keys or content.yaml_keys
         text = content.text or ""
         storage_mark = "a matrix is marked opencv-matrix" if "opencv-matrix" in text else ""
     if FOREIGN_KEYS.intersection(keys):
@@ -123,33 +132,30 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     size = context.size(keys.size())
     quality = keys.quality()
     extras = keys.extras()
-    return [
-        _camera(keys, label, size, context, quality=quality, extras=extras) for label in keys.matrices
-    ]
+    return [_camera(keys, label, size, context, quality=quality, extras=extras) for label in keys.matrices]
 
 
 def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
     """OpenCV's own keys; matrices come last, so that a file cut short has none."""
     sizes = {item.intrinsics.image_size for item in calibrations}
     if len(sizes) > 1:
-        raise UnsupportedModelError("an OpenCV file holds one image size, so cameras of several sizes cannot share it")
+        raise UnsupportedModelError(
+            "an OpenCV file holds one image size, so cameras of several sizes cannot share it"
+        )
     fisheyes = {isinstance(item.distortion, KannalaBrandt) for item in calibrations}
     if len(fisheyes) > 1:
-        raise UnsupportedModelError("an OpenCV file does not hold fisheyes beside other cameras; write one for each")
+        raise UnsupportedModelError(
+            "an OpenCV file does not hold fisheyes beside other cameras; write one for each"
+        )
     width, height = sizes.pop()
-    tree: dict[str, Json] = {"image_width": width, "image_height": height}
-    qualities = {(q.views, q.rms_px) for item in calibrations if (q := item.quality) is not None}
-    if len(qualities) == 1:
-        views, rms_px = qualities.pop()
-        tree |= {"nframes": views} if views is not None else {}
-        tree |= {"avg_reprojection_error": rms_px} if rms_px is not None else {}
+    tree: dict[str, Json] = {"image_width": width, "image_height": height, **_quality(calibrations)}
     if fisheyes == {True}:
         tree["fisheye_model"] = 1
     for item in calibrations:
         for key, value in item.extras:
             name = key.removeprefix(PREFIX)
             if key.startswith(PREFIX) and storage.is_key(name):
-                tree.setdefault(name, json.loads(value))
+                tree.setdefault(name, parse_json(value.encode(), source=context.name))
     named = list(zip(_labels(calibrations), calibrations, strict=True))
     for label, item in named:
         if item.distortion is not None:
@@ -157,6 +163,16 @@ def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
     for label, item in named:
         tree[_key("camera_matrix", "M", label)] = _matrix(item.intrinsics)
     return storage.dump(tree, context.name)
+
+
+def _quality(calibrations: Sequence[Calibration]) -> dict[str, Json]:
+    """What is known of all cameras alike; the file has room for one error and one number of views."""
+    known = {(q.views, q.rms_px) for q in (item.quality or Quality() for item in calibrations)}
+    if len(known) != 1:
+        return {}
+    [(views, rms_px)] = known
+    named: dict[str, Json] = {"nframes": views, "avg_reprojection_error": rms_px}
+    return {key: value for key, value in named.items() if value is not None}
 
 
 class _Keys:
@@ -176,7 +192,9 @@ class _Keys:
                 if match:
                     label = match[1] or match[3] or ""
                     if label in found:
-                        node.fail(f"it means the same as {strict.shown(found[label])}, which stands there too")
+                        node.fail(
+                            f"it means the same as {strict.shown(found[label])}, which stands there too"
+                        )
                     found[label] = key
         self.used = {*self.matrices.values(), *self.coefficients.values()}
 
@@ -241,8 +259,10 @@ def _camera(
     intrinsics = _intrinsics(keys.tree[matrix_key], size)
     notes = []
     if intrinsics.skew:
-        notes.append(f"skew of {intrinsics.skew:g} px was kept; OpenCV's own projectPoints does not look at it")
-    if METASHAPE_SPELLING <= set(keys.tree.keys()):
+        notes.append(
+            f"skew of {intrinsics.skew:g} px was kept; OpenCV's own projectPoints does not look at it"
+        )
+    if METASHAPE_SPELLING.issubset(keys.tree.keys()):
         notes.append(
             "the spelling of the keys is also that of Metashape's export, which does not document its pixel "
             "origin; OpenCV's was taken"
@@ -275,7 +295,7 @@ def _intrinsics(node: Node, size: ImageSize) -> Intrinsics:
 def _distortion(keys: _Keys, label: str, context: ReadContext) -> Distortion:
     if "xi" in keys.tree:
         raise UnsupportedModelError(
-            "with xi this is cv2.omnidir's mirror model, which has no counterpart here; calibrate with cv2.fisheye",
+            "with xi this is cv2.omnidir's model, which has no counterpart here; calibrate with cv2.fisheye",
             source=context.name,
             place="xi",
         )
@@ -292,8 +312,8 @@ def _distortion(keys: _Keys, label: str, context: ReadContext) -> Distortion:
             return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
         if asked is None and marked is None and not _are_own(keys, label):
             node.fail(
-                "four coefficients are Brown's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and nothing here tells "
-                "which; say options={'distortion': 'brown'} or 'fisheye' (--set distortion=…)"
+                "four coefficients are Brown's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and nothing here "
+                "tells which; say options={'distortion': 'brown'} or 'fisheye' (--set distortion=…)"
             )
     elif context.option(DISTORTION.name) == "fisheye" or (
         keys.fisheye_mark() and context.option(DISTORTION.name) is None
@@ -314,12 +334,12 @@ def _are_own(keys: _Keys, label: str) -> bool:
 
 
 def _simple(key: str) -> str:
-    """"Camera_Matrix", "cameraMatrix" and "camera-matrix" alike."""
+    """One spelling for "Camera_Matrix", "cameraMatrix" and "camera-matrix"."""
     return re.sub(r"[_\-. ]", "", key).lower()
 
 
 def _labels(calibrations: Sequence[Calibration]) -> list[str]:
-    """What tells the cameras of one file apart: their names where the keys can hold them, else their number."""
+    """What tells the cameras of one file apart: their names where keys can hold them, else a number."""
     if len(calibrations) == 1:
         return [""]
     names = [item.camera.sub_camera or "" for item in calibrations]

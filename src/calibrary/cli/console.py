@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 
 from rich.console import Console
+from rich.markup import escape
 
-__all__ = ["make_console"]
+__all__ = ["make_console", "plain"]
 
 PIPED_WIDTH = 140
 
@@ -17,3 +18,8 @@ def make_console(*, stderr: bool) -> Console:
     if not console.is_terminal and "COLUMNS" not in os.environ:
         return Console(stderr=stderr, width=PIPED_WIDTH)
     return console
+
+
+def plain(text: str) -> str:
+    """Text from a file or a tag, harmless in a terminal: no markup, no control characters."""
+    return escape("".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text))

@@ -5,12 +5,11 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from calibrary.cli.console import make_console
+from calibrary.cli.console import make_console, plain
 from calibrary.extract.gather import Rejected
 from calibrary.extract.hand_off import Solver, seed_command
 from calibrary.extract.outcome import CameraOutcome, Outcome
@@ -60,7 +59,7 @@ class Display:
     def show(self, outcome: Outcome, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
         """Tell the whole outcome."""
         for warning in outcome.warnings:
-            self._say(f"[yellow]note[/]: {escape(warning)}")
+            self._say(f"[yellow]note[/]: {plain(warning)}")
         if self._quiet:
             return
         self._console.print(_camera_table(outcome))
@@ -78,21 +77,21 @@ class Display:
         for camera in outcome.cameras:
             if camera.fallback is None or not camera.fallback.steps:
                 continue
-            self._say(f"\n[bold]{escape(str(camera.camera.key))}[/]: fallbacks tried")
+            self._say(f"\n[bold]{plain(str(camera.camera.key))}[/]: fallbacks tried")
             for step in camera.fallback.steps:
-                source = f" {escape(step.source)}" if step.source else ""
-                self._say(f"  {step.step.value}: [bold]{step.outcome.value}[/]{source} — {escape(step.why)}")
+                source = f" {plain(step.source)}" if step.source else ""
+                self._say(f"  {step.step.value}: [bold]{step.outcome.value}[/]{source} — {plain(step.why)}")
             if camera.fallback.seed is not None:
-                self._say(f"  [dim]to self-calibrate: {escape(seed_command(camera.fallback.seed))}[/]")
+                self._say(f"  [dim]to self-calibrate: {plain(seed_command(camera.fallback.seed))}[/]")
 
     def _tell_files(self, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
         verb = "would write" if dry_run else "wrote"
-        self._say(f"\n{verb} {', '.join(escape(str(path)) for path in outputs.files)}")
+        self._say(f"\n{verb} {', '.join(plain(str(path)) for path in outputs.files)}")
         for path in outputs.stale:
-            self._say(f"[yellow]note[/]: {escape(str(path))} is of an earlier run, not of this one; remove it")
+            self._say(f"[yellow]note[/]: {plain(str(path))} is of an earlier run, not of this one; remove it")
         if solver is not Solver.NONE and outputs.not_handed_over:
             names = ", ".join(outputs.not_handed_over)
-            self._say(f"[yellow]not handed to {solver.value}[/]: {escape(names)}: no valid K")
+            self._say(f"[yellow]not handed to {solver.value}[/]: {plain(names)}: no valid K")
 
     def _say(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)
@@ -109,7 +108,7 @@ def _camera_table(outcome: Outcome) -> Table:
     table.add_column("why, and what to do", ratio=4)
     for camera in outcome.cameras:
         table.add_row(
-            escape(str(camera.camera.key)),
+            plain(str(camera.camera.key)),
             str(len(camera.camera.names)),
             *_numbers(camera),
             Text(camera.verdict.value, style=STYLES[camera.verdict]),
@@ -152,7 +151,7 @@ def _rejected_table(rejected: tuple[Rejected, ...]) -> Table:
     table.add_column("image", ratio=2)
     table.add_column("why", ratio=5)
     for item in rejected[:MOST_REJECTED]:
-        table.add_row(escape(item.name), escape(item.reason))
+        table.add_row(plain(item.name), plain(item.reason))
     if len(rejected) > MOST_REJECTED:
         table.add_row("…", f"and {len(rejected) - MOST_REJECTED} more, listed in the report")
     return table

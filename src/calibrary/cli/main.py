@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from calibrary.cli import catalogue, extract
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, ValidationError
 
-__all__ = ["main"]
+__all__ = ["build_parser", "main"]
 
 COMMANDS = (extract, catalogue)
 
@@ -32,7 +32,7 @@ exit codes:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
-    arguments = _parser().parse_args(argv)
+    arguments = build_parser().parse_args(argv)
     try:
         code: int = arguments.run(arguments)
         sys.stdout.flush()
@@ -64,7 +64,8 @@ def _exit_code(error: CalibraryError) -> int:
     return EXIT_INPUT
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
+    """The whole command line."""
     parser = argparse.ArgumentParser(
         prog="calibrary",
         description="The library of a fleet's camera calibrations: derives, validates and keeps K.",

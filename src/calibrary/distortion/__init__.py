@@ -13,6 +13,7 @@ from typing import Final
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.brown import BrownConrady
 from calibrary.distortion.kannala_brandt import KannalaBrandt
+from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.distortion.none import NoDistortion
 from calibrary.distortion.rational import Rational
 from calibrary.distortion.thin_prism import ThinPrism
@@ -24,6 +25,7 @@ __all__ = [
     "BrownConrady",
     "Distortion",
     "KannalaBrandt",
+    "MetashapeFrame",
     "NoDistortion",
     "Rational",
     "ThinPrism",
@@ -34,7 +36,7 @@ __all__ = [
 MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
     {
         kind.model: kind
-        for kind in (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt)
+        for kind in (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt, MetashapeFrame)
     }
 )
 """Every model by the name that files and reports use."""

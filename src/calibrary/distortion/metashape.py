@@ -23,8 +23,8 @@ class MetashapeFrame(OpenCVDistortion):
         x' = x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸) + (p1·(r² + 2x²) + 2·p2·x·y)·(1 + p3·r² + p4·r⁴)
         y' = y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸) + (p2·(r² + 2y²) + 2·p1·x·y)·(1 + p3·r² + p4·r⁴)
 
-    Source: Agisoft Metashape User Manual, appendix "Camera models" (p3 and p4 in its older editions). The affinity
-    and skew coefficients b1 and b2 belong to K.
+    Source: Agisoft Metashape User Manual, appendix "Camera models" (p3 and p4 in its older editions). The
+    affinity and skew coefficients b1 and b2 belong to K.
     """
 
     model: ClassVar[str] = "metashape"
@@ -62,8 +62,9 @@ class MetashapeFrame(OpenCVDistortion):
 class _Map(PolynomialMap):
     """OpenCV's map with a fourth radial term and tangential terms that grow with the radius.
 
-    On a circle the determinant is still a trigonometric polynomial of degree two in the direction, which is what
-    the search for the fold rests on: with h = r²·(1 + t2·r² + t4·r⁴) in place of r², nothing else changes.
+    On a circle the determinant is still a trigonometric polynomial of degree two in the direction, which is
+    what the search for the fold rests on: with h = r²·(1 + t2·r² + t4·r⁴) in place of r², nothing else
+    changes.
     """
 
     r8: float = 0.0
@@ -95,7 +96,9 @@ class _Map(PolynomialMap):
 
     def in_octave(self, octave: int) -> PolynomialMap:
         """The same map with ideal and observed radii counted in units of 2**octave."""
-        return _Map(**{name: math.ldexp(getattr(self, name), power * octave) for name, power in _POWERS.items()})
+        return _Map(
+            **{name: math.ldexp(getattr(self, name), power * octave) for name, power in _POWERS.items()}
+        )
 
     def image(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Ideal to observed."""

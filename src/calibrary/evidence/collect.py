@@ -45,7 +45,7 @@ class Evidence:
         if witness is None:
             return None
         orientation = self.scene.metadata.orientation
-        notes = ()
+        notes: tuple[str, ...] = ()
         if orientation is not None and orientation != 1:
             notes = (
                 f"EXIF Orientation is {orientation}: K counts in the stored pixels; "

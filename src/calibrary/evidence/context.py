@@ -32,8 +32,7 @@ class Scene:
 
     Attributes:
         metadata: what the image says.
-        known: the catalogue's or registry's row for this camera, if there is one.
-        known_from: "catalogue" or "registry".
+        known: the catalogue's row for this camera, if there is one.
         siblings: the other cameras that share this Model.
         given_sensor_mm: (width, height) the user stated, None where not stated.
         assumed_sensor_mm: (width, height) to fall back on when nothing else tells, None to do without.
@@ -41,7 +40,6 @@ class Scene:
 
     metadata: ImageMetadata
     known: KnownCamera | None = None
-    known_from: str = "catalogue"
     siblings: tuple[KnownCamera, ...] = ()
     given_sensor_mm: tuple[float, float] | None = None
     assumed_sensor_mm: tuple[float, float] | None = None

@@ -22,7 +22,7 @@ DIAGONAL_35MM = math.hypot(36.0, 24.0)
 
 
 def witnesses(scene: Scene) -> Iterator[Finding]:
-    """Given sensor, registry or catalogue pitch, focal plane resolution, assumed sensor, 35 mm equivalent."""
+    """Given sensor, catalogue pitch, focal plane resolution, assumed sensor, 35 mm equivalent."""
     yield from _metric(scene)
     yield from _prior(scene)
 
@@ -72,9 +72,9 @@ def _by_sensor(scene: Scene, focal_mm: float, sensor_mm: tuple[float, float], so
 def _by_pitch(scene: Scene, focal_mm: float, pitch_um: float, native_size: ImageSize) -> Finding:
     focal = focal_mm * 1000.0 / pitch_um
     intrinsics = _centred(focal, focal, native_size)
-    source = Source.REGISTRY_PITCH if scene.known_from == "registry" else Source.CATALOGUE_PITCH
-    tag = f"EXIF FocalLength ÷ {scene.known_from} pitch"
-    return scene.hear(source, tag, Grade.DERIVED, intrinsics)
+    return scene.hear(
+        Source.CATALOGUE_PITCH, "EXIF FocalLength ÷ catalogue pitch", Grade.DERIVED, intrinsics
+    )
 
 
 def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:

@@ -20,7 +20,6 @@ class Source(StrEnum):
     CAMERA_FISHEYE = "camera-fisheye"
     SKYDIO_CALIBRATED = "skydio-calibrated"
     GIVEN_SENSOR = "given-sensor"
-    REGISTRY_PITCH = "registry-pitch"
     FOCAL_PLANE = "focal-plane"
     CATALOGUE_PITCH = "catalogue-pitch"
     DJI_DESIGN = "dji-design"

@@ -175,16 +175,17 @@ def _scene(state: State, sensor: Sensor) -> Scene:
     return Scene(
         metadata=state.metadata,
         known=state.known.camera,
-        known_from=state.known.source,
         siblings=state.known.siblings,
         given_sensor_mm=sides if sensor.given else None,
         # A default sensor under a camera that is known would only be wrong with more digits.
-        assumed_sensor_mm=None if sensor.given or state.known.has_pitch else sides,
+        assumed_sensor_mm=None if sensor.given or state.known.needs_no_sensor else sides,
     )
 
 
 def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
     """The known camera's focal length in the file's frame, None where it is not known there."""
+    if known.calibration is not None:
+        return Expected(fx=known.calibration.intrinsics.fx, source="registry")
     camera = known.camera
     if camera is None or camera.fx_over_w is None or camera.native_size is None:
         return None
@@ -199,7 +200,7 @@ def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
         fx = adapt(native, metadata).intrinsics.fx
     except FrameError:
         return None
-    return Expected(fx=fx, spread=camera.spread, source=known.source)
+    return Expected(fx=fx, spread=camera.spread, source="catalogue")
 
 
 def _spread(K: Intrinsics, others: Iterable[Evidence]) -> float:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
-from calibrary.errors import CalibraryError, InputError
+from calibrary.errors import CalibraryError, InputError, UnknownFormatError
 from calibrary.extract.cameras import Camera, circumstances
 from calibrary.extract.gather import find_files
 from calibrary.extract.knowledge import Knowledge
@@ -118,13 +118,13 @@ def find_calibrations(
             continue
         name = path.relative_to(directory).as_posix()
         try:
-            if path.stat().st_size > LARGEST_CALIBRATION or not parsers.identify(path):
-                continue
-            found.extend((name, calibration) for calibration in parsers.read(path))
-        except parsers.UnknownFormatError:
+            calibrations = parsers.read(path, max_bytes=LARGEST_CALIBRATION)
+        except UnknownFormatError:
             continue
         except (CalibraryError, OSError) as error:
             unreadable.append((name, str(error)))
+        else:
+            found.extend((name, calibration) for calibration in calibrations)
     return found, unreadable
 
 
@@ -226,7 +226,7 @@ def _from_registry(camera: Camera, size: ImageSize, policy: Policy, sources: Sou
     if not sources.knowledge.has_registry:
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no --registry given")
     try:
-        resolved = sources.knowledge.resolve(camera.key, size)
+        resolved = sources.knowledge.resolve(camera.key)
     except CalibraryError as error:
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=str(error))
     if resolved is None:

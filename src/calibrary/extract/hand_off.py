@@ -69,7 +69,8 @@ def hand_off(solver: Solver, cameras: Sequence[HandedOver]) -> dict[str, bytes]:
         return {"camera_models_overrides.json": _json(dict(zip(names, models, strict=True)))}
     if solver is Solver.ODM:
         return {"cameras.json": _json({_opensfm_name(c, "brown"): _odm(c.calibration) for c in cameras})}
-    return {f"{c.slug}.opencv.yml": parsers.encode([c.calibration], "opencv_storage") for c in cameras}
+    files = {f"{camera.slug}.opencv.yml": camera.calibration for camera in cameras}
+    return {name: parsers.encode([K], "opencv_storage", name=name)[0] for name, K in files.items()}
 
 
 def colmap_camera(calibration: Calibration) -> tuple[str, list[float]]:

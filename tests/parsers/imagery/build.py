@@ -1,4 +1,4 @@
-"""Containers the synthetic camera does not write (BigTIFF, PNG with metadata, HEIF), and short cuts to read them."""
+"""Containers the synthetic camera does not write (BigTIFF, PNG with metadata, HEIF), and short cuts."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def big_tiff(order: str, fields: Sequence[tuple[int, int, int, bytes]]) -> bytes:
-    """A BigTIFF of one directory; a field is (tag, type, count, value), and short values are padded in place."""
+    """A BigTIFF of one directory; a field is (tag, type, count, value), short values padded in place."""
     mark = b"II" if order == "<" else b"MM"
     data_start = 16 + 8 + 20 * len(fields) + 8
     entries, values = b"", b""

@@ -67,7 +67,7 @@ def test_a_tiff_that_is_only_pixels_has_no_exif() -> None:
     assert (metadata.has_exif, metadata.software, metadata.size) == (False, "scanner 1.0", (40, 30))
 
 
-def test_overviews_behind_the_image_do_not_change_its_size(tmp_path: Path) -> None:
+def test_overviews_behind_the_image_do_not_change_its_size() -> None:
     pages = [
         TiffPage(size=(400, 300)),
         *(TiffPage(size=size, reduced=True) for size in ((200, 150), (100, 75))),

@@ -1,0 +1,267 @@
+"""What every format must do, whoever wrote it: taken from the records, so a new format is tested by being there."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from calibrary import parsers
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.distortion import NoDistortion
+from calibrary.errors import InputError, MissingTagError, ParseError, UnknownFormatError, UnsupportedModelError
+from calibrary.parsers.content import Content
+from calibrary.parsers.fit import exact
+from calibrary.parsers.format import Capacity, Format, Outcome
+from calibrary.parsers.reading import identified
+from tests.parsers.cameras import SIZE, calibrations, camera, rays
+
+FORMATS = parsers.formats()
+READABLE = [pytest.param(record, id=record.name) for record in FORMATS if record.read is not None]
+WRITTEN = [
+    pytest.param(record, f"camera{suffix}", id=f"{record.name}{suffix}")
+    for record in FORMATS
+    if record.write is not None
+    for suffix in record.suffixes
+]
+PATIENT = settings(
+    deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
+)
+
+
+def capacity_of(record: Format) -> Capacity:
+    assert record.capacity is not None
+    return record.capacity
+
+
+def a_camera_for(record: Format) -> Calibration:
+    """One that the format holds exactly, with its first real lens model."""
+    capacity = capacity_of(record)
+    for model in capacity.models:
+        lens = model(**{name: 0.001 * (index + 1) / 3 for index, name in enumerate(model.names())})
+        if model is not NoDistortion:
+            break
+    else:
+        lens = NoDistortion() if capacity.models else None
+    item = camera(lens)
+    K = item.intrinsics
+    if not capacity.two_focals:
+        K = replace(K, fy=K.fx)
+    if not capacity.off_centre:
+        K = replace(K, cx=SIZE[0] / 2, cy=SIZE[1] / 2)
+    return replace(item, intrinsics=K)
+
+
+def written(record: Format, name: str) -> bytes:
+    return parsers.encode([a_camera_for(record)], record, name=name)[0]
+
+
+def read_back(record: Format, name: str, data: bytes, size: tuple[int, int] = SIZE) -> list[Calibration]:
+    return parsers.decode(
+        data, name=name, format=record, image_size=size if record.needs_image_size else None
+    )
+
+
+@pytest.mark.parametrize("record", [pytest.param(record, id=record.name) for record in FORMATS])
+def test_a_record_says_what_people_need_to_know(record: Format) -> None:
+    assert record.title
+    assert record.reference.startswith("https://")
+    assert record.suffixes
+    assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in record.suffixes)
+    if record.convention is not None:
+        assert all(record.convention.sentences())
+
+
+@pytest.mark.parametrize("record", [pytest.param(record, id=record.name) for record in FORMATS])
+def test_a_format_is_documented_in_its_own_words(record: Format) -> None:
+    doc = import_module(record.sniff.__module__).__doc__
+    assert doc
+    assert len(doc.splitlines()) > 5
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+@PATIENT
+@given(data=st.data())
+def test_what_is_written_reads_back_the_same(record: Format, name: str, data: st.DataObject) -> None:
+    original = data.draw(calibrations(capacity_of(record)))
+    file, verdict = parsers.encode([original], record, name=name)
+    [copy] = read_back(record, name, file, original.intrinsics.image_size)
+    assert verdict.outcome is Outcome.EXACT
+    scale = max(*original.intrinsics.image_size, original.intrinsics.fx)
+    np.testing.assert_allclose(copy.intrinsics.matrix, original.intrinsics.matrix, rtol=0, atol=1e-12 * scale)
+    assert copy.intrinsics.image_size == original.intrinsics.image_size
+    if copy.distortion is not None:
+        again = exact(copy.distortion, type(original.distortion or NoDistortion()))
+        assert again is not None
+        before = (original.distortion or NoDistortion()).coefficients
+        np.testing.assert_allclose(
+            list(again.coefficients.values()), list(before.values()), rtol=1e-12, atol=0
+        )
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+@PATIENT
+@given(data=st.data())
+def test_what_is_written_projects_the_same(record: Format, name: str, data: st.DataObject) -> None:
+    original = data.draw(calibrations(capacity_of(record)))
+    file, _ = parsers.encode([original], record, name=name)
+    [copy] = read_back(record, name, file, original.intrinsics.image_size)
+    seen = data.draw(rays())
+    before = original if copy.distortion is not None else replace(original, distortion=None)
+    scale = max(1.0, original.intrinsics.fx / 1e4)
+    np.testing.assert_allclose(copy.project(seen), before.project(seen), rtol=0, atol=1e-9 * scale)
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+def test_only_the_writers_own_format_claims_the_bytes(record: Format, name: str) -> None:
+    content = Content(written(record, name), "no name to go by")
+    assert identified(content).format.name == record.name
+    own = record.sniff(content)
+    assert own is not None
+    for other in FORMATS:
+        claim = other.sniff(content)
+        assert other.name == record.name or claim is None or claim.sure < own.sure
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+def test_every_camera_read_says_its_size_and_its_source(record: Format, name: str) -> None:
+    file = written(record, name)
+    [copy] = read_back(record, name, file)
+    assert copy.camera.image_size == copy.intrinsics.image_size == SIZE
+    assert copy.provenance.kind == "calibration-file"
+    assert copy.provenance.source == name
+    assert copy.provenance.sha256 == hashlib.sha256(file).hexdigest()
+    assert copy.grade.is_metric or copy.grade is Grade.PRIOR
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+def test_a_file_cut_short_anywhere_is_noticed_or_reads_the_same(record: Format, name: str) -> None:
+    file = written(record, name)
+    [whole] = read_back(record, name, file)
+    for end in range(len(file)):
+        try:
+            [part] = read_back(record, name, file[:end])
+        except ParseError:
+            continue
+        assert (part.intrinsics, part.distortion, part.quality) == (
+            whole.intrinsics,
+            whole.distortion,
+            whole.quality,
+        ), f"cut after {end} of {len(file)} bytes"
+
+
+@pytest.mark.parametrize("record", READABLE)
+@PATIENT
+@given(noise=st.one_of(st.binary(max_size=300), st.text(max_size=200).map(str.encode)))
+def test_noise_is_no_file_of_this_format(record: Format, noise: bytes) -> None:
+    with pytest.raises((ParseError, UnsupportedModelError)):
+        parsers.decode(noise, name="noise", format=record, image_size=SIZE)
+
+
+@PATIENT
+@given(noise=st.one_of(st.binary(max_size=300), st.text(max_size=200).map(str.encode)))
+def test_noise_is_claimed_by_nobody_or_is_broken(noise: bytes) -> None:
+    with pytest.raises((UnknownFormatError, ParseError)):
+        parsers.decode(noise, name="noise", image_size=SIZE)
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+@settings(PATIENT, max_examples=100)
+@given(data=st.data())
+def test_a_damaged_file_raises_an_input_error_or_reads(record: Format, name: str, data: st.DataObject) -> None:
+    file = bytearray(written(record, name))
+    for _ in range(data.draw(st.integers(1, 4))):
+        start = data.draw(st.integers(0, len(file) - 1))
+        length = data.draw(st.integers(0, 3))
+        file[start : start + length] = data.draw(st.binary(max_size=3))
+        if not file:
+            break
+    try:
+        read_back(record, name, bytes(file))
+    except (ParseError, UnsupportedModelError, MissingTagError):
+        pass
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+def test_a_guess_is_never_written(record: Format, name: str) -> None:
+    guess = replace(a_camera_for(record), grade=Grade.SEED)
+    with pytest.raises(InputError, match="guess"):
+        parsers.encode([guess], record, name=name)
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+def test_skew_is_kept_or_refused_but_never_lost_in_silence(record: Format, name: str) -> None:
+    item = a_camera_for(record)
+    skewed = replace(item, intrinsics=replace(item.intrinsics, skew=-23.1))
+    if capacity_of(record).skew:
+        file, _ = parsers.encode([skewed], record, name=name)
+        assert read_back(record, name, file)[0].intrinsics.skew == pytest.approx(-23.1, rel=1e-12)
+        return
+    with pytest.raises(UnsupportedModelError, match="px"):
+        parsers.encode([skewed], record, name=name)
+    _, verdict = parsers.encode([skewed], record, name=name, max_error_px=100)
+    assert verdict.outcome is Outcome.REFITTED
+    assert verdict.max_px > 1
+    assert "skew of -23.1 px" in verdict.dropped
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+def test_fx_and_fy_are_kept_apart_or_refused(record: Format, name: str) -> None:
+    item = a_camera_for(record)
+    oblong = replace(item, intrinsics=replace(item.intrinsics, fx=3700.0, fy=3600.0))
+    if capacity_of(record).two_focals:
+        file, _ = parsers.encode([oblong], record, name=name)
+        K = read_back(record, name, file)[0].intrinsics
+        assert (K.fx, K.fy) == pytest.approx((3700.0, 3600.0), rel=1e-12)
+        return
+    with pytest.raises(UnsupportedModelError, match="px"):
+        parsers.encode([oblong], record, name=name)
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+def test_several_cameras_come_back_in_order_or_are_refused(record: Format, name: str) -> None:
+    item = a_camera_for(record)
+    pair = [
+        replace(item, camera=CameraKey(image_size=SIZE, sub_camera=side), intrinsics=K)
+        for side, K in (
+            ("right", item.intrinsics),
+            ("left", replace(item.intrinsics, fx=3333.3, fy=3333.3)),
+        )
+    ]
+    if not capacity_of(record).several_cameras:
+        with pytest.raises(UnsupportedModelError, match="one camera"):
+            parsers.encode(pair, record, name=name)
+        return
+    file, verdict = parsers.encode(pair, record, name=name)
+    assert verdict.outcome is Outcome.EXACT
+    copies = read_back(record, name, file)
+    assert [round(copy.intrinsics.fx, 6) for copy in copies] == [3650.1, 3333.3]
+    assert all(copy.camera.sub_camera for copy in copies)
+
+
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+def test_what_a_file_has_no_place_for_is_named(record: Format, name: str) -> None:
+    item = a_camera_for(record)
+    known = replace(
+        item, camera=replace(item.camera, firmware="01.02.0304", make="Acme"), grade=Grade.DERIVED
+    )
+    file, verdict = parsers.encode([known], record, name=name)
+    [copy] = read_back(record, name, file)
+    assert ("firmware" in verdict.dropped) == (copy.camera.firmware is None)
+    assert ("make" in verdict.dropped) == (copy.camera.make is None)
+    assert any(lost.startswith("grade") for lost in verdict.dropped) == (copy.grade is not Grade.DERIVED)
+    assert ("image size" in verdict.dropped) == record.needs_image_size
+
+
+@pytest.mark.parametrize("record", [p for p in READABLE if p.values[0].needs_image_size])  # type: ignore[attr-defined]  pytest types values as objects
+def test_a_file_without_an_image_size_asks_for_it(record: Format) -> None:
+    if record.write is None:
+        pytest.skip("no file to try: the format is not written")
+    file = written(record, f"camera{record.suffixes[0]}")
+    with pytest.raises(MissingTagError, match="image_size"):
+        parsers.decode(file, name="camera", format=record)
