@@ -7,6 +7,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEMO := demo-flight
+DEMO_RESULT := demo-result
+EXTRACT := calibrary extract --image-dir $(DEMO) --recursive --output-matrix $(DEMO_RESULT)/K_matrix.npy
 UV := $(shell command -v uv 2>/dev/null)
 
 ifdef UV
@@ -33,17 +35,18 @@ help: ## List what can be made
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
 demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
-	@rm -rf $(DEMO) && mkdir -p $(DEMO)/result
+	@rm -rf $(DEMO) $(DEMO_RESULT)
 	$(BIN)/python -m calibrary.demo $(DEMO)
-	@printf '\n$$ calibrary extract --image-dir %s\n\n' $(DEMO)
-	@status=0; \
-	$(BIN)/calibrary extract --image-dir $(DEMO) --output-matrix $(DEMO)/result/K_matrix.npy || status=$$?; \
+	@mkdir -p $(DEMO_RESULT)
+	@printf '\n%s\n\n' '$(EXTRACT)'
+	@status=0; $(BIN)/$(EXTRACT) || status=$$?; \
 	if [ $$status -ne 1 ]; then \
-		echo "make demo: extract ended with exit code $$status; 1 is expected, for the flight holds bad images" >&2; \
+		echo "make demo: extract ended with exit code $$status, wanted 1: the flight holds bad images" >&2; \
 		exit 1; \
-	fi; \
-	printf '\nExit code 1, as it should be: some images of this flight are bad on purpose, and no K was guessed for them.\n'; \
-	printf 'The matrices and the report are in %s/result.\n' $(DEMO)
+	fi
+	@echo
+	@echo 'Exit code 1, as it should be: some images of this flight are bad on purpose, and no K was made up for them.'
+	@echo 'The matrices and the report are in $(DEMO_RESULT).'
 
 test: $(INSTALLED) ## Run the whole test suite (ARGS="-k name" narrows it)
 	$(BIN)/pytest $(ARGS)
@@ -74,7 +77,8 @@ lock: ## Resolve requirements-dev.lock anew with uv (ARGS=--upgrade takes the ne
 		--custom-compile-command "make lock" $(ARGS) --output-file requirements-dev.lock pyproject.toml
 
 clean: ## Remove everything that was made, but for .venv
-	rm -rf build dist $(DEMO) bench-corpus .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf build dist $(DEMO) $(DEMO_RESULT) bench-corpus .coverage
+	rm -rf .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -path ./$(VENV) -prune -o -type d -name __pycache__ -exec rm -rf {} +
 
 $(INSTALLED): pyproject.toml requirements-dev.lock | $(BIN)/python

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import TypeGuard
+from typing import TypeGuard, cast
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import Distortion, distortion_from
@@ -14,7 +15,7 @@ from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.evidence.frame import adapt
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.schemas import require
-from calibrary.strictyaml import YamlValue, load_yaml
+from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
 __all__ = ["Entry", "Status", "read_entries", "resolve"]
 
@@ -59,7 +60,9 @@ def read_entries(root: Path) -> tuple[Entry, ...]:
     """
     cameras = root / "cameras"
     if not cameras.is_dir():
-        raise RegistryError(f"{root}: no registry here: wanted a folder 'cameras' with one YAML file a camera")
+        raise RegistryError(
+            f"{root}: no registry here: wanted a folder 'cameras' with one YAML file a camera"
+        )
     entries = []
     for path in sorted(cameras.rglob("*.yaml")):
         name = path.relative_to(root).as_posix()
@@ -79,9 +82,9 @@ def parse_entry(data: bytes, name: str) -> Entry:
         ParseError: it is no YAML, or breaks schemas/entry-1.schema.json.
         InputError: its numbers are no camera's.
     """
-    document = load_yaml(data, source=name)
-    require(document, "entry-1", source=name)
-    assert isinstance(document, dict)
+    value = load_yaml(data, source=name)
+    require(value, "entry-1", source=name, locate=partial(line_of, data))
+    document = cast("dict[str, YamlValue]", value)
     camera, numbers = _mapping(document, "camera", name), _mapping(document, "intrinsics", name)
     size = _size(camera.get("image_size"), name)
     try:
@@ -122,7 +125,6 @@ def resolve(entries: Sequence[Entry], key: CameraKey) -> Calibration | None:
     Raises:
         RegistryError: two entries fit equally well; the message names both.
     """
-    assert key.image_size is not None
     fitting = [(entry, K) for entry in entries if entry.is_usable and (K := _adapted(entry, key)) is not None]
     if not fitting:
         return None
@@ -205,4 +207,3 @@ def _is_pair(value: YamlValue) -> TypeGuard[list[int]]:
 
 def _text(value: YamlValue) -> str | None:
     return str(value) if value is not None else None
-

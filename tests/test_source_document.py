@@ -17,9 +17,17 @@ import pytest
 from PIL import Image
 
 import calibrary
-from calibrary.cli.main import main
+from calibrary.cli.main import build_parser, main
 from calibrary.errors import BadRationalError, InputError, MissingTagError
-from calibrary.synthetic import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg, write_tiff
+from calibrary.synthetic import (
+    ExifTags,
+    Namespace,
+    XmpDescription,
+    XmpPacket,
+    attributes,
+    write_jpeg,
+    write_tiff,
+)
 
 P4P = (5472, 3648)
 DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
@@ -61,11 +69,12 @@ def page_function(
     """K by the page's formula, written from its text."""
     with Path(image_path).open("rb") as f:
         tag = exifread.process_file(f, details=False)["EXIF FocalLength"]
-    width_px, height_px = Image.open(image_path).size
+    with Image.open(image_path) as image:
+        width_px, height_px = image.size
     focal_mm = float(tag.values[0].num) / float(tag.values[0].den)
     fx = (focal_mm / sensor_width_mm) * width_px
     fy = (focal_mm / sensor_height_mm) * height_px
-    cx, cy = principal_point if principal_point else (width_px / 2.0, height_px / 2.0)
+    cx, cy = principal_point or (width_px / 2.0, height_px / 2.0)
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], dtype=np.float64)
 
 
@@ -91,7 +100,7 @@ class TestTheFunction:
         path = str(jpeg(tmp_path / "a.jpg", size, make="X", focal_mm=focal))
         K, report = calibrary.extract_intrinsic_matrix(path, 13.2, 8.8)
         assert K.dtype == np.float64
-        assert (K == page_function(path, 13.2, 8.8)).all()
+        assert (page_function(path, 13.2, 8.8) == K).all()
         assert (report["fx"], report["cy"]) == (K[0, 0], K[1, 2])
 
     def test_report_keys(self, tmp_path: Path) -> None:
@@ -204,8 +213,6 @@ class TestTheThresholds:
 
 class TestTheFlags:
     def test_eight_flags_with_their_defaults(self) -> None:
-        from calibrary.cli.main import build_parser
-
         arguments = vars(build_parser().parse_args(["extract"]))
         expected = {
             "image_dir": "./input/",

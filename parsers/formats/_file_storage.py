@@ -11,6 +11,7 @@ Source: OpenCV, ``modules/core/src/persistence_{xml,yml,json}.cpp``.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
@@ -25,15 +26,20 @@ from calibrary.strictyaml import load_yaml
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["SUFFIXES", "dump", "is_key", "load", "matrix", "numbers"]
+__all__ = ["SUFFIXES", "dump", "holds", "load", "matrix", "numbers"]
 
-MATRIX_TAG = "tag:yaml.org,2002:opencv-matrix"
+MATRIX = "opencv-matrix"
+ND_MATRIX = "opencv-nd-matrix"
+"""How OpenCV 5 writes a vector that has one dimension only: ``sizes`` stands for rows and cols."""
+YAML_TAGS = tuple(f"tag:yaml.org,2002:{name}" for name in (MATRIX, ND_MATRIX))
 MAX_YAML_BYTES = 8 * 1024 * 1024
 """A YAML parser takes about a second for this; a calibration with thousands of views is shorter."""
 
-_DIRECTIVE = re.compile(rb"\A(\xef\xbb\xbf)?%(?=YAML)")
-_KEY = re.compile(r"[A-Za-z_](?:[\w. -]*\w)?", re.ASCII)
-_XML_KEY = re.compile(r"[A-Za-z_][\w.-]*", re.ASCII)
+_DIRECTIVE = re.compile(r"\A%(?=YAML)")
+_KEY = re.compile(r"[A-Za-z]|[A-Za-z_][\w.-]+", re.ASCII)
+# A sequence in XML: words, and texts in quotes. A quote inside a text is no longer told from one around it.
+_XML_ITEM = r'(?:"[^"]*"|[^\s"]+)'
+_XML_ITEMS = re.compile(rf"{_XML_ITEM}(?:\s+{_XML_ITEM})*")
 _KIND = re.compile(r"\d*[ucwsifdhr]")
 
 
@@ -52,11 +58,11 @@ def load(data: bytes, *, source: str) -> Node:
             )
         tree = Node(_from_xml(root, source), source=source)
     elif head.startswith(b"{"):
-        tree = load_json(data, source=source)
+        tree = Node(_without_marks(load_json(data, source=source).value), source=source)
     else:
-        # The directive becomes a comment of the same length, so that lines in messages stay right.
-        plain = _DIRECTIVE.sub(rb"\1#", data)
-        yaml = load_yaml(plain, source=source, max_bytes=MAX_YAML_BYTES, ignored_tags=(MATRIX_TAG,))
+        # The directive becomes a comment, so that lines in messages stay right.
+        plain = _DIRECTIVE.sub("#", strict.decode(data, source=source))
+        yaml = load_yaml(plain, source=source, max_bytes=MAX_YAML_BYTES, ignored_tags=YAML_TAGS)
         tree = Node(yaml, source=source)
     if not isinstance(tree.value, dict):
         tree.fail("this is no mapping, as an OpenCV file is")
@@ -71,10 +77,9 @@ def matrix(node: Node, rows: int, columns: int) -> tuple[tuple[float, ...], ...]
     """
     if not _is_matrix(node.value):
         return node.matrix(rows, columns)
-    shape = (node["rows"].whole(), node["cols"].whole())
-    values = numbers(node)
+    values, shape = numbers(node), _shape(node)
     if shape != (rows, columns):
-        node.fail(f"the matrix is {shape[0]}×{shape[1]}, wanted {rows}×{columns}")
+        node.fail(f"the matrix is {_times(shape)}, wanted {rows}×{columns}")
     return tuple(values[start : start + columns] for start in range(0, len(values), columns))
 
 
@@ -86,21 +91,25 @@ def numbers(node: Node) -> tuple[float, ...]:
     """
     if not _is_matrix(node.value):
         return tuple(number for item in node.items() for number in _flat(item))
-    rows, columns = node["rows"].whole(), node["cols"].whole()
+    shape = _shape(node)
     kind = node["dt"].text() if "dt" in node else "d"
     if not _KIND.fullmatch(kind) or kind.lstrip("0123456789") != kind:
         node.fail(f"its elements are {strict.shown(kind)}, wanted one number each")
-    # FileStorage writes a vector of one number, or an empty one, as it likes.
-    data = node["data"]
-    values = data.numbers() if isinstance(data.value, list) else (data.number(),)
-    if rows < 0 or columns < 0 or len(values) != rows * columns:
-        node.fail(f"its header says {rows}×{columns}, but there are {len(values)} numbers")
+    values = node["data"].numbers()
+    if min(shape, default=0) < 0 or len(values) != math.prod(shape):
+        node.fail(f"its header says {_times(shape)}, but there are {len(values)} numbers")
     return values
 
 
-def is_key(name: str) -> bool:
-    """Whether all three syntaxes, and OpenCV's own parsers of them, take the name as it is."""
-    return _XML_KEY.fullmatch(name) is not None
+def holds(name: str, value: Json) -> bool:
+    """Whether all three syntaxes, and OpenCV's own parsers of them, take key and value as they are."""
+    if not _KEY.fullmatch(name) or value is None:
+        return False
+    if isinstance(value, dict):
+        return all(holds(key, item) for key, item in value.items())
+    if isinstance(value, list):
+        return all(holds(name, item) for item in value)
+    return not isinstance(value, str) or value.replace("\n", "").replace("\t", "").isprintable()
 
 
 def dump(tree: Mapping[str, Json], name: str) -> bytes:
@@ -120,7 +129,34 @@ def dump(tree: Mapping[str, Json], name: str) -> bytes:
 
 
 def _is_matrix(value: Json) -> bool:
-    return isinstance(value, dict) and {"rows", "cols", "data"} <= value.keys()
+    return _mark(value) is not None
+
+
+def _mark(value: Json) -> str | None:
+    """The type that OpenCV writes beside a matrix, None for everything else."""
+    if not isinstance(value, dict) or "data" not in value:
+        return None
+    return MATRIX if {"rows", "cols"} <= value.keys() else ND_MATRIX if "sizes" in value else None
+
+
+def _shape(node: Node) -> tuple[int, ...]:
+    if "sizes" in node:
+        return tuple(item.whole() for item in node["sizes"].items())
+    return node["rows"].whole(), node["cols"].whole()
+
+
+def _times(shape: tuple[int, ...]) -> str:
+    return "×".join(map(str, shape))
+
+
+def _without_marks(value: Json) -> Json:
+    """JSON's tree without the types that stand inside matrices; the matrix's own keys say the same."""
+    if isinstance(value, list):
+        return [_without_marks(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    is_matrix = _is_matrix(value)
+    return {key: _without_marks(item) for key, item in value.items() if not (is_matrix and key == "type_id")}
 
 
 def _flat(node: Node) -> tuple[float, ...]:
@@ -139,62 +175,65 @@ def _from_xml(element: _Element, source: str) -> Json:
             if key in table:
                 raise ParseError("it stands twice", source=source, place=key)
             table[key] = _from_xml(child, source)
-        if element.get("type_id") == "opencv-matrix" and not isinstance(table.get("data"), list):
-            table["data"] = [] if table.get("data") in {"", None} else [table["data"]]
+        if _is_matrix(table):
+            # One number is no list in XML, and neither is none.
+            for key in {"data", "sizes"} & table.keys():
+                if not isinstance(table[key], list):
+                    table[key] = [] if table[key] == "" else [table[key]]
         return table
     return _from_xml_text((element.text or "").strip())
 
 
 def _from_xml_text(text: str) -> Json:
-    if text.startswith('"') and text.endswith('"') and len(text) > 1:
-        return text[1:-1]
-    parts = text.split()
+    if not _XML_ITEMS.fullmatch(text):
+        return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
+    values = [_plain(item) for item in re.findall(_XML_ITEM, text)]
+    return values if len(values) > 1 else values[0]
+
+
+def _plain(token: str) -> Json:
+    """A number where it is one, else text without its quotes."""
+    if token.startswith('"'):
+        return token[1:-1]
     try:
-        values: list[Json] = [_plain(part) for part in parts]
+        value = strict.number(token)
     except ParseError:
-        return text
-    return values if len(values) > 1 else (values[0] if values else "")
-
-
-def _plain(token: str) -> int | float:
-    value = strict.number(token)
+        return token
     return int(token) if re.fullmatch(r"[+-]?\d{1,18}", token) else value
 
 
 def _xml(tree: Mapping[str, Json]) -> str:
-    body = "\n".join(_xml_element(key, value) for key, value in tree.items() if _XML_KEY.fullmatch(key))
+    body = "\n".join(_xml_element(key, value) for key, value in tree.items())
     return f'<?xml version="1.0"?>\n<opencv_storage>\n{body}\n</opencv_storage>\n'
 
 
-def _xml_element(key: str, value: Json) -> str:
-    if _is_matrix(value) and isinstance(value, dict):
-        inner = "".join(f"\n  {_xml_element(name, item)}" for name, item in value.items())
-        return f'<{key} type_id="opencv-matrix">{inner}</{key}>'
+def _xml_element(key: str, value: Json, *, of_matrix: bool = False) -> str:
     if isinstance(value, dict):
+        mark = _mark(value)
         inner = "".join(
-            f"\n{_xml_element(name, item)}" for name, item in value.items() if _XML_KEY.fullmatch(name)
+            f"\n  {_xml_element(name, item, of_matrix=bool(mark))}" for name, item in value.items()
         )
-        return f"<{key}>{inner}</{key}>"
+        return f'<{key} type_id="{mark}">{inner}</{key}>' if mark else f"<{key}>{inner}</{key}>"
     if isinstance(value, list):
-        if all(isinstance(item, int | float) for item in value):
+        if of_matrix or (len(value) > 1 and all(isinstance(item, int | float) for item in value)):
             return f"<{key}>\n    {' '.join(_token(item) for item in value)}</{key}>"
         return f"<{key}>{''.join(_xml_element('_', item) for item in value)}</{key}>"
-    if isinstance(value, str) and key != "dt":
-        return f"<{key}>{escape(json.dumps(value, ensure_ascii=False))}</{key}>"
-    return f"<{key}>{value if isinstance(value, str) else _token(value)}</{key}>"
+    if isinstance(value, str):
+        quoted = escape(value, {'"': "&quot;", "\n": "&#x0a;", "\t": "&#x09;"})
+        return f"<{key}>{quoted}</{key}>" if of_matrix else f'<{key}>"{quoted}"</{key}>'
+    return f"<{key}>{_token(value)}</{key}>"
 
 
 def _yaml(tree: Mapping[str, Json]) -> str:
-    body = "".join(
-        line for key, value in tree.items() if _KEY.fullmatch(key) for line in _yaml_lines(key, value, "")
-    )
+    body = "".join(line for key, value in tree.items() for line in _yaml_lines(key, value, ""))
     return f"%YAML:1.0\n---\n{body}"
 
 
 def _yaml_lines(key: str, value: Json, indent: str) -> Iterator[str]:
     deeper = indent + "   "
     if isinstance(value, dict):
-        yield f"{indent}{key}:{' !!opencv-matrix' if _is_matrix(value) else ''}\n"
+        mark = _mark(value)
+        yield f"{indent}{key}: !!{mark}\n" if mark else f"{indent}{key}:\n"
         for name, item in value.items():
             yield from _yaml_lines(name, item, deeper)
     elif isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
@@ -240,8 +279,9 @@ def _typed(value: Json) -> Json:
         return [_typed(item) for item in value]
     if not isinstance(value, dict):
         return value
-    mark: dict[str, Json] = {"type_id": "opencv-matrix"} if _is_matrix(value) else {}
-    return mark | {key: _typed(item) for key, item in value.items()}
+    mark = _mark(value)
+    typed: dict[str, Json] = {"type_id": mark} if mark else {}
+    return typed | {key: _typed(item) for key, item in value.items()}
 
 
 _WRITERS: dict[str, Callable[[Mapping[str, Json]], str]] = {

@@ -151,11 +151,7 @@ def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
     tree: dict[str, Json] = {"image_width": width, "image_height": height, **_quality(calibrations)}
     if fisheyes == {True}:
         tree["fisheye_model"] = 1
-    for item in calibrations:
-        for key, value in item.extras:
-            name = key.removeprefix(PREFIX)
-            if key.startswith(PREFIX) and storage.is_key(name):
-                tree.setdefault(name, parse_json(value.encode(), source=context.name))
+    tree = _extras(calibrations, context.name) | tree
     named = list(zip(_labels(calibrations), calibrations, strict=True))
     for label, item in named:
         if item.distortion is not None:
@@ -173,6 +169,17 @@ def _quality(calibrations: Sequence[Calibration]) -> dict[str, Json]:
     [(views, rms_px)] = known
     named: dict[str, Json] = {"nframes": views, "avg_reprojection_error": rms_px}
     return {key: value for key, value in named.items() if value is not None}
+
+
+def _extras(calibrations: Sequence[Calibration], source: str) -> dict[str, Json]:
+    """What the files that the cameras came from said besides, as far as OpenCV can read it."""
+    extras: dict[str, Json] = {}
+    for key, text in (extra for item in calibrations for extra in item.extras):
+        if key.startswith(PREFIX):
+            value = parse_json(text.encode(), source=source)
+            if storage.holds(key.removeprefix(PREFIX), value):
+                extras.setdefault(key.removeprefix(PREFIX), value)
+    return extras
 
 
 class _Keys:

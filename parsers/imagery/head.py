@@ -10,8 +10,9 @@ from calibrary.parsers.imagery.source import Block, Source
 
 __all__ = ["MAX_SIDE", "MAX_XMP_BYTES", "Head", "checked_size"]
 
-MAX_XMP_BYTES = 4 * 1024 * 1024
-"""An XMP packet with an embedded depth map can be longer; nothing about the camera is in there."""
+MAX_XMP_BYTES = 2 * 1024 * 1024
+"""A packet with a depth map in it can be longer; nothing about the camera is in there. What is built to cost
+memory takes some 130 MB as a tree at this length."""
 
 MAX_SIDE = 1 << 24
 """px; sixteen million columns are a broken header, not an image."""

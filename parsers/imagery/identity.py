@@ -17,8 +17,9 @@ def clean_text(raw: str | bytes) -> str | None:
     """A name without padding and without what cannot be printed; None when nothing is left."""
     text = raw if isinstance(raw, str) else _decode(raw)
     words = " ".join(text.partition("\0")[0].split())
-    printable = "".join(character for character in words if character.isprintable())
-    return printable[:MAX_TEXT].strip() or None
+    if not words.isprintable():
+        words = "".join(filter(str.isprintable, words))
+    return words[:MAX_TEXT].strip() or None
 
 
 def clean_serial(raw: str | bytes | None) -> str | None:

@@ -29,6 +29,8 @@ def as_number(value: object, *, source: str | None = None, place: str | None = N
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         if not value:
             raise refuse("no value")
+        if len(value) == 1:
+            return as_number(value[0], source=source, place=place)
         numbers = {as_number(item, source=source, place=place) for item in value}
         if len(numbers) > 1:
             raise refuse(f"{len(value)} different values")

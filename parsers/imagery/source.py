@@ -130,11 +130,14 @@ def open_source(path: str | os.PathLike[str]) -> Iterator[Source]:
     Raises:
         InputError: it is not there, not readable, or no regular file.
     """
-    name = display_name(path)
+    location = Path(path)
+    name = display_name(location)
     try:
-        _refuse_special(Path(path).stat(), name)
+        _refuse_special(location.stat(), name)
         # A pipe may take the file's place between the two calls, and opening one waits for a writer.
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        descriptor = os.open(
+            location, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        )
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -145,10 +148,11 @@ def open_source(path: str | os.PathLike[str]) -> Iterator[Source]:
         yield Source(file, name=name, size=status.st_size)
 
 
-def display_name(path: str | os.PathLike[str]) -> str:
+def display_name(path: Path) -> str:
     """The file's name as it may stand in a message: without its directory and without control characters."""
-    text = os.fsdecode(path)
-    name = Path(text).name or text
+    name = path.name or str(path)
+    if name.isprintable():
+        return name
     return "".join(character if character.isprintable() else "�" for character in name)
 
 

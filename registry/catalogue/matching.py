@@ -79,6 +79,7 @@ class _Says(Enum):
 
     NO = "against it"
     NOTHING = "nothing"
+    PERHAPS = "for it, if nobody else is left"
     YES = "for it"
 
 
@@ -177,9 +178,10 @@ def _by_clues(entries: Sequence[KnownCamera], clues: _Clues) -> Match:
         said_yes = [camera for camera, said in left if said[basis] is _Says.YES]
         if said_yes:
             spoken_for = [(camera, said) for camera, said in spoken_for if camera in said_yes]
-    if len(spoken_for) == 1 and _Says.YES in spoken_for[0][1].values():
+    if len(spoken_for) == 1:
         camera, said = spoken_for[0]
-        return _found(camera, tuple(basis for basis, says in said.items() if says is _Says.YES))
+        if basis_found := tuple(basis for basis, says in said.items() if says in {_Says.YES, _Says.PERHAPS}):
+            return _found(camera, basis_found)
     candidates = tuple(camera for camera, _ in spoken_for or left)
     titles = "; ".join(camera.title for camera in candidates)
     reason = (
@@ -256,9 +258,10 @@ def _focal_in(lens: str | None) -> float | None:
 
 
 def _size_says(native: ImageSize | None, size: ImageSize | None) -> _Says:
-    """Its own frames: the full one, binned or enlarged by a whole number, or cropped 1:1 along one side.
+    """A camera's own frames: the full one, binned or enlarged by a whole number, or cropped 1:1 along a side.
 
-    The same shape at another scale may be anybody's resized file; another shape is another camera.
+    A crop of one camera may be another's resized frame (640×480 of 640×512, or of 4:3). The same shape at
+    another scale may be anybody's resized frame; another shape is another camera's.
     """
     if native is None or size is None or min(size) <= 0:
         return _Says.NOTHING
@@ -266,7 +269,7 @@ def _size_says(native: ImageSize | None, size: ImageSize | None) -> _Says:
         return _Says.YES if _is_multiple(native, size) or _is_multiple(size, native) else _Says.NOTHING
     cropped_rows = size[0] == native[0] and native[1] * SMALLEST_CROP <= size[1] <= native[1]
     cropped_columns = size[1] == native[1] and native[0] * SMALLEST_CROP <= size[0] <= native[0]
-    return _Says.YES if cropped_rows or cropped_columns else _Says.NO
+    return _Says.PERHAPS if cropped_rows or cropped_columns else _Says.NO
 
 
 def _is_multiple(large: ImageSize, small: ImageSize) -> bool:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 __all__ = [
     "FLEET",
     "SOURCE",
-    "Calibration",
     "CalibraryError",
+    "Calibration",
     "CameraKey",
     "Grade",
     "Intrinsics",

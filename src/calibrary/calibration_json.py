@@ -7,9 +7,9 @@ from typing import TypeAlias
 from calibrary.calibration import Calibration, CameraKey, Intrinsics, Provenance, Quality
 from calibrary.distortion import Distortion
 
-__all__ = ["Json", "camera_json", "calibration_json", "distortion_json", "intrinsics_json"]
+__all__ = ["Json", "calibration_json", "camera_json", "distortion_json", "intrinsics_json"]
 
-Json: TypeAlias = "None | bool | int | float | str | list[Json] | dict[str, Json]"
+Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 
 
 def calibration_json(calibration: Calibration) -> dict[str, Json]:

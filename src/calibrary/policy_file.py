@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
+from typing import cast
 
 from calibrary.errors import InputError, ParseError
 from calibrary.policy import POLICIES, Policy
 from calibrary.schemas import require
-from calibrary.strictyaml import load_yaml
+from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
 __all__ = ["read_policy"]
 
@@ -32,9 +34,9 @@ def read_policy(path: Path) -> Policy:
         raise InputError(f"cannot be read: {error.strerror}", source=str(path)) from None
     if len(data) > LARGEST_POLICY:
         raise ParseError("is larger than 1 MiB, wanted a policy", source=str(path))
-    document = load_yaml(data, source=path.name)
-    require(document, "policy-1", source=path.name)
-    assert isinstance(document, dict)
+    value = load_yaml(data, source=path.name)
+    require(value, "policy-1", source=path.name, locate=partial(line_of, data))
+    document = cast("dict[str, YamlValue]", value)
     base = POLICIES[str(document.get("base", "fleet"))]
     limits = {field.name: document[field.name] for field in fields(Policy) if field.name in document}
     for band in ("focal_over_width", "measured_over_width"):

@@ -23,7 +23,7 @@ __all__ = ["Circumstances", "Expected", "Finding", "NamedFocal", "Report", "Seve
 class Severity(StrEnum):
     """What a finding does to the verdict."""
 
-    PASS = "pass"
+    PASS = "pass"  # noqa: S105  a word of the report, no password
     WARNING = "warning"
     UNPROVEN = "unproven"
     ERROR = "error"
@@ -137,9 +137,7 @@ class Report:
             raise ValidationError("; ".join(str(finding) for finding in self.failures), self)
 
 
-def validate(
-    calibration: Calibration, policy: Policy, circumstances: Circumstances | None = None
-) -> Report:
+def validate(calibration: Calibration, policy: Policy, circumstances: Circumstances | None = None) -> Report:
     """Hold a calibration against a policy; every rule is measured."""
     around = circumstances or Circumstances()
     findings = tuple(f for rule in RULES for f in rule(calibration, policy, around))
@@ -190,9 +188,7 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
     agreeing = [o for o in around.others if _apart(c, o) <= max(policy.witness_agreement, o.tolerance)]
     if policy.witnesses_settle and agreeing and not around.sensor_assumed:
         message = f"fx = {fx_over_w:.3f} W, and {agreeing[0].name} says the same independently"
-        yield Finding(
-            rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message
-        )
+        yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
         return
     message = f"fx = {fx_over_w:.3f} W, wanted {low:g} … {high:g} W"
     if not in_band:
@@ -248,9 +244,7 @@ def _leak_35mm(c: Calibration, policy: Policy, around: Circumstances) -> Iterato
     message = f"FocalLength {focal_mm:g} mm beside a 35 mm equivalent of {focal_35mm:g} mm"
     if leaked:
         message += f": the equivalent was written as the focal length, and fx is {apart:+.0%} from it"
-    yield Finding(
-        rule="no-35mm-leak", severity=Severity.ERROR if leaked else Severity.PASS, message=message
-    )
+    yield Finding(rule="no-35mm-leak", severity=Severity.ERROR if leaked else Severity.PASS, message=message)
 
 
 def _witness_agreement(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
@@ -317,7 +311,9 @@ def _group_spread(_: Calibration, policy: Policy, around: Circumstances) -> Iter
     if around.spread is None:
         return
     ok = around.spread <= policy.group_spread_max
-    message = f"fx spreads by {around.spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
+    message = (
+        f"fx spreads by {around.spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
+    )
     if not ok:
         message += "; two units or two states share one key: separate them"
     yield Finding(

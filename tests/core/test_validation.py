@@ -50,7 +50,10 @@ def test_failures_are_raised_with_the_report() -> None:
 
 @pytest.mark.parametrize("policy", [FLEET, SOURCE])
 def test_fifteen_per_cent_between_the_focal_lengths_is_the_errors_line(policy: Policy) -> None:
-    assert severity(validate(calibration(5000.0, 5000.0 * 0.851), policy), "focal-symmetry") is not Severity.ERROR
+    assert (
+        severity(validate(calibration(5000.0, 5000.0 * 0.851), policy), "focal-symmetry")
+        is not Severity.ERROR
+    )
     assert severity(validate(calibration(5000.0, 5000.0 * 0.849), policy), "focal-symmetry") is Severity.ERROR
 
 

@@ -10,8 +10,7 @@ from calibrary.evidence.collect import collect
 from calibrary.evidence.conflict import Cause, Conflict
 from calibrary.evidence.context import Scene
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-
-from .scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, micasense, p4_rtk
+from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, micasense, p4_rtk
 
 
 def conflict(scene: Scene) -> Conflict:
@@ -53,7 +52,10 @@ def test_another_sub_cameras_focal_length_is_named() -> None:
 
 def test_a_wrong_given_sensor_is_named() -> None:
     metadata = ImageMetadata(size=(5472, 3648), focal_mm=8.8, focal_35mm=24.0)
-    causes = {c.cause for c in collect(Scene(metadata=metadata, known=P4_RTK, given_sensor_mm=(6.17, 4.63))).conflicts}
+    causes = {
+        c.cause
+        for c in collect(Scene(metadata=metadata, known=P4_RTK, given_sensor_mm=(6.17, 4.63))).conflicts
+    }
     assert causes == {Cause.SENSOR_SIZE}
 
 

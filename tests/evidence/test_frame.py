@@ -66,7 +66,8 @@ def test_exif_of_another_frame_is_a_contradiction(size: tuple[int, int], exif_si
 
 
 @pytest.mark.parametrize(
-    ("size", "exif_size"), [((640, 512), (1280, 1024)), ((40, 30), (4864, 3648)), ((4000, 2250), (4000, 3000))]
+    ("size", "exif_size"),
+    [((640, 512), (1280, 1024)), ((40, 30), (4864, 3648)), ((4000, 2250), (4000, 3000))],
 )
 def test_a_resized_or_cropped_file_does_not_contradict_its_exif(
     size: tuple[int, int], exif_size: tuple[int, int]

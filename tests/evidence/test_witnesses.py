@@ -11,10 +11,10 @@ from calibrary.calibration import Grade
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
 from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.context import Scene
+from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.evidence.witness import Source, Witness
-
-from .scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2, micasense, p4_rtk, xmp
+from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2, micasense, p4_rtk, xmp
 
 
 def witness(evidence: Evidence, source: Source) -> Witness:
@@ -61,7 +61,9 @@ def test_dewarp_data_k6_is_opencvs_rational_model() -> None:
     )
 
 
-@pytest.mark.parametrize("text", ["2020-01-01;0,0,0,0,0,0,0,0,0", "2020-01-01;1,2,3", "nonsense", "1;nan,1,1,1,1,1,1,1,1"])
+@pytest.mark.parametrize(
+    "text", ["2020-01-01;0,0,0,0,0,0,0,0,0", "2020-01-01;1,2,3", "nonsense", "1;nan,1,1,1,1,1,1,1,1"]
+)
 def test_dewarp_data_that_is_no_calibration_is_dropped_with_a_reason(text: str) -> None:
     evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
     assert [d.source for d in evidence.dropped] == [Source.DJI_DEWARP]
@@ -119,7 +121,9 @@ def test_rededge_firmware_3_writes_millimetres_with_a_unit() -> None:
 def test_camera_principal_point_is_in_millimetres_from_the_upper_left() -> None:
     chosen = collect(Scene(metadata=micasense("1449.36"))).chosen
     assert chosen is not None
-    assert (chosen.intrinsics.cx, chosen.intrinsics.cy) == pytest.approx((2.36 * 266.666667, 1.81 * 266.666667))
+    assert (chosen.intrinsics.cx, chosen.intrinsics.cy) == pytest.approx(
+        (2.36 * 266.666667, 1.81 * 266.666667)
+    )
     assert chosen.measured_centre
 
 
@@ -153,7 +157,9 @@ def test_a_fisheye_is_heard_but_gives_no_k() -> None:
     evidence = collect(Scene(metadata=metadata))
     fisheye = witness(evidence, Source.CAMERA_FISHEYE)
     assert fisheye.intrinsics.fx == pytest.approx(2 * 1657.9 / math.pi)
-    assert fisheye.intrinsics.fx == pytest.approx(witness(evidence, Source.FOCAL_PLANE).intrinsics.fx, rel=0.01)
+    assert fisheye.intrinsics.fx == pytest.approx(
+        witness(evidence, Source.FOCAL_PLANE).intrinsics.fx, rel=0.01
+    )
     assert evidence.chosen is None
 
 
@@ -165,7 +171,12 @@ def skydio(**over: object) -> ImageMetadata:
         "CalibratedOpticalCenter__Y": "1519.8",
     }
     metadata = ImageMetadata(
-        size=(4056, 3040), exif_size=(4056, 3040), make="Skydio", model="2", focal_mm=4.7, xmp=xmp("drone-skydio", **values)
+        size=(4056, 3040),
+        exif_size=(4056, 3040),
+        make="Skydio",
+        model="2",
+        focal_mm=4.7,
+        xmp=xmp("drone-skydio", **values),
     )
     return replace(metadata, **over)  # type: ignore[arg-type]
 
@@ -229,7 +240,10 @@ def test_horizontal_field_of_view_gives_the_focal_length() -> None:
 )
 def test_focal_plane_resolution_counts_in_each_unit(unit: FocalPlaneUnit | None, resolution: float) -> None:
     metadata = ImageMetadata(
-        size=(4000, 3000), focal_mm=4.5, focal_plane_resolution=(resolution, resolution), focal_plane_unit=unit
+        size=(4000, 3000),
+        focal_mm=4.5,
+        focal_plane_resolution=(resolution, resolution),
+        focal_plane_unit=unit,
     )
     chosen = collect(Scene(metadata=metadata)).chosen
     assert chosen is not None
@@ -305,7 +319,9 @@ def test_a_sensor_is_assumed_only_when_nothing_else_tells_the_pitch() -> None:
     assert chosen is not None
     assert chosen.source is Source.ASSUMED_SENSOR
     assert chosen.assumptions == ("the sensor is 13.2 × 8.8 mm",)
-    with_plane = replace(metadata, focal_plane_resolution=(416.67, 416.67), focal_plane_unit=FocalPlaneUnit.MILLIMETRE)
+    with_plane = replace(
+        metadata, focal_plane_resolution=(416.67, 416.67), focal_plane_unit=FocalPlaneUnit.MILLIMETRE
+    )
     sources = {w.source for w in collect(Scene(metadata=with_plane, assumed_sensor_mm=(13.2, 8.8))).witnesses}
     assert Source.ASSUMED_SENSOR not in sources
 
@@ -313,8 +329,6 @@ def test_a_sensor_is_assumed_only_when_nothing_else_tells_the_pitch() -> None:
 def test_orientation_is_not_applied_and_said_so() -> None:
     metadata = replace(micasense("1449.36"), orientation=3)
     evidence = collect(Scene(metadata=metadata))
-    from calibrary.evidence.identity import camera_key
-
     calibration = evidence.calibration(camera_key(metadata))
     assert calibration is not None
     assert "Orientation is 3" in calibration.notes[0]

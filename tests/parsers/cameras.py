@@ -17,8 +17,8 @@ BROWN = BrownConrady(k1=-0.1131, k2=0.0247, p1=-0.00037, p2=0.00081, k3=-0.0062)
 
 # How strong a coefficient may be on a lens that sees 45° off its axis without folding.
 STRENGTH = {
-    "k1": 0.05, "k2": 0.02, "k3": 0.01, "k4": 0.01, "k5": 0.01, "k6": 0.01, "p1": 1e-3, "p2": 1e-3, "p3": 1e-2,
-    "p4": 1e-2, "s1": 1e-4, "s2": 1e-4, "s3": 1e-4, "s4": 1e-4, "tau_x": 0.02, "tau_y": 0.02,
+    "k1": 0.05, "k2": 0.02, "k3": 0.01, "k4": 0.01, "k5": 0.01, "k6": 0.01, "p1": 1e-3, "p2": 1e-3,
+    "p3": 1e-2, "p4": 1e-2, "s1": 1e-4, "s2": 1e-4, "s3": 1e-4, "s4": 1e-4, "tau_x": 0.02, "tau_y": 0.02,
 }  # fmt: skip
 
 
@@ -79,6 +79,4 @@ def calibrations(draw: st.DrawFn, capacity: Capacity) -> Calibration:
     )
     known = distortions(capacity.models) if capacity.models else st.none()
     lens = draw(st.one_of(known, st.just(NoDistortion()), st.none())) if capacity.models else None
-    return replace(
-        camera(lens), camera=CameraKey(image_size=intrinsics.image_size), intrinsics=intrinsics
-    )
+    return replace(camera(lens), camera=CameraKey(image_size=intrinsics.image_size), intrinsics=intrinsics)

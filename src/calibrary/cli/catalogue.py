@@ -49,7 +49,10 @@ def _run(arguments: argparse.Namespace) -> int:
     catalogue = load_catalogue()
     cameras = catalogue.search(arguments.model) if arguments.model else list(catalogue)
     if arguments.json:
-        document = {"schema": "calibrary/catalogue-listing-1", "cameras": [to_json(camera) for camera in cameras]}
+        document = {
+            "schema": "calibrary/catalogue-listing-1",
+            "cameras": [to_json(camera) for camera in cameras],
+        }
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
     elif not cameras:
         sys.stderr.write(
@@ -74,7 +77,9 @@ def _show(cameras: Sequence[KnownCamera]) -> None:
         for field, source in camera.sources:
             console.print(f"  {field}: {plain(source)}", highlight=False, soft_wrap=True)
         for conflict in camera.conflicts:
-            console.print(f"  [yellow]sources disagree[/]: {plain(conflict)}", highlight=False, soft_wrap=True)
+            console.print(
+                f"  [yellow]sources disagree[/]: {plain(conflict)}", highlight=False, soft_wrap=True
+            )
         for note in camera.notes:
             console.print(f"  [dim]{plain(note)}[/]", highlight=False, soft_wrap=True)
 

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calibrary.cli.console import make_console, plain
+from calibrary.extract.fallback import Step
 from calibrary.extract.gather import Rejected
 from calibrary.extract.hand_off import Solver, seed_command
 from calibrary.extract.outcome import CameraOutcome, Outcome
@@ -74,19 +75,30 @@ class Display:
             )
 
     def _tell_fallbacks(self, outcome: Outcome) -> None:
+        """The chain of each camera that went through it; cameras for which it ended alike are told together."""
+        told: dict[tuple[str, ...], list[CameraOutcome]] = {}
         for camera in outcome.cameras:
-            if camera.fallback is None or not camera.fallback.steps:
-                continue
-            self._say(f"\n[bold]{plain(str(camera.camera.key))}[/]: fallbacks tried")
-            for step in camera.fallback.steps:
-                source = f" {plain(step.source)}" if step.source else ""
-                self._say(f"  {step.step.value}: [bold]{step.outcome.value}[/]{source} — {plain(step.why)}")
-            if camera.fallback.seed is not None:
-                self._say(f"  [dim]to self-calibrate: {plain(seed_command(camera.fallback.seed))}[/]")
+            if camera.fallback is not None and camera.fallback.steps:
+                lines = tuple(_step_line(step) for step in camera.fallback.steps)
+                told.setdefault(lines, []).append(camera)
+        for lines, cameras in told.items():
+            names = "; ".join(plain(str(camera.camera.key)) for camera in cameras)
+            self._say(f"\n[bold]fallbacks tried[/] for {names}")
+            for line in lines:
+                self._say(f"  {line}")
+            seed = cameras[0].fallback.seed if cameras[0].fallback is not None else None
+            if seed is not None:
+                which = (
+                    ""
+                    if len(cameras) == 1
+                    else f" (of {plain(str(cameras[0].camera.key))}; all in the report)"
+                )
+                self._say(f"  [dim]to self-calibrate{which}: {plain(seed_command(seed))}[/]")
 
     def _tell_files(self, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
-        verb = "would write" if dry_run else "wrote"
-        self._say(f"\n{verb} {', '.join(plain(str(path)) for path in outputs.files)}")
+        self._say("\nwould write" if dry_run else "\nwrote")
+        for path in outputs.files:
+            self._say(f"  {plain(str(path))}")
         for path in outputs.stale:
             self._say(f"[yellow]note[/]: {plain(str(path))} is of an earlier run, not of this one; remove it")
         if solver is not Solver.NONE and outputs.not_handed_over:
@@ -97,15 +109,20 @@ class Display:
         self._console.print(text, highlight=False, soft_wrap=True)
 
 
+def _step_line(step: Step) -> str:
+    source = f" {plain(step.source)}" if step.source else ""
+    return f"{step.step.value}: [bold]{step.outcome.value}[/]{source} — {plain(step.why)}"
+
+
 def _camera_table(outcome: Outcome) -> Table:
     table = Table(title=f"Cameras, judged by the {outcome.policy.name} policy", title_justify="left")
-    table.add_column("camera", ratio=3)
+    table.add_column("camera", ratio=3, min_width=16)
     table.add_column("images", justify="right", no_wrap=True)
     table.add_column("K in px", no_wrap=True)
     table.add_column("fx/W", justify="right", no_wrap=True)
     table.add_column("grade", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
-    table.add_column("why, and what to do", ratio=4)
+    table.add_column("why, and what to do", ratio=4, min_width=24)
     for camera in outcome.cameras:
         table.add_row(
             plain(str(camera.camera.key)),
@@ -139,7 +156,8 @@ def _why(camera: CameraOutcome) -> Text:
             text.append(f"→ {line}" if line is camera.advice else line, style=style)
     for conflict in camera.camera.evidence.conflicts:
         text.append(
-            f"\n{conflict.other.tag} disagrees by {conflict.difference:+.1%}: {conflict.cause.value}", "yellow"
+            f"\n{conflict.other.tag} disagrees by {conflict.difference:+.1%}: {conflict.cause.value}",
+            "yellow",
         )
     for dropped in camera.camera.evidence.dropped:
         text.append(f"\n{dropped.tag} is not believed: {dropped.reason}", style="dim")

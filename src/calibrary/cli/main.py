@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from calibrary.cli import catalogue, extract
-from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, ValidationError
+from calibrary.errors import CalibraryError, CalibrationError, RegistryError, ValidationError
 
 __all__ = ["build_parser", "main"]
 
@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Whoever read the output has seen enough; keep the interpreter from complaining on exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except Exception as error:  # noqa: BLE001 — no traceback reaches a user
+    except Exception as error:
         if os.environ.get("CALIBRARY_DEBUG"):
             raise
         message = f"calibrary: this is a bug: {type(error).__name__}: {error}"
@@ -58,10 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _exit_code(error: CalibraryError) -> int:
     if isinstance(error, ValidationError | CalibrationError):
         return EXIT_POLICY
-    if isinstance(error, RegistryError):
-        return EXIT_REGISTRY
-    assert isinstance(error, InputError)
-    return EXIT_INPUT
+    return EXIT_REGISTRY if isinstance(error, RegistryError) else EXIT_INPUT
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -85,7 +82,8 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
         from importlib.metadata import version
 
-        parser.exit(message=f"calibrary {version('calibrary')}\n")
+        sys.stdout.write(f"calibrary {version('calibrary')}\n")
+        parser.exit()
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from calibrary.errors import InputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
-BLOCK_ROWS = 16_384
+BLOCK_ROWS = 8_192
 """Rows worked on at a time: a dozen columns of this length stay in a processor's second-level cache."""
 
 

@@ -31,7 +31,9 @@ from calibrary.distortion.roots import first_positive_root, positive_roots
 
 __all__ = ["fold_radius"]
 
-SCAN = np.concatenate([np.tan(np.linspace(0.0, 0.5 * math.pi, 512, endpoint=False)[1:]), np.logspace(3, 9, 73)])
+SCAN = np.concatenate(
+    [np.tan(np.linspace(0.0, 0.5 * math.pi, 512, endpoint=False)[1:]), np.logspace(3, 9, 73)]
+)
 """Radii of the search in units of the map's own length; a fold beyond a thousand million of them counts as none."""
 
 DIRECTIONS = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
@@ -162,7 +164,7 @@ def _least_over_directions(samples: FloatArray) -> FloatArray:
         bend = -a1 * cos1 + b1 * sin1 - 4 * a2 * cos2 + 4 * b2 * sin2
         angle = angle - np.divide(slope, bend, out=np.zeros_like(slope), where=bend > 0)
     polished = c + a1 * np.cos(angle) - b1 * np.sin(angle) + a2 * np.cos(2 * angle) - b2 * np.sin(2 * angle)
-    return np.minimum(values.min(axis=1), polished.min(axis=1))
+    return np.asarray(np.minimum(values.min(axis=1), polished.min(axis=1)))
 
 
 def _narrowed(margin: Callable[[FloatArray], FloatArray], inner: float, outer: float) -> float:

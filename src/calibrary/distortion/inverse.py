@@ -10,6 +10,7 @@ guarantees progress and never leaves the disc.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,14 @@ from numpy.typing import NDArray
 from calibrary.distortion.base import FloatArray
 from calibrary.distortion.polynomial import PolynomialMap
 
-__all__ = ["invert"]
+__all__ = ["Inverse"]
 
 TABLE_NODES = 1024
+
+RIM_NODES = 1024
+
+RIM_MARGIN = 1e-4
+"""How far the rim may bulge between two nodes, relative to its radius, with plenty to spare."""
 
 SETTLED = 1e-9
 """A Newton step this short, relative to the point, leaves an error of its square: nothing in float64."""
@@ -31,55 +37,109 @@ DAMPED_STEPS = 120
 RESIDUAL = 1e-13
 """What a point that needed damping may miss by, relative to its radius: 4e-10 px at a focal length of 4000 px."""
 
-
-def invert(
-    lens: PolynomialMap, radius: float, u: FloatArray, v: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Observed to ideal; NaN where nothing inside ``radius`` (the lens's fold) is seen."""
-    x, y = np.full_like(u, math.nan), np.full_like(v, math.nan)
-    rho = np.sqrt(u * u + v * v)
-    rows = np.flatnonzero(rho <= _rim(lens, radius))
-    if len(rows) == 0:
-        return x, y
-    u, v, rho = u[rows], v[rows], rho[rows]
-    x0, y0 = _radial_start(lens, radius, u, v, rho)
-    found_x, found_y = x0.copy(), y0.copy()
-    missed = _newton(lens, radius, u, v, found_x, found_y)
-    if len(missed):
-        found_x[missed], found_y[missed] = _damped_newton(
-            lens, radius, u[missed], v[missed], x0[missed], y0[missed]
-        )
-    x[rows], y[rows] = found_x, found_y
-    return x, y
+LARGEST = float(np.finfo(np.float64).max)
 
 
-def _rim(lens: PolynomialMap, radius: float) -> float:
-    """A radius that holds the image of the whole disc, so that what lies outside need not be tried."""
-    largest = float(np.finfo(np.float64).max)
-    if math.isinf(radius):
-        return largest
-    angle = np.linspace(0.0, 2.0 * math.pi, 256, endpoint=False)
-    u, v = lens.image(radius * np.cos(angle), radius * np.sin(angle))
-    # Between two of these directions the rim may bulge a little further.
-    rim = 1.001 * float(np.max(np.hypot(u, v)))
-    return min(rim, largest) if rim > 0 else largest
+@dataclass(frozen=True, slots=True)
+class Rim:
+    """Where the edge of the valid disc is seen: what lies outside has no preimage and need not be tried.
+
+    Attributes:
+        inner, outer: the rim lies between these two radii.
+        angle, radius: the rim itself in polar coordinates, None where a direction meets it more than once.
+    """
+
+    inner: float
+    outer: float
+    angle: FloatArray | None = None
+    radius: FloatArray | None = None
+
+    @classmethod
+    def of(cls, lens: PolynomialMap, radius: float) -> Rim:
+        """The image of the circle of ``radius``."""
+        if math.isinf(radius):
+            return cls(LARGEST, LARGEST)
+        direction = np.linspace(-math.pi, math.pi, RIM_NODES, endpoint=False)
+        u, v = lens.image(radius * np.cos(direction), radius * np.sin(direction))
+        rho = np.hypot(u, v)
+        if not np.isfinite(rho).all():
+            return cls(LARGEST, LARGEST)
+        inner, outer = (1.0 - RIM_MARGIN) * float(rho.min()), (1.0 + 10 * RIM_MARGIN) * float(rho.max())
+        angle = np.unwrap(np.arctan2(v, u))
+        turned = angle[-1] - angle[0]
+        if (np.diff(angle) > 0).all() and 0 < turned < 2.0 * math.pi:
+            return cls(inner, outer, angle, rho)
+        return cls(inner, outer)
+
+    def holds(self, u: FloatArray, v: FloatArray, rho: FloatArray) -> NDArray[np.bool_]:
+        """Which points may lie inside; a point outside by less than the margin may pass too."""
+        inside = rho <= self.outer
+        if self.angle is not None and self.radius is not None:
+            close = np.flatnonzero(inside & (rho > self.inner))
+            if len(close):
+                at = np.interp(np.arctan2(v[close], u[close]), self.angle, self.radius, period=2.0 * math.pi)
+                inside[close] = rho[close] <= (1.0 + RIM_MARGIN) * at
+        return inside
 
 
-def _radial_start(
-    lens: PolynomialMap, radius: float, u: FloatArray, v: FloatArray, rho: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Where the points would be seen from if the lens had only its radial part."""
-    unit = math.ldexp(1.0, min(lens.octave, 1000))
-    reach, farthest = min(unit, radius), rho.max()
-    while reach < radius and lens.radial(np.array([reach]))[0] < farthest:
-        reach = min(2.0 * reach, radius)
-    # Evenly spaced up to the length of the lens, geometrically beyond.
-    r = unit * np.sinh(np.linspace(0.0, math.asinh(reach / unit), TABLE_NODES))
-    image = lens.radial(r)
-    rising = np.flatnonzero(np.isfinite(image) & (image >= np.fmax.accumulate(image)))
-    scale = np.interp(rho, image[rising], r[rising])
-    np.divide(scale, rho, out=scale, where=rho > 0)
-    return u * scale, v * scale
+@dataclass(frozen=True, slots=True)
+class Inverse:
+    """A lens prepared for being inverted.
+
+    Attributes:
+        lens: the map.
+        radius: its fold; nothing outside is ever returned.
+        rim: where the fold is seen.
+        seen_at, seen_from: the radial part as a rising table, observed and ideal radii.
+    """
+
+    lens: PolynomialMap
+    radius: float
+    rim: Rim
+    seen_at: FloatArray
+    seen_from: FloatArray
+
+    @classmethod
+    def of(cls, lens: PolynomialMap, radius: float, farthest: float) -> Inverse:
+        """Prepare ``lens``, whose fold is at ``radius``, for observed points up to ``farthest`` from the axis."""
+        unit = math.ldexp(1.0, min(lens.octave, 1000))
+        reach = min(unit, radius)
+        while reach < radius and lens.radial(np.array([reach]))[0] < farthest:
+            reach = min(2.0 * reach, radius)
+        # Evenly spaced up to the length of the lens, geometrically beyond.
+        r = unit * np.sinh(np.linspace(0.0, math.asinh(reach / unit), TABLE_NODES))
+        image = lens.radial(r)
+        rising = np.flatnonzero(np.isfinite(image) & (image >= np.fmax.accumulate(image)))
+        return cls(lens, radius, Rim.of(lens, radius), image[rising], r[rising])
+
+    def swift(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+        """Observed to ideal by full Newton steps.
+
+        Returns:
+            x, y, NaN where nothing inside the fold is seen, and the rows that need :meth:`patient` instead.
+        """
+        x, y = np.full_like(u, math.nan), np.full_like(v, math.nan)
+        rho = np.sqrt(u * u + v * v)
+        rows = np.flatnonzero(self.rim.holds(u, v, rho))
+        if len(rows) == len(u):
+            x, y = self._start(u, v, rho)
+            return x, y, _newton(self.lens, self.radius, u, v, x, y)
+        u, v = u[rows], v[rows]
+        found_x, found_y = self._start(u, v, rho[rows])
+        missed = _newton(self.lens, self.radius, u, v, found_x, found_y)
+        x[rows], y[rows] = found_x, found_y
+        return x, y, rows[missed]
+
+    def patient(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Observed to ideal for points next to the fold or outside it, by steps that never leave the disc."""
+        x, y = self._start(u, v, np.sqrt(u * u + v * v))
+        return _damped_newton(self.lens, self.radius, u, v, x, y)
+
+    def _start(self, u: FloatArray, v: FloatArray, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where the points would be seen from if the lens had only its radial part."""
+        scale = np.interp(rho, self.seen_at, self.seen_from)
+        np.divide(scale, rho, out=scale, where=rho > 0)
+        return u * scale, v * scale
 
 
 def _newton(

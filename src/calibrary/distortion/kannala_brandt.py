@@ -47,12 +47,8 @@ class KannalaBrandt(Distortion):
 
     def max_angle_rad(self) -> float:
         """The angle at which θd stops growing, at most π: a ray straight back has no direction in the image."""
-        # Roots are safe to ask for once no coefficient exceeds one, and a power of two changes no digit.
-        slopes = [1.0] + [(2 * i + 1) * k for i, k in enumerate(self._k, start=1)]
-        octave = min((math.floor(-math.log2(abs(k)) / i) for i, k in enumerate(slopes) if i and k), default=0)
-        square = first_positive_root([math.ldexp(slope, i * octave) for i, slope in enumerate(slopes)])
-        # sqrt(square · 2**octave), kept from overflowing: nothing beyond π matters.
-        return min(math.pi, math.sqrt(min(square, 1e100)) * 2.0 ** min(octave / 2, 1000.0))
+        slope_by_square = (1.0, 3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3, 9.0 * self.k4)
+        return min(math.pi, math.sqrt(first_positive_root(slope_by_square)))
 
     def valid_radius(self) -> float:
         """The tangent of the fold angle; ``inf`` when the model is one-to-one up to 90° and beyond."""
@@ -104,10 +100,6 @@ class KannalaBrandt(Distortion):
             tangent = np.tan(theta)
             out[rows, 0], out[rows, 1] = x * tangent, y * tangent
         return out
-
-    @property
-    def _k(self) -> tuple[float, float, float, float]:
-        return self.k1, self.k2, self.k3, self.k4
 
     def _image(self, theta: FloatArray) -> FloatArray:
         """θd of θ."""

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
 from calibrary.distortion.fold import fold_radius
-from calibrary.distortion.inverse import invert
+from calibrary.distortion.inverse import Inverse
 from calibrary.distortion.polynomial import PolynomialMap
 
 __all__ = ["OpenCVDistortion"]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenCVDistortion(Distortion):
@@ -47,7 +48,7 @@ class OpenCVDistortion(Distortion):
                 if sensor is not None:
                     u, v = _through(sensor, u, v)
                 unseen = ~(x * x + y * y < radius * radius)
-                u[unseen] = math.nan
+                u[unseen] = np.nan
                 out[rows, 0], out[rows, 1] = finite_pair(u, v)
         return out
 
@@ -56,19 +57,34 @@ class OpenCVDistortion(Distortion):
         xy = as_rows(xy, 2)
         out = np.empty_like(xy)
         lens, sensor, radius = self._lens(), self._sensor(), self.valid_radius()
-        upright = None if sensor is None else np.linalg.inv(sensor)
+        upright: FloatArray | None = None if sensor is None else np.asarray(np.linalg.inv(sensor))
+
+        def image(rows: slice | NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+            u, v = np.ascontiguousarray(xy[rows].T)
+            return (u, v) if upright is None else _through(upright, u, v)
+
         with np.errstate(all="ignore"):
+            inverse = Inverse.of(lens, radius, 2.0 * _largest(xy))
+            hard = [np.empty(0, dtype=np.intp)]
             for rows in blocks(len(xy)):
-                u, v = np.ascontiguousarray(xy[rows].T)
-                if upright is not None:
-                    u, v = _through(upright, u, v)
-                out[rows, 0], out[rows, 1] = invert(lens, radius, u, v)
+                out[rows, 0], out[rows, 1], missed = inverse.swift(*image(rows))
+                hard.append(rows.start + missed)
+            # Gathered over the whole image: a few points at a time would cost as much as a block of them.
+            left = np.concatenate(hard)
+            for part in blocks(len(left)):
+                out[left[part], 0], out[left[part], 1] = inverse.patient(*image(left[part]))
         return out
+
+
+def _largest(xy: FloatArray) -> float:
+    """The largest finite coordinate, for which a table has to reach."""
+    sizes = (np.abs(xy[rows]) for rows in blocks(len(xy)))
+    return max((float(np.max(size, initial=0.0, where=np.isfinite(size))) for size in sizes), default=0.0)
 
 
 def _through(homography: FloatArray, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points through a homography; NaN for those beyond its horizon."""
     H = homography
     depth = H[2, 0] * u + H[2, 1] * v + H[2, 2]
-    depth[~(depth > 0)] = math.nan
+    depth[~(depth > 0)] = np.nan
     return (H[0, 0] * u + H[0, 1] * v + H[0, 2]) / depth, (H[1, 0] * u + H[1, 1] * v + H[1, 2]) / depth

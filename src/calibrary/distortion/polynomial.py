@@ -125,15 +125,22 @@ class PolynomialMap:
         u, v = x * gain, y * gain
         ux, uy = gain + x * gain_x, x * gain_y
         vx, vy = y * gain_x, gain + y * gain_y
-        for out, out_x, out_y, first, second in (
-            (u, ux, uy, self.p2 + self.s1, self.s2),
-            (v, vx, vy, self.p1 + self.s3, self.s4),
-        ):
-            if first or second:
-                out += r2 * (first + second * r2)
-                growth = first + (2.0 * second) * r2
-                out_x += growth * x2
-                out_y += growth * y2
+        if not self.is_radial:
+            by_r2_u, by_r2_v = self.p2 + self.s1, self.p1 + self.s3
+            u += by_r2_u * r2
+            v += by_r2_v * r2
+            ux += by_r2_u * x2
+            uy += by_r2_u * y2
+            vx += by_r2_v * x2
+            vy += by_r2_v * y2
+        if self.s2 or self.s4:
+            r4, r2_twice = r2 * r2, 2.0 * r2
+            u += self.s2 * r4
+            v += self.s4 * r4
+            ux += self.s2 * r2_twice * x2
+            uy += self.s2 * r2_twice * y2
+            vx += self.s4 * r2_twice * x2
+            vy += self.s4 * r2_twice * y2
         return u, v, (ux, uy, vx, vy)
 
     def _gain_and_slope(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:

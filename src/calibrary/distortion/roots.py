@@ -1,12 +1,14 @@
-"""The first positive root of a polynomial: where a radial model folds or blows up."""
+"""The positive roots of a polynomial: where a radial model folds or blows up."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
+from numpy.typing import ArrayLike
+
+from calibrary.distortion.base import FloatArray
 
 __all__ = ["first_positive_root", "positive_roots"]
 
@@ -17,27 +19,34 @@ REAL = 1e-7
 """A double root comes out as a pair this close to the real axis: sqrt(machine epsilon), with room."""
 
 
-def positive_roots(coefficients: Sequence[float]) -> list[float]:
-    """The positive real roots, ascending; coefficients with the constant term first and none above one or so.
+def positive_roots(coefficients: ArrayLike) -> list[float]:
+    """The positive real roots, ascending, of the polynomial given with its constant term first.
 
-    The eigenvalues of the companion matrix, each brought to machine precision by Newton's method.
+    The eigenvalues of the companion matrix, each brought to machine precision by Newton's method. The unit is
+    first chosen, as a power of two, so that no coefficient exceeds one: any finite polynomial will do.
     """
-    kept = np.asarray(coefficients, dtype=np.float64)
-    large = np.flatnonzero(np.abs(kept) > NEGLIGIBLE * np.abs(kept).max())
-    if len(large) == 0 or large[-1] == 0:
+    largest = np.finfo(np.float64).max
+    given = np.clip(np.asarray(coefficients, dtype=np.float64), -largest, largest)
+    growing = [math.floor(-math.log2(abs(c)) / power) for power, c in enumerate(given) if power and c]
+    octave = min(growing, default=0)
+    unit = np.array([math.ldexp(c, power * octave) for power, c in enumerate(given)])
+    kept = np.flatnonzero(np.abs(unit) > NEGLIGIBLE * np.abs(unit).max())
+    if len(kept) == 0 or kept[-1] == 0:
         return []
-    kept = kept[: large[-1] + 1]
-    roots = poly.polyroots(kept)
-    real = np.abs(roots.imag) <= REAL * np.abs(roots)
-    return sorted(_polished(kept, float(root)) for root in roots.real[real & (roots.real > 0)])
+    unit = unit[: kept[-1] + 1]
+    roots = poly.polyroots(unit)
+    real = (np.abs(roots.imag) <= REAL * np.abs(roots)) & (roots.real > 0)
+    polished = (_polished(unit, float(root)) for root in roots.real[real])
+    # A root too large for a float is as good as none.
+    return sorted(math.ldexp(root, octave) for root in polished if math.log2(root) + octave < 1023)
 
 
-def first_positive_root(coefficients: Sequence[float]) -> float:
+def first_positive_root(coefficients: ArrayLike) -> float:
     """The smallest of :func:`positive_roots`, ``inf`` when there is none."""
     return min(positive_roots(coefficients), default=math.inf)
 
 
-def _polished(coefficients: np.ndarray[tuple[int, ...], np.dtype[np.float64]], root: float) -> float:
+def _polished(coefficients: FloatArray, root: float) -> float:
     slope = poly.polyder(coefficients)
     for _ in range(3):
         value, rise = float(poly.polyval(root, coefficients)), float(poly.polyval(root, slope))

@@ -72,6 +72,8 @@ class Tilted(OpenCVDistortion):
             return None
         cx, sx = math.cos(self.tau_x), math.sin(self.tau_x)
         cy, sy = math.cos(self.tau_y), math.sin(self.tau_y)
-        R = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
+        R = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]]) @ np.array(
+            [[1, 0, 0], [0, cx, sx], [0, -sx, cx]]
+        )
         to_sensor = np.array([[R[2, 2], 0, -R[0, 2]], [0, R[2, 2], -R[1, 2]], [0, 0, 1]])
         return np.asarray(to_sensor @ R)

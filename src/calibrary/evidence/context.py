@@ -100,11 +100,11 @@ class Scene:
             return None
         return (
             f"fx = {intrinsics.fx:.1f} px in a {width}×{height} frame is {off:+.0%} from this camera's focal length "
-            f"over its pitch: the tag belongs to another sub-camera, or counts in another frame"
+            "over its pitch: the tag belongs to another sub-camera, or counts in another frame"
         )
 
     def expected_over_width(self) -> float | None:
-        """fx / W of the full frame by this camera's optics, None where they are not known."""
+        """Fx / W of the full frame by this camera's optics, None where they are not known."""
         if self.known is None or self.known.native_size is None:
             per_mm = self.focal_plane_px_per_mm()
             if per_mm is None or self.focal_mm is None:

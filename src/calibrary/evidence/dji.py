@@ -50,7 +50,9 @@ def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Fi
     fx, fy, dx, dy, *rest = values
     if fx <= 0 or fy <= 0:
         return Dropped(
-            source=source, tag=tag, reason="holds zeros: this camera was never calibrated, or lost it in repair"
+            source=source,
+            tag=tag,
+            reason="holds zeros: this camera was never calibrated, or lost it in repair",
         )
     reason = "no frame to count in"
     for size in _frames(scene):

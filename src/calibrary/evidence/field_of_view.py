@@ -23,7 +23,11 @@ def witnesses(scene: Scene) -> Iterator[Finding]:
     if text is None:
         return
     horizontal = numbers(text)
-    if horizontal is None or len(horizontal) != 1 or not PLAUSIBLE_DEG[0] <= horizontal[0] <= PLAUSIBLE_DEG[1]:
+    if (
+        horizontal is None
+        or len(horizontal) != 1
+        or not PLAUSIBLE_DEG[0] <= horizontal[0] <= PLAUSIBLE_DEG[1]
+    ):
         yield Dropped(
             source=Source.FIELD_OF_VIEW,
             tag=TAG,

@@ -126,7 +126,10 @@ def _zoomed(adapted: Adapted, metadata: ImageMetadata) -> Adapted:
         return replace(
             adapted,
             intrinsics=current.cropped(box),
-            steps=(*adapted.steps, f"cropped {_x(current.image_size)} → {_x(written)} by {zoom:g}× digital zoom"),
+            steps=(
+                *adapted.steps,
+                f"cropped {_x(current.image_size)} → {_x(written)} by {zoom:g}× digital zoom",
+            ),
             assumptions=(*adapted.assumptions, "the crop is centred"),
         )
     enlarged = replace(
@@ -141,7 +144,10 @@ def _zoomed(adapted: Adapted, metadata: ImageMetadata) -> Adapted:
         adapted,
         intrinsics=enlarged,
         steps=(*adapted.steps, f"enlarged {zoom:g}× by digital zoom"),
-        assumptions=(*adapted.assumptions, "digital zoom was enlarged back to the full frame, about its centre"),
+        assumptions=(
+            *adapted.assumptions,
+            "digital zoom was enlarged back to the full frame, about its centre",
+        ),
     )
 
 

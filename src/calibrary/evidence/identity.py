@@ -15,9 +15,11 @@ from calibrary.known_camera import normalise_sub_camera
 __all__ = ["camera_key", "stated_sub_camera"]
 
 SUB_CAMERA_TAGS = (
+    # A band tells more than the source of a head that has several.
+    ("Camera", "BandName"),
+    ("drone-dji", "BandName"),
     ("drone-dji", "ImageSource"),
     ("drone-skydio", "CameraSource"),
-    ("Camera", "BandName"),
 )
 
 

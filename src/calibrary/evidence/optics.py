@@ -72,9 +72,7 @@ def _by_sensor(scene: Scene, focal_mm: float, sensor_mm: tuple[float, float], so
 def _by_pitch(scene: Scene, focal_mm: float, pitch_um: float, native_size: ImageSize) -> Finding:
     focal = focal_mm * 1000.0 / pitch_um
     intrinsics = _centred(focal, focal, native_size)
-    return scene.hear(
-        Source.CATALOGUE_PITCH, "EXIF FocalLength ÷ catalogue pitch", Grade.DERIVED, intrinsics
-    )
+    return scene.hear(Source.CATALOGUE_PITCH, "EXIF FocalLength ÷ catalogue pitch", Grade.DERIVED, intrinsics)
 
 
 def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from calibrary.calibration import Calibration, CameraKey, Intrinsics
@@ -17,7 +17,10 @@ from calibrary.extract.knowledge import Knowledge, Known
 from calibrary.policy import Policy
 from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Verdict, validate
 
-__all__ = ["Camera", "Sensor", "State", "circumstances", "judge", "sort_cameras"]
+__all__ = ["DEFAULT_SENSOR_MM", "Camera", "Sensor", "State", "circumstances", "judge", "sort_cameras"]
+
+DEFAULT_SENSOR_MM = (13.2, 8.8)
+"""The nominal 1-inch sensor, what the source document takes when nobody says otherwise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,10 +39,10 @@ class Sensor:
         """Both sides in mm; one that was not stated follows from square pixels."""
         width, height = self.size_mm
         w_px, h_px = metadata.size
-        if width is None:
-            assert height is not None
-            return height * w_px / h_px, height
-        return width, height if height is not None else width * h_px / w_px
+        if width is not None:
+            return width, height if height is not None else width * h_px / w_px
+        height = height if height is not None else DEFAULT_SENSOR_MM[1]
+        return height * w_px / h_px, height
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,9 +135,9 @@ def judge(
     best_grade = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
     state, evidence = next((s, e) for s, e in with_k if e.chosen and e.chosen.rank[0] == best_grade)
     calibration = evidence.calibration(_dated(key, states), source_name=state.names[0].rsplit("/", 1)[-1])
-    assert calibration is not None
-    spread = _spread(calibration.intrinsics, (e for _, e in with_k)) if len(heard) > 1 else None
-    report = validate(calibration, policy, circumstances(evidence, state.known, spread=spread))
+    spread = _spread([e.chosen.intrinsics.fx for _, e in with_k if e.chosen], evidence)
+    around = circumstances(evidence, state.known, spread=spread)
+    report = validate(calibration, policy, around) if calibration is not None else None
     return Camera(
         key=key,
         states=tuple(states),
@@ -203,9 +206,11 @@ def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
     return Expected(fx=fx, spread=camera.spread, source="catalogue")
 
 
-def _spread(K: Intrinsics, others: Iterable[Evidence]) -> float:
-    focal = [evidence.chosen.intrinsics.fx for evidence in others if evidence.chosen is not None]
-    return (max(focal) - min(focal)) / K.fx
+def _spread(focal_px: Sequence[float], evidence: Evidence) -> float | None:
+    """(max − min) / K over the states of one camera, None with one state."""
+    if len(focal_px) < 2 or evidence.chosen is None:
+        return None
+    return (max(focal_px) - min(focal_px)) / evidence.chosen.intrinsics.fx
 
 
 def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
@@ -225,14 +230,10 @@ def _why_not(state: State, evidence: Evidence) -> str:
     if evidence.dropped:
         return f"{evidence.dropped[0].tag}: {evidence.dropped[0].reason}"
     if metadata.focal_mm is None and metadata.focal_35mm is not None:
-        return (
-            f"EXIF has only a 35 mm equivalent ({metadata.focal_35mm:g} mm), which is no focal length of this sensor"
-        )
+        return f"EXIF has only a 35 mm equivalent ({metadata.focal_35mm:g} mm), which is no focal length of this sensor"
     if metadata.focal_mm is None:
         missing = "no EXIF FocalLength" if metadata.has_exif else "no EXIF at all"
         return f"{missing} and no calibration tag: give files as the camera wrote them"
     if state.known.camera is not None:
         return "its frame is neither the camera's full frame scaled nor a 1:1 crop of it; register it at this size"
     return "nothing tells the size of its pixels"
-
-

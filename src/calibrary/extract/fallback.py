@@ -6,7 +6,7 @@ something refines it; the fleet's registry. Every step leaves a record, whether 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -21,9 +21,20 @@ from calibrary.parsers.imagery import IMAGE_SUFFIXES
 from calibrary.policy import Policy
 from calibrary.validation import Report, Verdict, validate
 
-__all__ = ["Fallback", "Sources", "Step", "StepName", "StepOutcome", "find_calibrations", "read_matrix", "seed"]
+__all__ = [
+    "Fallback",
+    "Sources",
+    "Step",
+    "StepName",
+    "StepOutcome",
+    "find_calibrations",
+    "read_matrix",
+    "seed",
+]
 
-CALIBRATION_SUFFIXES = frozenset({".xml", ".yml", ".yaml", ".json", ".cal", ".txt", ".cam", ".opt", ".ini", ".toml"})
+CALIBRATION_SUFFIXES = frozenset(
+    {".xml", ".yml", ".yaml", ".json", ".cal", ".txt", ".cam", ".opt", ".ini", ".toml"}
+)
 LARGEST_CALIBRATION = 4 << 20
 
 
@@ -142,8 +153,7 @@ def seed(key: CameraKey, size: ImageSize) -> Calibration:
 def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
     """Go through the chain for one camera whose images yield no valid K."""
     steps: list[Step] = []
-    size = camera.key.image_size
-    assert size is not None
+    size = camera.states[0].metadata.size
     for attempt in (_explicit, _from_files):
         calibration, report, step = attempt(camera, size, policy, sources)
         steps.append(step)
@@ -158,7 +168,7 @@ def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
             why="nothing in this run refines it, so it is no K; a solver may start from it",
         )
     )
-    calibration, report, step = _from_registry(camera, size, policy, sources)
+    calibration, report, step = _from_registry(camera, policy, sources)
     steps.append(step)
     if calibration is not None:
         return Fallback(steps=tuple(steps), calibration=calibration, report=report)
@@ -184,7 +194,9 @@ def _explicit(camera: Camera, size: ImageSize, policy: Policy, sources: Sources)
         camera=camera.key,
         intrinsics=intrinsics,
         grade=Grade.CALIBRATED,
-        provenance=Provenance(kind="matrix-file", source=source, assumptions=("the K given is this camera's",)),
+        provenance=Provenance(
+            kind="matrix-file", source=source, assumptions=("the K given is this camera's",)
+        ),
     )
     return _judged(camera, calibration, policy, name, source)
 
@@ -221,7 +233,7 @@ def _fits(calibration: Calibration, key: CameraKey, size: ImageSize) -> bool:
     return named is None or key.model is None or named.casefold() == key.model.casefold()
 
 
-def _from_registry(camera: Camera, size: ImageSize, policy: Policy, sources: Sources) -> Attempt:
+def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     name = StepName.REGISTRY
     if not sources.knowledge.has_registry:
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no --registry given")

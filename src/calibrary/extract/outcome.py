@@ -63,6 +63,13 @@ class CameraOutcome:
         """Why the K is not valid, or what stands in for it; None for a valid K of the images' own."""
         if self.fallback is not None and self.fallback.calibration is not None:
             return f"{self.camera.reason}; {self.fallback.steps[-1].step.value} is used instead"
+        if self.camera.calibration is not None and self.camera.verdict is Verdict.REJECTED:
+            assumptions = self.camera.calibration.provenance.assumptions
+            return (
+                f"{self.camera.reason} (assumed: {'; '.join(assumptions)})"
+                if assumptions
+                else self.camera.reason
+            )
         return self.camera.reason
 
     @property

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
+from calibrary.calibration import Calibration
 from calibrary.calibration_json import Json, calibration_json, camera_json, distortion_json, intrinsics_json
 from calibrary.evidence.collect import Evidence
 from calibrary.evidence.witness import Witness
+from calibrary.extract.cameras import Camera
 from calibrary.extract.hand_off import seed_command
 from calibrary.extract.outcome import CameraOutcome, Outcome
 from calibrary.validation import Report
@@ -42,17 +44,19 @@ def encode(document: Mapping[str, Json]) -> bytes:
 
 
 def _camera(c: CameraOutcome, output: str | None) -> dict[str, Json]:
-    usable = c.calibration is not None
+    failed = c.camera.calibration if c.calibration is None else None
     return {
         "id": c.slug,
         # A camera without a valid K has no "K" to be picked up by mistake.
-        "calibration": calibration_json(c.calibration) if c.calibration else {"camera": camera_json(c.camera.key)},
+        "calibration": calibration_json(c.calibration)
+        if c.calibration
+        else {"camera": camera_json(c.camera.key)},
         "verdict": c.verdict.value,
         "why": c.reason,
         "what_to_do": c.advice,
         "uncalibrated": c.uncalibrated,
         "output": output,
-        "rejected_candidate": None if usable or c.camera.calibration is None else _candidate(c),
+        "rejected_candidate": _candidate(c.camera, failed) if failed is not None else None,
         "known_as": c.camera.states[0].known.title,
         "witnesses": [_witness(w, c.camera.evidence) for w in c.camera.evidence.witnesses],
         "dropped": [
@@ -78,15 +82,13 @@ def _camera(c: CameraOutcome, output: str | None) -> dict[str, Json]:
     }
 
 
-def _candidate(c: CameraOutcome) -> dict[str, Json]:
+def _candidate(camera: Camera, failed: Calibration) -> dict[str, Json]:
     """The numbers that failed, for whoever looks into it."""
-    assert c.camera.calibration is not None
-    numbers = intrinsics_json(c.camera.calibration.intrinsics)
     return {
-        "grade": c.camera.calibration.grade.value,
-        "tag": c.camera.calibration.provenance.tag,
-        "intrinsics": numbers,
-        "findings": _findings(c.camera.report),
+        "grade": failed.grade.value,
+        "tag": failed.provenance.tag,
+        "intrinsics": intrinsics_json(failed.intrinsics),
+        "findings": _findings(camera.report),
     }
 
 

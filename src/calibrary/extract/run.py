@@ -9,7 +9,7 @@ from pathlib import Path
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.frame import exif_contradiction
-from calibrary.extract.cameras import Camera, Sensor, State, judge, sort_cameras
+from calibrary.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
 from calibrary.extract.fallback import Fallback, Sources, fall_back, find_calibrations, read_matrix
 from calibrary.extract.gather import Gathered, Rejected, find_images, gather
 from calibrary.extract.knowledge import Knowledge
@@ -17,10 +17,7 @@ from calibrary.extract.outcome import CameraOutcome, Outcome, slugs
 from calibrary.policy import FLEET, Policy
 from calibrary.validation import Finding, Report, Severity, Verdict
 
-__all__ = ["DEFAULT_SENSOR_MM", "Request", "run"]
-
-DEFAULT_SENSOR_MM = (13.2, 8.8)
-"""The nominal 1-inch sensor, what the source document takes when nobody says otherwise."""
+__all__ = ["Request", "run"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

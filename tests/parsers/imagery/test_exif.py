@@ -13,8 +13,7 @@ from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata, TagFault
 from calibrary.parsers.imagery.exif import ExifTag
 from calibrary.synthetic import ByteOrder, ExifField, ExifTags, FieldType
 from calibrary.synthetic.structure import Field, Ifd, encode
-
-from .build import jpeg, jpeg_with_exif, read
+from tests.parsers.imagery.build import jpeg, jpeg_with_exif, read
 
 MINIMAL = ExifTags(make="DJI", model="FC6310R", focal_mm=(88, 10))
 

@@ -23,8 +23,7 @@ from calibrary.synthetic import (
 )
 from calibrary.synthetic.jpeg import Segment, exif_segment, xmp_segments
 from calibrary.synthetic.xmp import DRONE_DJI, PIX4D_1
-
-from .build import SCAN, box, heif, jpeg, jpeg_with_exif, packet, png, rdf, source_of
+from tests.parsers.imagery.build import SCAN, box, heif, jpeg, jpeg_with_exif, packet, png, rdf, source_of
 
 EXIF = ExifTags(
     make="DJI",

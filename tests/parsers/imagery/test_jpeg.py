@@ -27,8 +27,7 @@ from calibrary.synthetic.jpeg import (
     xmp_segments,
 )
 from calibrary.synthetic.xmp import DRONE_DJI
-
-from .build import SCAN, SIZE, jpeg, packet, read, source_of
+from tests.parsers.imagery.build import SCAN, SIZE, jpeg, packet, read, source_of
 
 EXIF = exif_segment(ExifTags(make="DJI", model="FC6310R", focal_mm=(88, 10)))
 XMP = xmp_segments(packet(*attributes(DRONE_DJI, DewarpFlag="0")))

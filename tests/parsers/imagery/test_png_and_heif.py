@@ -14,8 +14,7 @@ from calibrary.parsers.imagery import read_source
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES
 from calibrary.synthetic import ExifTags, attributes
 from calibrary.synthetic.xmp import DRONE_DJI
-
-from .build import box, full_box, heif, packet, png, read, source_of
+from tests.parsers.imagery.build import box, full_box, heif, packet, png, read, source_of
 
 EXIF = ExifTags(make="DJI", model="FC3582", focal_mm=(672, 100), orientation=6).encode()
 XMP = packet(*attributes(DRONE_DJI, DewarpFlag="0"))

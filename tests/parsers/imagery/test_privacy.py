@@ -12,8 +12,7 @@ from calibrary.parsers.imagery.schemas import PROPERTIES
 from calibrary.synthetic import ExifField, ExifTags, GpsPosition, XmpItem, attributes
 from calibrary.synthetic.jpeg import exif_segment, xmp_segments
 from calibrary.synthetic.xmp import DRONE_DJI, DRONE_SKYDIO, XMP
-
-from .build import jpeg, packet, read
+from tests.parsers.imagery.build import jpeg, packet, read
 
 SECRETS = {
     "GpsLatitude": "+48.137154",

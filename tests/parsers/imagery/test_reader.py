@@ -20,8 +20,7 @@ from calibrary.parsers.imagery import IMAGE_SUFFIXES, read_metadata
 from calibrary.synthetic import ExifField, ExifTags, attributes, write_jpeg, write_tiff
 from calibrary.synthetic.jpeg import exif_segment, xmp_segments
 from calibrary.synthetic.xmp import DRONE_DJI
-
-from .build import jpeg, packet, read
+from tests.parsers.imagery.build import jpeg, packet, read
 
 EXIF = ExifTags(
     make="DJI",

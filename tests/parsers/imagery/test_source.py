@@ -13,8 +13,7 @@ from calibrary.errors import InputError, ParseError
 from calibrary.parsers.imagery import Source, open_source, read_metadata, read_source
 from calibrary.parsers.imagery.source import FIRST_CHUNK, READ_BUDGET, Block
 from calibrary.synthetic import write_jpeg
-
-from .build import source_of
+from tests.parsers.imagery.build import source_of
 
 
 def refused(path: Path) -> str:

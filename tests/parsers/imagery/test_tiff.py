@@ -17,8 +17,7 @@ from calibrary.parsers.imagery.exif import ExifTag
 from calibrary.synthetic import ByteOrder, ExifTags, FieldType, TiffPage, attributes, encode_tiff, write_tiff
 from calibrary.synthetic.structure import Field, Ifd, encode
 from calibrary.synthetic.xmp import DRONE_DJI, escaped
-
-from .build import big_tiff, packet, read, source_of
+from tests.parsers.imagery.build import big_tiff, packet, read, source_of
 
 XMP = packet(*attributes(DRONE_DJI, DewarpFlag="0"))
 

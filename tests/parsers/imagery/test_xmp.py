@@ -31,8 +31,7 @@ from calibrary.synthetic.xmp import (
     TIFF,
     XMP,
 )
-
-from .build import jpeg, jpeg_with_xmp, packet, rdf, read
+from tests.parsers.imagery.build import jpeg, jpeg_with_xmp, packet, rdf, read
 
 CAMERA_URIS = [PIX4D_1, PIX4D_CAMERA, PIX4D_CAMERA_SLASH, Namespace("Camera", "Camera/")]
 SKYDIO = f'xmlns:s="{DRONE_SKYDIO.uri}"'

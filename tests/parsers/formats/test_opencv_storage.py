@@ -1,0 +1,421 @@
+"""OpenCV's files, against cv2.FileStorage and cv2.projectPoints themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calibrary import parsers
+from calibrary.calibration import Calibration, CameraKey, Grade, Quality
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    KannalaBrandt,
+    MetashapeFrame,
+    NoDistortion,
+    Rational,
+    ThinPrism,
+    Tilted,
+)
+from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
+from calibrary.parsers.format import Outcome
+from tests.parsers.cameras import BROWN, SIZE, camera
+
+K_CV = np.array([[3650.1234, 0.0, 2745.31], [0.0, 3648.7651, 1819.87], [0.0, 0.0, 1.0]])
+D14 = (
+    -0.0125,
+    0.0231,
+    -3.7e-4,
+    8.1e-4,
+    -0.0172,
+    0.0083,
+    -0.0061,
+    0.0042,
+    1.1e-4,
+    -2.3e-5,
+    -7e-5,
+    1.9e-5,
+    0.01,
+    -0.02,
+)
+SYNTAXES = (".yml", ".xml", ".json")
+WRITE = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
+READ = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY
+
+YAML = """%YAML:1.0
+---
+image_width: 5472
+image_height: 3648
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 3650.1, 0., 2736.2, 0., 3649.8, 1824.7, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -1.25e-02, .0231, -4e-04,
+       8.0000000000000004e-04, -0.0172 ]
+"""
+
+
+def by_opencv(suffix: str, **values: Any) -> bytes:
+    """A file that OpenCV itself wrote."""
+    storage = cv2.FileStorage(f"any{suffix}", WRITE)
+    for key, value in values.items():
+        storage.write(key, value)
+    text: str = storage.releaseAndGetString()
+    return text.encode()
+
+
+def read(data: bytes | str, **arguments: Any) -> list[Calibration]:
+    raw = data.encode() if isinstance(data, str) else data
+    return parsers.decode(raw, name="file", **arguments)
+
+
+def rays() -> NDArray[np.float64]:
+    u, v = np.meshgrid(np.linspace(-0.7, 0.7, 25), np.linspace(-0.48, 0.48, 25))
+    return np.column_stack([u.ravel(), v.ravel(), np.ones(u.size)])
+
+
+@pytest.mark.parametrize("suffix", SYNTAXES)
+@pytest.mark.parametrize(
+    ("count", "model"), [(4, BrownConrady), (5, BrownConrady), (8, Rational), (12, ThinPrism), (14, Tilted)]
+)
+def test_what_opencv_writes_projects_as_opencv_projects(
+    suffix: str, count: int, model: type[Distortion]
+) -> None:
+    D = np.array(D14[:count])
+    data = by_opencv(
+        suffix, image_width=5472, image_height=3648, camera_matrix=K_CV, distortion_coefficients=D
+    )
+    [calibration] = read(data)
+    assert type(calibration.distortion) is model
+    expected = cv2.projectPoints(rays(), np.zeros(3), np.zeros(3), K_CV, D)[0].reshape(-1, 2)
+    np.testing.assert_allclose(calibration.project(rays()) - 0.5, expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("suffix", SYNTAXES)
+def test_what_opencv_calls_fisheye_projects_as_its_fisheye(suffix: str) -> None:
+    D = np.array([0.0313, -0.0072, 0.0041, -0.0011])
+    data = by_opencv(
+        suffix,
+        image_width=5472,
+        image_height=3648,
+        fisheye_model=1,
+        camera_matrix=K_CV,
+        distortion_coefficients=D,
+    )
+    [calibration] = read(data)
+    assert isinstance(calibration.distortion, KannalaBrandt)
+    points = rays().reshape(-1, 1, 3)
+    expected = cv2.fisheye.projectPoints(points, np.zeros(3), np.zeros(3), K_CV, D)[0].reshape(-1, 2)
+    np.testing.assert_allclose(calibration.project(rays()) - 0.5, expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("suffix", [*SYNTAXES, ".yaml"])
+@pytest.mark.parametrize(
+    "lens",
+    [
+        NoDistortion(),
+        BROWN,
+        Rational(**dict(zip(Rational.names(), D14, strict=False))),
+        ThinPrism(**dict(zip(ThinPrism.names(), D14, strict=False))),
+        Tilted(**dict(zip(Tilted.names(), D14, strict=False))),
+    ],
+    ids=lambda lens: lens.model,
+)
+def test_what_we_write_opencv_reads_and_projects_the_same(suffix: str, lens: Distortion) -> None:
+    original = camera(lens)
+    data, verdict = parsers.encode([original], "opencv_storage", name=f"camera{suffix}")
+    storage = cv2.FileStorage(data.decode(), READ)
+    K, D = storage.getNode("camera_matrix").mat(), storage.getNode("distortion_coefficients").mat()
+    assert verdict.outcome is Outcome.EXACT
+    assert (storage.getNode("image_width").real(), storage.getNode("image_height").real()) == SIZE
+    expected = cv2.projectPoints(rays(), np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
+    np.testing.assert_allclose(original.project(rays()) - 0.5, expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("suffix", SYNTAXES)
+def test_opencv_reads_the_very_same_numbers(suffix: str) -> None:
+    original = replace(camera(), quality=Quality(rms_px=0.1 + 0.2, views=31))
+    data, _ = parsers.encode([original], "opencv_storage", name=f"camera{suffix}")
+    storage = cv2.FileStorage(data.decode(), READ)
+    assert storage.getNode("camera_matrix").mat().tolist() == [
+        [3650.1, 0.0, 2741.3 - 0.5],
+        [0.0, 3648.7, 1815.9 - 0.5],
+        [0.0, 0.0, 1.0],
+    ]
+    assert storage.getNode("distortion_coefficients").mat().tolist() == [[*BROWN.coefficients.values()]]
+    assert storage.getNode("avg_reprojection_error").real() == 0.1 + 0.2
+    assert storage.getNode("nframes").real() == 31
+
+
+def test_the_principal_point_moves_by_half_a_pixel() -> None:
+    [calibration] = read(YAML)
+    assert (calibration.intrinsics.cx, calibration.intrinsics.cy) == (2736.7, 1825.2)
+    assert calibration.grade is Grade.CALIBRATED
+
+
+@pytest.mark.parametrize("head", ["%YAML:1.0\n---\n", "%YAML:1.0\n", "%YAML 1.2\n---\n", "---\n", ""])
+def test_every_head_of_the_yaml_dialect_is_read(head: str) -> None:
+    assert read(head + YAML.partition("---\n")[2])[0].distortion == BrownConrady(
+        k1=-0.0125, k2=0.0231, p1=-0.0004, p2=0.0008, k3=-0.0172
+    )
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_windows_line_ends_and_byte_order_marks_are_read(encoding: str) -> None:
+    [calibration] = read(YAML.replace("\n", "\r\n").encode(encoding))
+    assert calibration.intrinsics.fx == 3650.1
+
+
+@pytest.mark.parametrize(
+    ("matrix", "coefficients"),
+    [
+        ("camera_matrix", "distortion_coefficients"),
+        ("Camera_Matrix", "Distortion_Coefficients"),
+        ("cameraMatrix", "distCoeffs"),
+        ("camera_matrix", "dist_coeffs"),
+        ("CameraMat", "DistCoeff"),
+        ("K", "D"),
+        ("M1", "D1"),
+        ("K1", "D1"),
+        ("cameraMatrix1", "distCoeffs1"),
+        ("camera_matrix_left", "distortion_coefficients_left"),
+        ("LEFT.K", "LEFT.D"),
+        ("K_l", "D_l"),
+        ("mtx", "dist"),
+        ("intrinsic", "distortion"),
+    ],
+)
+def test_the_spellings_of_many_programs_are_known(matrix: str, coefficients: str) -> None:
+    text = YAML.replace("camera_matrix", matrix).replace("distortion_coefficients", coefficients)
+    [calibration] = read(text)
+    assert calibration.intrinsics.fy == 3649.8
+    assert calibration.distortion is not None
+    assert calibration.provenance.tag == f"{matrix}, {coefficients}"
+
+
+@pytest.mark.parametrize(
+    "size",
+    ["image_Width: 5472\nimage_Height: 3648", "width: 5472\nheight: 3648.0", "ImageSize: [ 5472, 3648 ]"],
+)
+def test_the_image_size_has_many_spellings(size: str) -> None:
+    text = YAML.replace("image_width: 5472\nimage_height: 3648", size)
+    assert read(text)[0].intrinsics.image_size == SIZE
+
+
+def test_a_stereo_file_gives_both_cameras_in_order() -> None:
+    D = np.array(D14[:5])
+    right = K_CV + np.array([[0, 0, 7.7], [0, 0, 0], [0, 0, 0]])
+    data = by_opencv(".yml", M1=K_CV, D1=D, M2=right, D2=2 * D)
+    first, second = read(data, image_size=SIZE)
+    assert (first.camera.sub_camera, second.camera.sub_camera) == ("1", "2")
+    assert (first.provenance.tag, second.provenance.tag) == ("M1, D1", "M2, D2")
+    assert second.intrinsics.cx - first.intrinsics.cx == pytest.approx(7.7)
+    assert second.distortion is not None
+    assert second.distortion.coefficients["k1"] == -0.025
+
+
+def test_a_stereo_file_does_not_say_its_image_size() -> None:
+    with pytest.raises(MissingTagError, match=r"image_size=\(width, height\)"):
+        read(by_opencv(".yml", M1=K_CV, D1=np.zeros(5)))
+
+
+def test_an_image_size_that_contradicts_the_file_is_refused() -> None:
+    with pytest.raises(InputError, match=r"5472×3648.*4000×3000"):
+        read(YAML, image_size=(4000, 3000))
+
+
+@pytest.mark.parametrize(("matrix_key", "coefficients_key"), [("K", "D"), ("cameraMatrix", "distCoeffs")])
+def test_four_coefficients_under_other_keys_need_a_word(matrix_key: str, coefficients_key: str) -> None:
+    values = {matrix_key: K_CV, coefficients_key: np.array(D14[:4])}
+    data = by_opencv(".yml", image_width=5472, image_height=3648, **values)
+    with pytest.raises(ParseError, match=r"options=\{'distortion': 'brown'\}"):
+        read(data)
+    assert isinstance(read(data, options={"distortion": "brown"})[0].distortion, BrownConrady)
+    assert isinstance(read(data, options={"distortion": "fisheye"})[0].distortion, KannalaBrandt)
+
+
+@pytest.mark.parametrize(
+    ("matrix_key", "coefficients_key"), [("camera_matrix", "distortion_coefficients"), ("M1", "D1")]
+)
+def test_four_coefficients_under_opencvs_own_keys_are_browns(matrix_key: str, coefficients_key: str) -> None:
+    values = {matrix_key: K_CV, coefficients_key: np.array(D14[:4])}
+    [calibration] = read(by_opencv(".yml", image_width=5472, image_height=3648, **values))
+    assert calibration.distortion == BrownConrady(k1=D14[0], k2=D14[1], p1=D14[2], p2=D14[3])
+
+
+def test_five_coefficients_are_no_fisheye_whatever_is_said() -> None:
+    with pytest.raises(ParseError, match="5 coefficients of a fisheye"):
+        read(YAML, options={"distortion": "fisheye"})
+
+
+def test_a_count_that_opencv_does_not_know_is_refused() -> None:
+    text = YAML.replace("rows: 5", "rows: 6").replace("-0.0172 ]", "-0.0172, 0.1 ]")
+    with pytest.raises(
+        ParseError, match="distortion_coefficients: 6 distortion coefficients, wanted 4, 5, 8"
+    ):
+        read(text)
+
+
+def test_a_header_that_disagrees_with_its_data_is_refused() -> None:
+    with pytest.raises(ParseError, match="its header says 4×1, but there are 5 numbers"):
+        read(YAML.replace("rows: 5", "rows: 4"))
+
+
+def test_the_mirror_model_is_refused_by_name() -> None:
+    with pytest.raises(UnsupportedModelError, match="omnidir"):
+        read(YAML + "xi: 0.9\n")
+
+
+def test_a_matrix_without_coefficients_leaves_the_lens_unknown() -> None:
+    [calibration] = read(by_opencv(".xml", image_width=5472, image_height=3648, camera_matrix=K_CV))
+    assert calibration.distortion is None
+
+
+def test_coefficients_without_their_matrix_are_refused() -> None:
+    with pytest.raises(ParseError, match="D2: there is no camera matrix beside"):
+        read(by_opencv(".yml", M1=K_CV, D1=np.zeros(5), D2=np.zeros(5)), image_size=SIZE)
+
+
+def test_coefficients_that_are_all_zero_are_no_distortion() -> None:
+    data = by_opencv(
+        ".json", image_width=9, image_height=9, camera_matrix=K_CV, distortion_coefficients=np.zeros(8)
+    )
+    assert read(data)[0].distortion == NoDistortion()
+
+
+@pytest.mark.parametrize(
+    ("was", "is_now", "message"),
+    [
+        ("3650.1", "-3650.1", "focal lengths"),
+        ("3650.1", ".Nan", "finite"),
+        ("3650.1", "3650,1", "10 numbers"),
+        ("0., 0., 1. ]", "0., 0., 2. ]", "no camera matrix"),
+        ("0., 0., 1. ]", "0., 0.1, 1. ]", "no camera matrix"),
+        ("cols: 3", "cols: 2", "header says"),
+        ("dt: d", "dt: 2d", "one number each"),
+        ("image_width: 5472", "image_width: 5472.5", "image size"),
+        ("image_width: 5472", "image_width: 0", "image size"),
+        ("!!opencv-matrix", "!!python/object", "tag"),
+        ("image_height", "image_width", "image_width"),
+    ],
+)
+def test_a_broken_file_names_what_is_wrong(was: str, is_now: str, message: str) -> None:
+    with pytest.raises(ParseError, match=message):
+        parsers.decode(YAML.replace(was, is_now).encode(), name="file", format="opencv_storage")
+
+
+def test_a_message_names_the_file_and_the_key() -> None:
+    with pytest.raises(ParseError) as caught:
+        read(YAML.replace("3650.1,", "x,"))
+    assert (caught.value.source, caught.value.place) == ("file", "camera_matrix.data[0]")
+
+
+def test_skew_is_kept_with_a_word_about_opencv() -> None:
+    [calibration] = read(YAML.replace("3650.1, 0.", "3650.1, 4.26"))
+    assert calibration.intrinsics.skew == 4.26
+    assert "projectPoints does not look at it" in calibration.notes[0]
+
+
+def test_metashapes_spelling_is_mentioned() -> None:
+    text = YAML.replace("camera_matrix", "Camera_Matrix").replace("image_width", "image_Width")
+    assert "Metashape" in read(text)[0].notes[0]
+
+
+def test_python_programs_nested_lists_are_read_and_said_to_be_guessed() -> None:
+    [calibration] = read(
+        '{"cameraMatrix": [[3650.1, 0, 2736.2], [0, 3649.8, 1824.7], [0, 0, 1]],'
+        ' "distCoeffs": [[-0.0125, 0.0231, -0.0004, 0.0008, -0.0172]], "image_size": [5472, 3648]}'
+    )
+    assert calibration == replace(
+        read(YAML)[0],
+        provenance=calibration.provenance,
+        notes=calibration.notes,
+    )
+    assert "has the shape" in calibration.notes[0]
+
+
+@pytest.mark.parametrize("suffix", SYNTAXES)
+def test_what_else_the_file_says_survives_in_every_syntax(suffix: str) -> None:
+    data = by_opencv(
+        suffix,
+        calibration_time='Tue "8" Oct <10:53> & on',
+        flags=2,
+        square_size=0.025,
+        image_width=5472,
+        image_height=3648,
+        names=("a b", "c"),
+        extrinsic_parameters=np.arange(12.0).reshape(2, 6) / 3,
+        camera_matrix=K_CV,
+        distortion_coefficients=np.array(D14[:5]),
+    )
+    [original] = read(data)
+    assert len(original.extras) == 5
+    for target in SYNTAXES:
+        again, verdict = parsers.encode([original], "opencv_storage", name=f"copy{target}")
+        assert verdict.dropped == ()
+        assert read(again)[0].extras == original.extras
+        storage = cv2.FileStorage(again.decode(), READ)
+        assert storage.getNode("flags").real() == 2
+        assert storage.getNode("calibration_time").string() == 'Tue "8" Oct <10:53> & on'
+        assert storage.getNode("names").at(0).string() == "a b"
+        np.testing.assert_array_equal(
+            storage.getNode("extrinsic_parameters").mat(), np.arange(12.0).reshape(2, 6) / 3
+        )
+
+
+def test_a_key_that_opencv_could_not_read_is_dropped_by_name() -> None:
+    [original] = read(YAML + '"per view; px": [ 0.1, 0.2 ]\n')
+    _, verdict = parsers.encode([original], "opencv_storage", name="copy.yml")
+    assert verdict.dropped == ("opencv_storage/per view; px",)
+
+
+def test_a_stereo_pair_keeps_its_names_and_a_cut_loses_no_camera() -> None:
+    pair = [
+        replace(camera(), camera=CameraKey(image_size=SIZE, sub_camera=side)) for side in ("left", "right")
+    ]
+    data, verdict = parsers.encode(pair, "opencv_storage", name="pair.yml")
+    assert verdict.dropped == ()
+    assert [item.camera.sub_camera for item in read(data)] == ["left", "right"]
+    for end in range(len(data) - 1):
+        with pytest.raises(ParseError):
+            parsers.decode(data[:end], name="cut.yml", format="opencv_storage")
+
+
+def test_cameras_of_two_sizes_do_not_share_a_file() -> None:
+    other = camera().scaled((2736, 1824))
+    with pytest.raises(UnsupportedModelError, match="one image size"):
+        parsers.encode([camera(), other], "opencv_storage")
+
+
+def test_a_fisheye_does_not_share_a_file_with_another_lens() -> None:
+    fisheye = camera(KannalaBrandt(k1=0.01, k2=0.0, k3=0.0, k4=0.0))
+    with pytest.raises(UnsupportedModelError, match="fisheye"):
+        parsers.encode([camera(), fisheye], "opencv_storage")
+
+
+def test_a_suffix_of_no_syntax_is_refused() -> None:
+    with pytest.raises(UnsupportedModelError, match=r"\.yml, \.yaml, \.xml, \.json"):
+        parsers.encode([camera()], "opencv_storage", name="camera.cal")
+
+
+def test_a_metashape_lens_with_k4_is_refitted_and_the_verdict_is_what_opencv_sees() -> None:
+    original = camera(MetashapeFrame(k1=-0.05, k2=0.02, k3=-0.01, k4=0.004, p1=0.0008, p2=-0.0003))
+    data, verdict = parsers.encode([original], "opencv_storage")
+    assert verdict.outcome is Outcome.REFITTED
+    assert 0 < verdict.max_px <= 0.05
+    storage = cv2.FileStorage(data.decode(), READ)
+    K, D = storage.getNode("camera_matrix").mat(), storage.getNode("distortion_coefficients").mat()
+    seen = original.unproject([[x, y] for x in np.linspace(0, 5472, 31) for y in np.linspace(0, 3648, 31)])
+    by_cv2 = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2) + 0.5
+    missed = np.linalg.norm(by_cv2 - original.project(seen), axis=1)
+    assert missed.max() == pytest.approx(verdict.max_px, rel=0.05)

@@ -1,0 +1,78 @@
+"""Catalogues of one's own: read from a file or a folder, and refused with the line of what is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from calibrary.errors import InputError, ParseError
+from calibrary.known_camera import SUB_CAMERAS
+from calibrary.registry.catalogue import load_catalogue
+from calibrary.schemas import load
+
+OWN = """\
+schema: "calibrary/catalogue-1"
+make: "Acme"
+cameras:
+  - title: "Mapper"
+    models: ["M1"]
+    native_size: {value: [6000, 4000], source: "data sheet"}
+    pitch_um: {value: 3.9, source: "data sheet"}
+"""
+
+
+def test_a_catalogue_of_ones_own_is_read_from_a_file_or_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "acme.yaml").write_text(OWN)
+    for path in (tmp_path, tmp_path / "acme.yaml"):
+        camera = load_catalogue(path).find("ACME", "m1").camera
+        assert camera is not None
+        assert camera.pitch_um == 3.9
+        assert camera.source("pitch_um") == "data sheet"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"M1"', "2", "acme.yaml: line 5, cameras[0].models[0]: 2, wanted text: quote it"),
+        ("value: 3.9,", "value: -3.9,", "line 7, cameras[0].pitch_um.value: -3.9, wanted more than 0.1"),
+        ('{value: 3.9, source: "data sheet"}', "3.9", "line 7, cameras[0].pitch_um: 3.9, wanted a map"),
+        (
+            ', source: "data sheet"}\n    pitch',
+            "}\n    pitch",
+            "line 6, cameras[0].native_size: lacks source",
+        ),
+        ("pitch_um:", "pitch:", "'pitch' is no key here, did you mean pitch_um?"),
+        (
+            "[6000, 4000]",
+            "[6000, 4000.0]",
+            "line 6, cameras[0].native_size.value[1]: 4000.0, wanted a whole number",
+        ),
+        ("[6000, 4000]", "[6000]", "cameras[0].native_size.value: [6000], wanted at least 2 items"),
+        ('make: "Acme"\n', "", "acme.yaml: line 1: lacks make"),
+        ("catalogue-1", "catalogue-9", "'calibrary/catalogue-9', wanted 'calibrary/catalogue-1'"),
+        ('title: "Mapper"', "title: 017", "017 starts with 0"),
+        ('title: "Mapper"', 'title: "Mapper"\n    title: "x"', "line 5: key title is there twice"),
+        ('["M1"]', '["M1"]\n    sub_camera: "infrared"', "'infrared', wanted 'blue', 'green'"),
+    ],
+)
+def test_what_is_wrong_in_a_catalogue_of_ones_own_is_said_with_its_line(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    assert old in OWN
+    (tmp_path / "acme.yaml").write_text(OWN.replace(old, new, 1))
+    with pytest.raises(ParseError) as caught:
+        load_catalogue(tmp_path / "acme.yaml")
+    assert said in str(caught.value)
+
+
+def test_a_catalogue_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        load_catalogue(tmp_path / "none.yaml")
+    with pytest.raises(InputError, match="no catalogue here"):
+        load_catalogue(tmp_path)
+
+
+def test_the_vocabulary_of_the_schema_is_the_one_of_the_code() -> None:
+    camera = load("catalogue-1")["$defs"]["camera"]["properties"]  # type: ignore[index,call-overload]
+    assert set(camera["sub_camera"]["enum"]) == SUB_CAMERAS  # type: ignore[index,call-overload,arg-type]
