@@ -19,7 +19,7 @@ from calibrary.atomic import write_files
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.parsers.content import Content
 from calibrary.parsers.discovery import format_named, known_formats
-from calibrary.parsers.files import MAX_BYTES, companions, read_regular_file
+from calibrary.parsers.files import MAX_BYTES, companions, display_name, read_regular_file
 from calibrary.parsers.format import Format, Verdict
 from calibrary.parsers.reading import Identity, identified, read_content
 from calibrary.parsers.writing import encoded
@@ -48,7 +48,7 @@ def identify(path: PathLike, *, max_bytes: int = MAX_BYTES) -> Identity:
         AmbiguousFormatError: two claim it equally; the message names both.
     """
     path = Path(path)
-    return identified(Content(read_regular_file(path, max_bytes=max_bytes), path.name))
+    return identified(Content(read_regular_file(path, max_bytes=max_bytes), display_name(path)))
 
 
 def read(
@@ -82,7 +82,7 @@ def read(
     data = read_regular_file(path, max_bytes=max_bytes)
     beside = companions(path, max_bytes=max_bytes)
     return decode(
-        data, name=path.name, format=format, image_size=image_size, options=options, companion=beside
+        data, name=display_name(path), format=format, image_size=image_size, options=options, companion=beside
     )
 
 

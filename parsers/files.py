@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from calibrary.errors import InputError, ParseError
 
-__all__ = ["MAX_BYTES", "companions", "read_regular_file"]
+__all__ = ["MAX_BYTES", "companions", "display_name", "read_regular_file"]
 
 MAX_BYTES = 64 * 1024 * 1024
 
@@ -30,29 +30,31 @@ def read_regular_file(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
         InputError: there is no such file, it is no regular file, or it may not be read.
         ParseError: it is empty, too long, or a git-LFS pointer in place of a file.
     """
+    name = display_name(path)
     try:
-        _refuse_irregular(path, path.stat().st_mode)
+        _refuse_irregular(path.stat().st_mode, name)
         # The file may be swapped between stat and open: O_NONBLOCK keeps a pipe from hanging; fstat decides.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with open(descriptor, "rb") as file:  # noqa: PTH123  pathlib cannot open a descriptor
-            _refuse_irregular(path, os.fstat(descriptor).st_mode)
+            _refuse_irregular(os.fstat(descriptor).st_mode, name)
             data = file.read(max_bytes + 1)
-    except OSError as error:
-        # A loop of symbolic links ends here as well.
-        raise InputError(f"cannot be read: {error.strerror or error}", source=path.name) from None
+    except InputError:
+        raise
+    except OSError as error:  # a loop of symbolic links ends here as well
+        raise InputError(f"cannot be read: {error.strerror or error}", source=name) from None
     except ValueError as error:  # a name that no file can have, with a NUL in it
-        raise InputError(f"cannot be read: {error}", source=ascii(path.name)) from None
+        raise InputError(f"cannot be read: {error}", source=name) from None
     if not data:
-        raise ParseError("the file is empty", source=path.name)
+        raise ParseError("the file is empty", source=name)
     if len(data) > max_bytes:
         raise ParseError(
             f"the file is longer than {max_bytes} bytes, as no calibration is; else raise max_bytes",
-            source=path.name,
+            source=name,
         )
     if data.startswith(_LFS):
         raise ParseError(
             "this is a git-LFS pointer, not the file it stands for; fetch it with `git lfs pull`",
-            source=path.name,
+            source=name,
         )
     return data
 
@@ -69,14 +71,20 @@ def companions(path: Path, *, max_bytes: int = MAX_BYTES) -> Callable[[str], byt
             or "\\" in name
             or "\0" in name
         ):
-            raise ParseError(f"it refers to {name!a}, which is no file beside it", source=path.name)
+            raise ParseError(f"it refers to {name!a}, which is no file beside it", source=display_name(path))
         beside = path.parent / relative
         return read_regular_file(beside, max_bytes=max_bytes) if beside.exists() else None
 
     return companion
 
 
-def _refuse_irregular(path: Path, mode: int) -> None:
+def display_name(path: Path) -> str:
+    """The file's name as it may stand in a message: without its folder, what cannot be printed escaped."""
+    name = path.name or str(path)
+    return name if name.isprintable() else ascii(name)[1:-1]
+
+
+def _refuse_irregular(mode: int, source: str) -> None:
     if not stat.S_ISREG(mode):
         kind = next((name for test, name in _KINDS if test(mode)), "no regular file")
-        raise InputError(f"this is {kind}, wanted a file", source=path.name)
+        raise InputError(f"this is {kind}, wanted a file", source=source)

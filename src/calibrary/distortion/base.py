@@ -75,7 +75,7 @@ class Distortion(ABC):
 
     def observe(self, rays: FloatArray) -> FloatArray:
         """(N, 3) directions to (N, 2) observed coordinates; NaN for what the camera cannot see."""
-        return self.distort(perspective(rays))
+        return self.distort(perspective(as_rows(rays, 3)))
 
     def rays(self, xy: FloatArray) -> FloatArray:
         """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""

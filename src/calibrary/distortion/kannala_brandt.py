@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks
+from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
 from calibrary.distortion.roots import first_positive_root
 
 __all__ = ["KannalaBrandt"]
@@ -63,43 +63,97 @@ class KannalaBrandt(Distortion):
         with np.errstate(all="ignore"):
             for rows in blocks(len(rays)):
                 x, y, z = np.ascontiguousarray(rays[rows].T)
-                r = np.hypot(x, y)
-                theta = np.arctan2(r, z)
-                stretch = self._image(theta) / r
-                # On the axis itself the image is the principal point; straight back it is a whole circle.
-                stretch[(r == 0) & (z > 0)] = 0.0
-                stretch[~(theta < fold) | ~np.isfinite(stretch)] = math.nan
-                out[rows, 0], out[rows, 1] = x * stretch, y * stretch
-        return out
-
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN from the image of the fold angle on."""
-        xy = as_rows(xy, 2)
-        out = np.empty((len(xy), 3))
-        for rows in blocks(len(xy)):
-            theta, x, y = self._angle_and_direction(xy[rows])
-            sine = np.sin(theta)
-            out[rows, 0], out[rows, 1], out[rows, 2] = x * sine, y * sine, np.cos(theta)
+                out[rows, 0], out[rows, 1] = self._observed(x, y, z, fold)
         return out
 
     def distort(self, xy: FloatArray) -> FloatArray:
         """Ideal (x/z, y/z), so less than 90° off the axis, to observed; NaN from :meth:`valid_radius` on."""
         xy = as_rows(xy, 2)
         out = np.empty_like(xy)
-        for rows in blocks(len(xy)):
-            out[rows] = self.observe(np.column_stack([xy[rows], np.ones(rows.stop - rows.start)]))
+        fold = self.max_angle_rad()
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(xy)):
+                x, y = np.ascontiguousarray(xy[rows].T)
+                out[rows, 0], out[rows, 1] = self._observed(x, y, np.ones_like(x), fold)
+        return out
+
+    def rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) observed coordinates to (N, 3) unit directions; NaN from the image of the fold angle on."""
+        xy = as_rows(xy, 2)
+        out = np.empty((len(xy), 3))
+        angles = self._angles()
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(xy)):
+                theta, x, y = self._polar(xy[rows], angles)
+                sine = np.sin(theta)
+                out[rows, 0], out[rows, 1], out[rows, 2] = x * sine, y * sine, np.cos(theta)
         return out
 
     def undistort(self, xy: FloatArray) -> FloatArray:
         """Observed to ideal (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
         xy = as_rows(xy, 2)
         out = np.empty_like(xy)
-        for rows in blocks(len(xy)):
-            theta, x, y = self._angle_and_direction(xy[rows])
-            theta[theta >= math.pi / 2] = math.nan
-            tangent = np.tan(theta)
-            out[rows, 0], out[rows, 1] = x * tangent, y * tangent
+        angles = self._angles()
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(xy)):
+                theta, x, y = self._polar(xy[rows], angles)
+                theta[theta >= math.pi / 2] = math.nan
+                tangent = np.tan(theta)
+                out[rows, 0], out[rows, 1] = x * tangent, y * tangent
         return out
+
+    def _observed(
+        self, x: FloatArray, y: FloatArray, z: FloatArray, fold: float
+    ) -> tuple[FloatArray, FloatArray]:
+        r = np.hypot(x, y)
+        theta = np.arctan2(r, z)
+        stretch = self._image(theta) / r
+        # On the axis itself the image is the principal point; straight back it would be a whole circle.
+        stretch[(r == 0) & (z > 0)] = 0.0
+        stretch[~(theta < fold)] = math.nan
+        return finite_pair(x * stretch, y * stretch)
+
+    def _angles(self) -> FloatArray:
+        """(2, nodes): angles up to the fold and where they are seen, the start of the inverse."""
+        theta = np.linspace(0.0, self.max_angle_rad(), TABLE_NODES)
+        with np.errstate(all="ignore"):
+            return np.stack([theta, np.maximum.accumulate(self._image(theta))])
+
+    def _polar(self, xy: FloatArray, angles: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """θ of every observed point, and the unit vector towards it in the image."""
+        x, y = np.ascontiguousarray(xy.T)
+        rho = np.hypot(x, y)
+        theta = self._angle(rho, angles)
+        centre = rho == 0
+        rho[centre] = 1.0
+        return theta, x / rho, y / rho
+
+    def _angle(self, rho: FloatArray, angles: FloatArray) -> FloatArray:
+        """θ such that θd = ``rho``, inside the fold; NaN where there is none.
+
+        Newton's method from a tabulated start. A step that would leave the bracket halves it instead, so the
+        solution next to the fold, where the slope vanishes, is found as surely as any other.
+        """
+        nodes, image = angles
+        fold = nodes[-1]
+        theta = np.interp(rho, image, nodes)
+        theta[~(rho < image[-1])] = math.nan
+        low, high = np.zeros_like(theta), np.full_like(theta, fold)
+        moving = np.flatnonzero(theta > 0)
+        for _ in range(SOLVER_STEPS):
+            at = theta[moving]
+            miss = self._image(at) - rho[moving]
+            low[moving] = np.where(miss <= 0, at, low[moving])
+            high[moving] = np.where(miss >= 0, at, high[moving])
+            to = at - miss / self._slope(at)
+            inside = (to >= low[moving]) & (to <= high[moving])
+            to = np.where(inside, to, 0.5 * (low[moving] + high[moving]))
+            theta[moving] = to
+            moving = moving[~(np.abs(to - at) <= SETTLED * at)]
+            if len(moving) == 0:
+                break
+        theta[~(theta < fold)] = math.nan
+        return theta
 
     def _image(self, theta: FloatArray) -> FloatArray:
         """θd of θ."""
@@ -119,42 +173,3 @@ class KannalaBrandt(Distortion):
             value *= square
             value += slope
         return value
-
-    def _angle_and_direction(self, xy: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """θ of every observed point and the unit vector towards it in the image."""
-        x, y = np.ascontiguousarray(xy.T)
-        with np.errstate(all="ignore"):
-            rho = np.hypot(x, y)
-            theta = self._angle(rho)
-            x, y = x / rho, y / rho
-        on_axis = rho == 0
-        x[on_axis] = y[on_axis] = 0.0
-        return theta, x, y
-
-    def _angle(self, rho: FloatArray) -> FloatArray:
-        """θ such that θd = ``rho``, inside the fold; NaN where there is none.
-
-        Newton's method from a tabulated start. A step that would leave the bracket halves it instead, so the
-        solution next to the fold, where the slope vanishes, is found as surely as any other.
-        """
-        fold = self.max_angle_rad()
-        nodes = np.linspace(0.0, fold, TABLE_NODES)
-        image = np.maximum.accumulate(self._image(nodes))
-        theta = np.interp(rho, image, nodes)
-        theta[~(rho < image[-1])] = math.nan
-        low, high = np.zeros_like(theta), np.full_like(theta, fold)
-        moving = np.flatnonzero((theta > 0) & (theta < fold))
-        for _ in range(SOLVER_STEPS):
-            at = theta[moving]
-            miss = self._image(at) - rho[moving]
-            low[moving] = np.where(miss <= 0, at, low[moving])
-            high[moving] = np.where(miss >= 0, at, high[moving])
-            to = at - miss / self._slope(at)
-            inside = (to >= low[moving]) & (to <= high[moving])
-            to = np.where(inside, to, 0.5 * (low[moving] + high[moving]))
-            theta[moving] = to
-            moving = moving[~(np.abs(to - at) <= SETTLED * at)]
-            if len(moving) == 0:
-                break
-        theta[~(theta < fold)] = math.nan
-        return theta

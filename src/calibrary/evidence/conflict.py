@@ -93,7 +93,7 @@ def _cause(scene: Scene, chosen: Witness, other: Witness) -> Cause:
 
 def _is_sibling(scene: Scene, witness: Witness) -> bool:
     """Whether a witness tells the focal length of another camera that shares the Model."""
-    own = scene.known.fx_over_w if scene.known is not None else None
+    own = scene.known.fx_over_w_at(scene.focal_mm) if scene.known is not None else None
     over_width = witness.intrinsics.fx / witness.intrinsics.image_size[0]
     if own is not None and _near(over_width / own, 1.0):
         return False

@@ -112,7 +112,7 @@ class Scene:
             return self.focal_mm * per_mm[0] / files_frame(self.metadata)[0]
         if self.focal_mm is not None and self.known.pitch_um is not None:
             return self.focal_mm * 1000.0 / self.known.pitch_um / self.known.native_size[0]
-        return self.known.fx_over_w if self.known.zoom_mm is None else None
+        return self.known.fx_over_w_at(self.focal_mm)
 
     @property
     def is_fisheye(self) -> bool:

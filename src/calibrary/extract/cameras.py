@@ -190,14 +190,11 @@ def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
     if known.calibration is not None:
         return Expected(fx=known.calibration.intrinsics.fx, source="registry")
     camera = known.camera
-    if camera is None or camera.fx_over_w is None or camera.native_size is None:
+    over_width = camera.fx_over_w_at(metadata.focal_mm) if camera is not None else None
+    if camera is None or over_width is None or camera.native_size is None:
         return None
     width, height = camera.native_size
-    focal = camera.fx_over_w * width
-    if camera.zoom_mm is not None and camera.focal_mm is not None:
-        if metadata.focal_mm is None:
-            return None
-        focal *= metadata.focal_mm / camera.focal_mm
+    focal = over_width * width
     native = Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=(width, height))
     try:
         fx = adapt(native, metadata).intrinsics.fx
