@@ -169,24 +169,31 @@ def _damped_newton(
     # On the fold itself there is no Newton step.
     inward = np.minimum(1.0, 0.98 * radius / np.hypot(x, y))
     x, y = x * inward, y * inward
-    length = np.ones_like(x)
+    length, shortest = np.ones_like(x), 1e-12
     close = RESIDUAL * np.hypot(u, v)
-    finest = 1e-3 * close
-    rows = np.arange(len(x))
     miss = np.hypot(*_difference(lens, u, v, x, y))
+    settled = miss <= close
+    rows = np.flatnonzero(~settled)
     for _ in range(DAMPED_STEPS):
-        rows = rows[(miss[rows] > finest[rows]) & (length[rows] > 1e-12)]
         if len(rows) == 0:
             break
         dx, dy = _step(lens, u[rows], v[rows], x[rows], y[rows])
         t = length[rows]
         to_x, to_y = x[rows] + t * dx, y[rows] + t * dy
         to_miss = np.hypot(*_difference(lens, u[rows], v[rows], to_x, to_y))
-        better = (to_x * to_x + to_y * to_y < radius * radius) & (to_miss <= (1.0 - 0.25 * t) * miss[rows])
+        inside = to_x * to_x + to_y * to_y < radius * radius
+        # Where the image runs away (next to a pole) a step of nothing is all that can be had, next to the fold
+        # a miss of nothing.
+        arrived = inside & (
+            (np.hypot(dx, dy) <= SETTLED * np.hypot(x[rows], y[rows])) | (to_miss <= 1e-3 * close[rows])
+        )
+        better = arrived | (inside & (to_miss <= (1.0 - 0.25 * t) * miss[rows]))
         taken = rows[better]
         x[taken], y[taken], miss[taken] = to_x[better], to_y[better], to_miss[better]
         length[rows] = np.where(better, np.minimum(1.0, 2.0 * t), 0.5 * t)
-    lost = ~((miss <= close) & (x * x + y * y < radius * radius))
+        settled[rows] = arrived
+        rows = rows[~arrived & (length[rows] > shortest)]
+    lost = ~(settled | (miss <= close))
     x[lost] = y[lost] = math.nan
     return x, y
 
