@@ -15,6 +15,7 @@ from calibrary.parsers.imagery.identity import hash_serial
 from calibrary.parsers.imagery.schemas import SerialRank
 from calibrary.parsers.imagery.source import Source, open_source
 from calibrary.parsers.imagery.xmp import XmpFacts, read_xmp
+from calibrary.parsers.imagery.xmp_exif import mirrored_exif
 
 __all__ = ["IMAGE_SUFFIXES", "read_metadata", "read_source"]
 
@@ -59,10 +60,12 @@ def read_source(source: Source) -> ImageMetadata:
         # The directories are the file's own; the text stands in where they are silent.
         values = {**gdal.values, **values}
         faults += gdal.faults
-    exif = exif_facts(values, faults)
     packets = found.head.xmp or (gdal.xmp if gdal is not None else ())
     xmp = read_xmp(packets, source.name) if packets else XmpFacts()
     has_exif = found.has_exif or (gdal is not None and bool(gdal.values))
+    if not has_exif:
+        values = {**mirrored_exif(xmp.properties), **values}
+    exif = exif_facts(values, faults)
     return _merged(found.head, exif, xmp, has_exif=has_exif)
 
 

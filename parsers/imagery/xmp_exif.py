@@ -1,0 +1,47 @@
+"""EXIF that only XMP still tells: tools that drop the EXIF block often leave Adobe's mirror of it behind.
+
+The ``exif:`` schema repeats EXIF's tags under their names, rationals as "88/10" (XMP specification part 2,
+§8.2). It is heard where a file has no EXIF of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from calibrary.evidence.metadata import XmpProperty
+from calibrary.parsers.imagery.exif import ExifTag, ExifValues
+
+__all__ = ["mirrored_exif"]
+
+_TAGS = {
+    "FocalLength": ExifTag.FOCAL_LENGTH,
+    "FocalLengthIn35mmFilm": ExifTag.FOCAL_LENGTH_35MM,
+    "DigitalZoomRatio": ExifTag.DIGITAL_ZOOM,
+    "FocalPlaneXResolution": ExifTag.FOCAL_PLANE_X,
+    "FocalPlaneYResolution": ExifTag.FOCAL_PLANE_Y,
+    "FocalPlaneResolutionUnit": ExifTag.FOCAL_PLANE_UNIT,
+    "PixelXDimension": ExifTag.PIXEL_X,
+    "PixelYDimension": ExifTag.PIXEL_Y,
+}
+
+
+def mirrored_exif(properties: Mapping[tuple[str, str], XmpProperty]) -> ExifValues:
+    """The EXIF values that XMP repeats, by tag number."""
+    values: dict[int, object] = {}
+    for name, tag in _TAGS.items():
+        item = properties.get(("exif", name))
+        if item is not None:
+            values[tag] = [_number(text) for text in item.values]
+    orientation = properties.get(("tiff", "Orientation"))
+    if orientation is not None:
+        values[ExifTag.ORIENTATION] = [_number(text) for text in orientation.values]
+    return values
+
+
+def _number(text: str) -> float | str:
+    """The number, or the text as it stands: what is wrong with it is said where it is used."""
+    over, _, under = text.partition("/")
+    try:
+        return float(over) / float(under or 1)
+    except (ValueError, ZeroDivisionError):
+        return text
