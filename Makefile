@@ -8,6 +8,8 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEMO := demo-flight
 DEMO_RESULT := demo-result
+# corpus.py makes what the others measure.
+BENCHMARKS = $(filter-out benchmarks/corpus.py, $(wildcard benchmarks/*.py))
 EXTRACT := calibrary extract --image-dir $(DEMO) --recursive --output-matrix $(DEMO_RESULT)/K_matrix.npy
 UV := $(shell command -v uv 2>/dev/null)
 
@@ -28,7 +30,7 @@ REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary n
 %d.%d. Name a newer one (make PYTHON=python3.12), after removing $(VENV) if it is there." \
 % ((sys.executable,) + tuple(sys.version_info[:2])))
 
-.PHONY: help demo test lint format bench dist lock clean
+.PHONY: help demo test lint format bench pictures dist lock clean
 .DEFAULT_GOAL := help
 
 help: ## List what can be made
@@ -62,9 +64,12 @@ format: $(INSTALLED) ## Put the code into the project's format
 	$(BIN)/ruff format
 
 bench: $(INSTALLED) ## Run every benchmark; each prints its ratios
-	@for file in $$(grep -ls '__main__' benchmarks/*.py); do \
+	@for file in $$(grep -ls '__main__' $(BENCHMARKS) /dev/null); do \
 		printf '\n%s\n' "$$file"; $(BIN)/python "$$file" || exit 1; \
 	done
+
+pictures: $(INSTALLED) ## Draw the pictures of the documentation from real output
+	$(BIN)/python docs/make_pictures.py
 
 dist: $(INSTALLED) ## Build sdist and wheel into dist/ and check what is in them
 	rm -rf dist

@@ -15,14 +15,18 @@ from calibrary.errors import ParseError
 from calibrary.parsers.document import Json, parse_json
 from calibrary.parsers.text import decode
 
-__all__ = ["HEAD_BYTES", "Content"]
+__all__ = ["HEAD_BYTES", "MAX_JSON_BYTES", "Content"]
 
 HEAD_BYTES = 64 * 1024
 """How much of a file the text views look at; what identifies a calibration stands near the top."""
 
+MAX_JSON_BYTES = 16 * 1024 * 1024
+"""JSON has no head: its keys are known once all of it is parsed, in half a second and 250 MB for this much."""
+
 _XML_SKIPPED = re.compile(r"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->))*+", re.DOTALL)
 _XML_TAG = re.compile(r"<([A-Za-z_][\w.:-]*+)(?=[\s/>])")
-_YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w .-]*?)["']?[ \t]*:(?=[ \t]|$)""", re.MULTILINE)
+# Lengths are bounded, so that a line of a hundred thousand spaces costs no more than its share.
+_YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w .-]{0,80}?)["']?[ \t]{0,8}:(?=[ \t]|$)""", re.MULTILINE)
 
 
 class Content:
@@ -78,8 +82,7 @@ class Content:
         position = start.end() if start else 0
         if not _XML_TAG.match(text, position):
             return ()
-        body = re.sub(r"<!--(?>.*?-->)", "", text[position:], flags=re.DOTALL)
-        return tuple(_XML_TAG.findall(body))
+        return tuple(_XML_TAG.findall(_without_comments(text[position:])))
 
     @property
     def xml_root(self) -> str | None:
@@ -88,8 +91,8 @@ class Content:
 
     @cached_property
     def json(self) -> Json:
-        """The JSON document, None when the file is none (or holds just ``null``)."""
-        if not self.looks_like_json:
+        """The JSON document, None when the file is none or is longer than :data:`MAX_JSON_BYTES`."""
+        if not self.looks_like_json or len(self.data) > MAX_JSON_BYTES:
             return None
         try:
             return parse_json(self.data, source=self.name)
@@ -118,4 +121,10 @@ class Content:
 
     def beginning(self, characters: int = 40) -> str:
         """The first characters for a message, with what cannot be printed escaped."""
-        return json.dumps((self.first_line or repr(self.data[:16]))[:characters], ensure_ascii=False)
+        return json.dumps((self.first_line or repr(self.data[:16]))[:characters])
+
+
+def _without_comments(text: str) -> str:
+    """XML without its comments; from one that does not end, nothing is left."""
+    parts = text.split("<!--")
+    return parts[0] + "".join(part.partition("-->")[2] for part in parts[1:])

@@ -132,8 +132,9 @@ class Node:
         Raises:
             ParseError: this is no such list.
         """
-        values = tuple(item.number() for item in self.items())
-        return strict.counted(values, count, source=self.source, place=self.place)
+        if isinstance(self.value, list):
+            strict.check_count(len(self.value), count, source=self.source, place=self.place)
+        return tuple(item.number() for item in self.items())
 
     def matrix(self, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:
         """A list of rows, or the same numbers in one list, row by row.
@@ -141,11 +142,10 @@ class Node:
         Raises:
             ParseError: this is no matrix of that shape.
         """
-        items = self.items()
-        if items and all(isinstance(item.value, list) for item in items):
-            if len(items) != rows:
-                self.fail(f"{len(items)} rows, wanted {rows}")
-            return tuple(item.numbers(columns) for item in items)
+        if isinstance(self.value, list) and self.value and isinstance(self.value[0], list):
+            if len(self.value) != rows:
+                self.fail(f"{len(self.value)} rows, wanted {rows}")
+            return tuple(item.numbers(columns) for item in self.items())
         flat = self.numbers(rows * columns)
         return tuple(flat[start : start + columns] for start in range(0, len(flat), columns))
 

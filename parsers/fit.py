@@ -8,7 +8,7 @@ pixels see, and the distance that remains is measured on a finer grid than the o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Protocol, TypeAlias, runtime_checkable
 
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
-from calibrary.errors import UnsupportedModelError
+from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.format import Capacity, Fit
+from calibrary.parsers.least_squares import least_squares
 
 __all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "Convertible", "adapt", "compare", "exact", "refit"]
 
 FloatArray: TypeAlias = NDArray[np.float64]
-Residuals: TypeAlias = Callable[[FloatArray], "FloatArray | None"]
 
 DEFAULT_MAX_ERROR_PX = 0.05
 """Half of what good feature matching resolves: a reconstruction does not see a smaller error."""
@@ -86,12 +86,15 @@ def refit(
         return None
 
     def residuals(coefficients: FloatArray) -> FloatArray | None:
+        try:
+            model = _model(target, coefficients)
+        except InputError:  # past what the model allows, such as a sensor tilted by 90°
+            return None
         with np.errstate(all="ignore"):
-            observed = _model(target, coefficients).observe(rays)
-            missed = _pixels(K, observed) - pixels
+            missed = _pixels(K, model.observe(rays)) - pixels
         return missed.ravel() if np.isfinite(missed).all() else None
 
-    coefficients = _least_squares(residuals, len(target.names()))
+    coefficients = least_squares(residuals, len(target.names()))
     if coefficients is None:
         return None
     fitted = _model(target, coefficients)
@@ -137,6 +140,7 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
         UnsupportedModelError: none does; the message says by how much the best one misses.
     """
     K = _held(calibration.intrinsics, capacity)
+    _refuse_another_k(calibration, K, max_error_px)
     distortion = calibration.distortion
     if distortion is None or not capacity.models:
         return replace(calibration, intrinsics=K, distortion=None)
@@ -159,15 +163,35 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
             f"the {distortion.model} model has no counterpart among {names}; none shows all that it does"
         )
     raise UnsupportedModelError(
-        f"the {distortion.model} model has no exact counterpart among {names}; {_misses(best[1])}"
+        f"the {distortion.model} model has no exact counterpart among {names}; with the nearest {best[1].model} "
+        f"projections {_misses(best[1])}"
     )
+
+
+def _refuse_another_k(calibration: Calibration, K: Intrinsics, max_error_px: float) -> None:
+    """No lens model makes up for a K that the format cannot hold, so this is settled before any fit."""
+    if calibration.intrinsics == K:
+        return
+    fit = compare(calibration, replace(calibration, intrinsics=K))
+    if fit.max_px > max_error_px:
+        before = calibration.intrinsics
+        lost = [
+            f"{name} of {old:.6g} px"
+            for name, old, new in (
+                ("skew", before.skew, K.skew),
+                ("an fx − fy", before.fx - before.fy, K.fx - K.fy),
+                ("a cx − W/2", before.cx - K.image_size[0] / 2, K.cx - K.image_size[0] / 2),
+                ("a cy − H/2", before.cy - K.image_size[1] / 2, K.cy - K.image_size[1] / 2),
+            )
+            if old != new
+        ]
+        raise UnsupportedModelError(
+            f"the format has no place for {', '.join(lost)}; without it, projections {_misses(fit)}"
+        )
 
 
 def _misses(fit: Fit) -> str:
-    return (
-        f"the nearest {fit.model} misses by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; "
-        "give max_error_px to accept that"
-    )
+    return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give max_error_px to accept that"
 
 
 def _equals(distortion: Distortion) -> Iterator[Distortion]:
@@ -233,57 +257,3 @@ def _corner_radius(K: Intrinsics) -> float:
 
 def _model(target: type[Distortion], coefficients: FloatArray) -> Distortion:
     return target(**dict(zip(target.names(), coefficients.tolist(), strict=True)))
-
-
-def _least_squares(residuals: Residuals, unknowns: int, *, rounds: int = 60) -> FloatArray | None:
-    """Levenberg and Marquardt's method from zero; None when not even zero can be evaluated.
-
-    The polynomial models are linear in their coefficients and need two rounds. A step that makes the model
-    fold inside the image has no residuals and is shortened like any step that makes things worse.
-    """
-    x = np.zeros(unknowns)
-    missed = residuals(x)
-    if missed is None or not unknowns:
-        return x if missed is not None else None
-    damping = 1e-9
-    for _ in range(rounds):
-        jacobian = _jacobian(residuals, x, missed)
-        if jacobian is None:
-            return x
-        scale: FloatArray = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-        cost, gain = float(missed @ missed), 0.0
-        while damping < 1e12:
-            padding = math.sqrt(damping) * np.eye(unknowns)
-            stacked = np.vstack([jacobian / scale, padding])
-            wanted = np.concatenate([-missed, np.zeros(unknowns)])
-            step = np.linalg.lstsq(stacked, wanted, rcond=None)[0] / scale
-            trial = residuals(x + step)
-            if trial is not None and float(trial @ trial) < cost:
-                gain = 1.0 - float(trial @ trial) / cost
-                x, missed, damping = x + step, trial, max(damping / 10, 1e-15)
-                break
-            damping *= 10
-        if gain < 1e-9:
-            return x
-    return x
-
-
-def _jacobian(residuals: Residuals, x: FloatArray, missed: FloatArray) -> FloatArray | None:
-    """By central differences, with steps that move some pixel by about a hundredth.
-
-    A coefficient of r⁶ needs steps that depend on how wide the lens is: by ten orders of magnitude.
-    """
-    columns: list[FloatArray] = []
-    for index in range(len(x)):
-        unit = np.zeros(len(x))
-        unit[index] = 1.0
-        step = 1e-6
-        for _ in range(3):
-            moved = residuals(x + step * unit)
-            moves = float(np.abs(moved - missed).max()) if moved is not None else math.inf
-            step *= min(max(1e-2 / max(moves, 1e-300), 1e-6), 1e6)
-        ahead, behind = residuals(x + step * unit), residuals(x - step * unit)
-        if ahead is None or behind is None:
-            return None
-        columns.append((ahead - behind) / (2.0 * step))
-    return np.column_stack(columns)

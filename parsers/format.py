@@ -15,7 +15,8 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
     file gives each and ``provenance.tag`` its key. ``context.size(found)`` settles the image size,
     ``context.option(name)`` what only the user can know (declare it as an :class:`Option`),
     ``context.provenance(...)`` where it came from. Numbers come through ``parsers.text``,
-    ``parsers.document`` or ``parsers.xml``, never through bare ``float``. It raises ``InputError`` kinds
+    ``parsers.document`` or ``parsers.xml``, never through bare ``float``, and the loaders are told the
+    format's own ``max_bytes``, so that no file takes over two seconds. It raises ``InputError`` kinds
     only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no counterpart here. What
     is odd but readable goes to ``notes``, what was taken for granted to ``provenance.assumptions``, what the
     file says beyond that to ``extras`` under ``"<name>/<key>"``.

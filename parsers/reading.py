@@ -14,7 +14,7 @@ from calibrary.errors import (
     UnknownFormatError,
     UnsupportedModelError,
 )
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import MAX_JSON_BYTES, Content
 from calibrary.parsers.discovery import known_formats
 from calibrary.parsers.document import parse_json
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_companion
@@ -124,7 +124,9 @@ def _checked(options: Mapping[str, str], record: Format) -> Mapping[str, str]:
 
 def _unknown(content: Content) -> str:
     message = f"no format claims it; it begins with {content.beginning()}"
-    if content.looks_like_json and content.json is None:
+    if content.looks_like_json and len(content.data) > MAX_JSON_BYTES:
+        message += f", and JSON of over {MAX_JSON_BYTES} bytes is not looked into"
+    elif content.looks_like_json and content.json is None:
         try:
             parse_json(content.data, source=content.name)
         except ParseError as error:

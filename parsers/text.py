@@ -10,13 +10,15 @@ from collections.abc import Sequence
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 
-__all__ = ["decode", "image_size", "lines", "number", "numbers", "shown", "whole"]
+__all__ = ["check_count", "decode", "image_size", "lines", "number", "numbers", "shown", "whole"]
 
 LONGEST_SIDE_PX = 1_000_000
+LONGEST_NUMBER = 1000
+"""The longest decimal that is a double exactly has 767 digits."""
 
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?\.?(?:nan|inf|infinity|1\.#\w+)(?:\(\w*\))?", re.IGNORECASE)
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF16_LE, "utf-16-le"),
@@ -78,6 +80,8 @@ def number(text: str, *, source: str | None = None, place: str | None = None) ->
         ParseError: it is none; a decimal comma is named as such.
     """
     stripped = text.strip()
+    if len(stripped) > LONGEST_NUMBER:
+        raise ParseError(f"{shown(stripped)} is too long for a number", source=source, place=place)
     if _NUMBER.fullmatch(stripped):
         value = float(stripped)
         if math.isfinite(value):
@@ -100,23 +104,23 @@ def numbers(
     Raises:
         ParseError: one of them is none, or there are too many or too few.
     """
-    values = tuple(number(part, source=source, place=place) for part in text.split())
-    return counted(values, count, source=source, place=place)
+    parts = text.split()
+    check_count(len(parts), count, source=source, place=place)
+    return tuple(number(part, source=source, place=place) for part in parts)
 
 
-def counted(
-    values: tuple[float, ...], count: int | Sequence[int] | None, *, source: str | None, place: str | None
-) -> tuple[float, ...]:
-    """The values themselves, once their count is one of those wanted.
+def check_count(
+    found: int, wanted: int | Sequence[int] | None, *, source: str | None = None, place: str | None = None
+) -> None:
+    """Refuse a wrong number of numbers before any of them is looked at.
 
     Raises:
-        ParseError: it is not.
+        ParseError: it is none of those wanted.
     """
-    wanted = (count,) if isinstance(count, int) else count
-    if wanted is not None and len(values) not in wanted:
-        sentence = " or ".join(str(item) for item in wanted)
-        raise ParseError(f"{len(values)} numbers, wanted {sentence}", source=source, place=place)
-    return values
+    accepted = (wanted,) if isinstance(wanted, int) else wanted
+    if accepted is not None and found not in accepted:
+        sentence = " or ".join(str(item) for item in accepted)
+        raise ParseError(f"{found} numbers, wanted {sentence}", source=source, place=place)
 
 
 def whole(text: str, *, source: str | None = None, place: str | None = None) -> int:

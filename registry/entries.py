@@ -153,7 +153,7 @@ def _adapted(entry: Entry, key: CameraKey) -> Calibration | None:
 
 
 def _fits(entry: CameraKey, key: CameraKey) -> bool:
-    for name in ("make", "model", "sub_camera", "lens", "capture_mode", "serial"):
+    for name in ("make", "model", "sub_camera", "lens", "capture_mode", "serial", "firmware"):
         stated, seen = getattr(entry, name), getattr(key, name)
         if stated is not None and (seen is None or stated.casefold() != seen.casefold()):
             return False

@@ -32,14 +32,17 @@ MATRIX = "opencv-matrix"
 ND_MATRIX = "opencv-nd-matrix"
 """How OpenCV 5 writes a vector that has one dimension only: ``sizes`` stands for rows and cols."""
 YAML_TAGS = tuple(f"tag:yaml.org,2002:{name}" for name in (MATRIX, ND_MATRIX))
-MAX_YAML_BYTES = 8 * 1024 * 1024
-"""A YAML parser takes about a second for this; a calibration with thousands of views is shorter."""
+MAX_BYTES = 2 * 1024 * 1024
+"""Every number is looked at, which takes some seconds for this; a calibration with thousands of views is shorter."""
+
+LONGEST_VECTOR = 64
+"""No matrix and no lens has more numbers; longer ones are other things and need not be looked at."""
 
 _DIRECTIVE = re.compile(r"\A%(?=YAML)")
 _KEY = re.compile(r"[A-Za-z]|[A-Za-z_][\w.-]+", re.ASCII)
 # A sequence in XML: words, and texts in quotes. A quote inside a text is no longer told from one around it.
-_XML_ITEM = r'(?:"[^"]*"|[^\s"]+)'
-_XML_ITEMS = re.compile(rf"{_XML_ITEM}(?:\s+{_XML_ITEM})*")
+_XML_ITEM = r'(?:"[^"]*+"|[^\s"]++)'
+_XML_ITEMS = re.compile(rf"{_XML_ITEM}(?:\s++{_XML_ITEM})*+")
 _KIND = re.compile(r"\d*[ucwsifdhr]")
 
 
@@ -49,6 +52,8 @@ def load(data: bytes, *, source: str) -> Node:
     Raises:
         ParseError: it is none of the three.
     """
+    if len(data) > MAX_BYTES:
+        raise ParseError(f"{len(data)} bytes of an OpenCV file; at most {MAX_BYTES} are read", source=source)
     head = data[:256].lstrip(b"\xef\xbb\xbf\xff\xfe \t\r\n\0")
     if head.startswith(b"<"):
         root = parse_xml(data, source=source)
@@ -62,7 +67,7 @@ def load(data: bytes, *, source: str) -> Node:
     else:
         # The directive becomes a comment, so that lines in messages stay right.
         plain = _DIRECTIVE.sub("#", strict.decode(data, source=source))
-        yaml = load_yaml(plain, source=source, max_bytes=MAX_YAML_BYTES, ignored_tags=YAML_TAGS)
+        yaml = load_yaml(plain, source=source, ignored_tags=YAML_TAGS)
         tree = Node(yaml, source=source)
     if not isinstance(tree.value, dict):
         tree.fail("this is no mapping, as an OpenCV file is")
@@ -84,21 +89,26 @@ def matrix(node: Node, rows: int, columns: int) -> tuple[tuple[float, ...], ...]
 
 
 def numbers(node: Node) -> tuple[float, ...]:
-    """All numbers of a vector, however it lies: 1×N, N×1, a list, a list of lists.
+    """All numbers of a short vector, however it lies: 1×N, N×1, a list, a list of lists.
 
     Raises:
         ParseError: it is none, or its header and its data disagree.
     """
     if not _is_matrix(node.value):
+        if isinstance(node.value, list) and len(node.value) > LONGEST_VECTOR:
+            node.fail(f"{len(node.value)} items, wanted at most {LONGEST_VECTOR} numbers")
         return tuple(number for item in node.items() for number in _flat(item))
     shape = _shape(node)
     kind = node["dt"].text() if "dt" in node else "d"
     if not _KIND.fullmatch(kind) or kind.lstrip("0123456789") != kind:
         node.fail(f"its elements are {strict.shown(kind)}, wanted one number each")
-    values = node["data"].numbers()
-    if min(shape, default=0) < 0 or len(values) != math.prod(shape):
-        node.fail(f"its header says {_times(shape)}, but there are {len(values)} numbers")
-    return values
+    data = node["data"]
+    length = len(data.value) if isinstance(data.value, list) else 1
+    if min(shape, default=0) < 0 or length != math.prod(shape):
+        node.fail(f"its header says {_times(shape)}, but there are {length} numbers")
+    if length > LONGEST_VECTOR:
+        node.fail(f"{length} numbers, wanted at most {LONGEST_VECTOR}")
+    return data.numbers()
 
 
 def holds(name: str, value: Json) -> bool:

@@ -64,6 +64,8 @@ ABSOLUTE_STYLE = ("fx", "fy", "skew")
 KNOWN = frozenset(
     ("projection", "width", "height", "cx", "cy", *OFFSET_STYLE, *ABSOLUTE_STYLE, *COEFFICIENTS)
 )
+MAX_BYTES = 1024 * 1024
+"""A thousand times what Metashape writes."""
 PREFIX = "agisoft_xml/"
 
 
@@ -76,7 +78,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    fields = _Fields(parse_xml(data, source=context.name), context.name)
+    fields = _Fields(parse_xml(data, source=context.name, max_bytes=MAX_BYTES), context.name)
     projection = fields.text("projection")
     if projection not in {"frame", "fisheye"}:
         raise UnsupportedModelError(

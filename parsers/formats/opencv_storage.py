@@ -19,11 +19,10 @@ In the format's own words::
     avg_reprojection_error: 0.31
 
 The container has no schema: programs name things as they like, so the keys of OpenCV's samples and the usual
-variations of them are known (:data:`MATRIX_KEYS`, :data:`COEFFICIENT_KEYS`), with "left", "right" or a
-number for one of several cameras. The count of coefficients tells the model as far as OpenCV's documentation
-makes it tell: 5 Brown–Conrady, 8 rational, 12 thin prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of
-OpenCV's calibration sample (unless it says ``fisheye_model: 1``); under other keys nothing tells them from a
-fisheye's k1 k2 k3 k4.
+variations of them are known (``_opencv_keys``), with "left", "right" or a number for one of several cameras. The
+count of coefficients tells the model as far as OpenCV's documentation makes it tell: 5 Brown–Conrady, 8 rational,
+12 thin prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of OpenCV's calibration sample (unless it says
+``fisheye_model: 1``); under other keys nothing tells them from a fisheye's k1 k2 k3 k4.
 
 Sources: OpenCV, "Camera Calibration and 3D Reconstruction"; ``samples/cpp/calibration.cpp``,
 ``samples/cpp/stereo_calib.cpp`` and the camera-calibration tutorial's ``camera_calibration.cpp``.
@@ -31,7 +30,6 @@ Sources: OpenCV, "Camera Calibration and 3D Reconstruction"; ``samples/cpp/calib
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 
@@ -52,6 +50,15 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Json, Node, parse_json
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _file_storage as storage
+from calibrary.parsers.formats._opencv_keys import (
+    COEFFICIENTS,
+    FOREIGN_KEYS,
+    GRADE_KEY,
+    MATRIX,
+    METASHAPE_SPELLING,
+    Keys,
+    simplified,
+)
 
 __all__ = ["FORMAT"]
 
@@ -73,28 +80,7 @@ DISTORTION = Option(
     meaning="whether four coefficients are Brown's k1 k2 p1 p2 or cv2.fisheye's k1 k2 k3 k4",
 )
 
-# Keys are compared in lower case without "_", "-", "." and spaces.
-MATRIX_KEYS = (
-    "cameramatrix", "cameramat", "cammatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "kmatrix", "mtx",
-    "k", "m",
-)  # fmt: skip
-COEFFICIENT_KEYS = (
-    "distortioncoefficients", "distortioncoeffs", "distcoefficients", "distcoeffs", "distcoeff", "distortion",
-    "dist", "d",
-)  # fmt: skip
-OWN_KEYS = frozenset({("cameramatrix", "distortioncoefficients"), ("m", "d")})
-"""Of OpenCV's calibration and stereo samples, whose coefficients are Brown's unless they say otherwise."""
-SIZE_KEYS = (("imagewidth", "imageheight"), ("imgwidth", "imgheight"), ("width", "height"))
-FOREIGN_KEYS = frozenset(
-    {"calib_time", "camera_model", "distortion_model", "model_type", "projection_matrix", "sensor_type"}
-)
-"""Of programs that use OpenCV's container or its words with a meaning of their own."""
-METASHAPE_SPELLING = frozenset({"Camera_Matrix", "image_Width"})
-
 PREFIX = "opencv_storage/"
-_LABELLED = r"(left|right|cam\d+|camera\d+)?({})(left|right|l|r|\d+)?"
-_MATRIX = re.compile(_LABELLED.format("|".join(MATRIX_KEYS)))
-_COEFFICIENTS = re.compile(_LABELLED.format("|".join(COEFFICIENT_KEYS)))
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -109,11 +95,11 @@ def sniff(content: Content) -> Sniff | None:
         storage_mark = "a matrix is marked opencv-matrix" if "opencv-matrix" in text else ""
     if FOREIGN_KEYS.intersection(keys):
         return None
-    simple = {_simple(key): key for key in keys}
-    matrix = next((key for name, key in simple.items() if _MATRIX.fullmatch(name)), None)
+    simple = {simplified(key): key for key in keys}
+    matrix = next((key for name, key in simple.items() if MATRIX.fullmatch(name)), None)
     if storage_mark:
         return Sniff(Sure.SHAPE, f"{storage_mark} and {matrix} stands in it") if matrix else None
-    coefficients = next((key for name, key in simple.items() if _COEFFICIENTS.fullmatch(name)), None)
+    coefficients = next((key for name, key in simple.items() if COEFFICIENTS.fullmatch(name)), None)
     if matrix and coefficients:
         return Sniff(Sure.WEAK, f"the keys {matrix} and {coefficients} are those of OpenCV's functions")
     return None
@@ -122,7 +108,7 @@ def sniff(content: Content) -> Sniff | None:
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the file, in the order of their matrices."""
     tree = storage.load(data, source=context.name)
-    keys = _Keys(tree)
+    keys = Keys(tree)
     if not keys.matrices:
         listed = ", ".join(strict.shown(key) for key in tree.keys()[:12])
         tree.fail(f"there is no camera matrix; the keys are {listed or 'none'}")
@@ -130,9 +116,12 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         if label not in keys.matrices:
             tree[key].fail("there is no camera matrix beside these coefficients")
     size = context.size(keys.size())
-    quality = keys.quality()
-    extras = keys.extras()
-    return [_camera(keys, label, size, context, quality=quality, extras=extras) for label in keys.matrices]
+    grade, quality = keys.grade(), keys.quality()
+    extras = keys.extras(PREFIX)
+    return [
+        _camera(keys, label, size, context, grade=grade, quality=quality, extras=extras)
+        for label in keys.matrices
+    ]
 
 
 def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
@@ -149,6 +138,9 @@ def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
         )
     width, height = sizes.pop()
     tree: dict[str, Json] = {"image_width": width, "image_height": height, **_quality(calibrations)}
+    worst = max((item.grade for item in calibrations), key=lambda grade: grade.rank)
+    if worst is not Grade.CALIBRATED:
+        tree[GRADE_KEY] = worst.value
     if fisheyes == {True}:
         tree["fisheye_model"] = 1
     tree = _extras(calibrations, context.name) | tree
@@ -182,83 +174,13 @@ def _extras(calibrations: Sequence[Calibration], source: str) -> dict[str, Json]
     return extras
 
 
-class _Keys:
-    """What the keys of a file are taken to mean; each is used for one thing only."""
-
-    def __init__(self, tree: Node) -> None:
-        self.tree = tree
-        self.matrices: dict[str, str] = {}
-        self.coefficients: dict[str, str] = {}
-        self.simple: dict[str, str] = {}
-        for key, node in tree.entries():
-            self.simple.setdefault(_simple(key), key)
-            if not isinstance(node.value, dict | list):
-                continue
-            for pattern, found in ((_MATRIX, self.matrices), (_COEFFICIENTS, self.coefficients)):
-                match = pattern.fullmatch(_simple(key))
-                if match:
-                    label = match[1] or match[3] or ""
-                    if label in found:
-                        node.fail(
-                            f"it means the same as {strict.shown(found[label])}, which stands there too"
-                        )
-                    found[label] = key
-        self.used = {*self.matrices.values(), *self.coefficients.values()}
-
-    def take(self, simple: str) -> Node | None:
-        """What stands under a key that has one meaning in the whole file."""
-        key = self.simple.get(simple)
-        if key is None:
-            return None
-        self.used.add(key)
-        return self.tree[key]
-
-    def size(self) -> ImageSize | None:
-        """The one image size of the file."""
-        for width, height in SIZE_KEYS:
-            if width in self.simple and height in self.simple:
-                sides = [self.take(name) for name in (width, height)]
-                w, h = (side.number() for side in sides if side is not None)
-                return strict.image_size(w, h, source=self.tree.source)
-        both = self.take("imagesize")
-        if both is None:
-            return None
-        values = storage.numbers(both)
-        if len(values) != 2:
-            both.fail(f"{len(values)} numbers, wanted width and height")
-        return strict.image_size(*values, source=both.source, place=both.place)
-
-    def quality(self) -> Quality | None:
-        """The RMS reprojection error and the number of views, as OpenCV's samples write them."""
-        rms, views = self.take("avgreprojectionerror"), self.take("nframes")
-        if rms is None and views is None:
-            return None
-        rms_px = rms.number() if rms is not None else None
-        if rms is not None and rms_px is not None and rms_px < 0:
-            rms.fail(f"{rms_px:g} px is no error, wanted a number from 0")
-        return Quality(rms_px=rms_px, views=views.whole() if views is not None else None)
-
-    def fisheye_mark(self) -> bool | None:
-        """Whether the file itself says fisheye or not; None when it says neither."""
-        node = self.take("fisheyemodel")
-        return None if node is None else bool(node.value if isinstance(node.value, bool) else node.whole())
-
-    def extras(self) -> tuple[tuple[str, str], ...]:
-        """All other keys, as JSON."""
-        self.fisheye_mark()
-        return tuple(
-            (PREFIX + key, json.dumps(node.value, ensure_ascii=False))
-            for key, node in self.tree.entries()
-            if key not in self.used
-        )
-
-
 def _camera(
-    keys: _Keys,
+    keys: Keys,
     label: str,
     size: ImageSize,
     context: ReadContext,
     *,
+    grade: Grade,
     quality: Quality | None,
     extras: tuple[tuple[str, str], ...],
 ) -> Calibration:
@@ -280,7 +202,7 @@ def _camera(
         camera=CameraKey(image_size=size, sub_camera=label if several else None),
         intrinsics=intrinsics,
         distortion=_distortion(keys, label, context) if coefficient_key is not None else None,
-        grade=Grade.CALIBRATED,
+        grade=grade,
         quality=quality,
         provenance=context.provenance(tag=", ".join(tags)),
         notes=tuple(notes),
@@ -299,7 +221,7 @@ def _intrinsics(node: Node, size: ImageSize) -> Intrinsics:
         node.fail(error.message)
 
 
-def _distortion(keys: _Keys, label: str, context: ReadContext) -> Distortion:
+def _distortion(keys: Keys, label: str, context: ReadContext) -> Distortion:
     if "xi" in keys.tree:
         raise UnsupportedModelError(
             "with xi this is cv2.omnidir's model, which has no counterpart here; calibrate with cv2.fisheye",
@@ -317,7 +239,7 @@ def _distortion(keys: _Keys, label: str, context: ReadContext) -> Distortion:
         marked = keys.fisheye_mark()
         if asked == "fisheye" or (asked is None and marked):
             return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
-        if asked is None and marked is None and not _are_own(keys, label):
+        if asked is None and marked is None and not keys.are_own(label):
             node.fail(
                 "four coefficients are Brown's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and nothing here "
                 "tells which; say options={'distortion': 'brown'} or 'fisheye' (--set distortion=…)"
@@ -330,19 +252,6 @@ def _distortion(keys: _Keys, label: str, context: ReadContext) -> Distortion:
         return NoDistortion()
     kind = MODELS[len(values)]
     return kind(**dict(zip(kind.names(), values, strict=False)))
-
-
-def _are_own(keys: _Keys, label: str) -> bool:
-    stems = (
-        pattern.fullmatch(_simple(key))
-        for pattern, key in ((_MATRIX, keys.matrices[label]), (_COEFFICIENTS, keys.coefficients[label]))
-    )
-    return tuple(match[2] for match in stems if match) in OWN_KEYS
-
-
-def _simple(key: str) -> str:
-    """One spelling for "Camera_Matrix", "cameraMatrix" and "camera-matrix"."""
-    return re.sub(r"[_\-. ]", "", key).lower()
 
 
 def _labels(calibrations: Sequence[Calibration]) -> list[str]:

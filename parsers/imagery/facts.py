@@ -22,6 +22,9 @@ __all__ = ["ExifFacts", "exif_facts"]
 
 N = TypeVar("N", int, float)
 
+SMALLEST, LARGEST = 1 / 0xFFFFFFFF, float(0xFFFFFFFF)
+"""What an EXIF rational can hold; copies of EXIF as text (GDAL's, XMP's) could say 1e308."""
+
 _UNITS = {
     2: FocalPlaneUnit.INCH,
     3: FocalPlaneUnit.CENTIMETRE,
@@ -100,10 +103,11 @@ class _Numbers:
         if tag not in self.values:
             return None
         number = self._finite(tag)
-        if number is not None and number > 0:
+        if number is not None and SMALLEST <= number <= LARGEST:
             return number
         if not (undefined_is_unknown if number is None else zero_is_unknown and number == 0):
-            self._refuse(tag, "a number above 0")
+            too_far = number is not None and number > 0
+            self._refuse(tag, "a number that EXIF can hold" if too_far else "a number above 0")
         return None
 
     def whole(self, tag: int, least: int, most: int) -> int | None:

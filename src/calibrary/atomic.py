@@ -22,18 +22,24 @@ def write_files(files: Mapping[Path, bytes]) -> None:
         InputError: a folder is missing or may not be written to, or the disk is full; nothing was changed.
     """
     staged: list[tuple[str, Path]] = []
+    done: list[str] = []
     try:
         for path, content in files.items():
             staged.append((_stage(path, content), path))
+        while staged:
+            temporary, path = staged[0]
+            Path(temporary).replace(path)
+            del staged[0]
+            done.append(path.name)
     except OSError as error:
+        nothing_else = f"only {', '.join(done)}" if done else "nothing"
+        raise InputError(
+            f"cannot be written: {error.strerror or error}; {nothing_else} was written", source=str(path)
+        ) from None
+    finally:
         for temporary, _ in staged:
             with suppress(OSError):
                 Path(temporary).unlink()
-        raise InputError(
-            f"cannot be written: {error.strerror or error}; nothing was written", source=str(path)
-        ) from None
-    for temporary, path in staged:
-        Path(temporary).replace(path)
 
 
 def _stage(path: Path, content: bytes) -> str:

@@ -137,10 +137,7 @@ class Intrinsics:
             object.__setattr__(self, name, value)
         if self.fx <= 0 or self.fy <= 0:
             raise InputError(f"focal lengths are {self.fx:g} and {self.fy:g} px, wanted positive ones")
-        width, height = self.image_size
-        if int(width) != width or int(height) != height or width <= 0 or height <= 0:
-            raise InputError(f"image size is {width}×{height}, wanted whole positive numbers of pixels")
-        object.__setattr__(self, "image_size", (int(width), int(height)))
+        object.__setattr__(self, "image_size", _whole(self.image_size))
 
     @property
     def matrix(self) -> FloatArray:
@@ -173,7 +170,9 @@ class Intrinsics:
 
         Raises:
             FrameError: the aspect ratios differ by more than 1 %: that is a crop, not a scale.
+            InputError: ``size`` is not two whole positive numbers.
         """
+        size = _whole(size)
         (w0, h0), (w1, h1) = self.image_size, size
         if not same_aspect(self.image_size, size):
             raise FrameError(
@@ -328,3 +327,11 @@ def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE)
     (wa, ha), (wb, hb) = a, b
     rounding = 1.0 / min(wa, ha, wb, hb)
     return abs(wa * hb / (ha * wb) - 1.0) <= max(tolerance, rounding)
+
+
+def _whole(size: ImageSize) -> ImageSize:
+    """``size`` as two ints, if it is an image's."""
+    width, height = size
+    if not (math.isfinite(width) and math.isfinite(height)) or width % 1 or height % 1 or min(size) <= 0:
+        raise InputError(f"image size is {width}×{height}, wanted whole positive numbers of pixels")
+    return int(width), int(height)

@@ -19,6 +19,9 @@ from calibrary.policy import Policy
 
 __all__ = ["Circumstances", "Expected", "Finding", "NamedFocal", "Report", "Severity", "Verdict", "validate"]
 
+REGISTER = "register the camera (--registry)"
+GIVE_FILES = "give the files as the camera wrote them"
+
 
 class Severity(StrEnum):
     """What a finding does to the verdict."""
@@ -46,7 +49,8 @@ class Finding:
         severity: what the measurement means.
         measured: the number, in the unit the message names; None where the rule measures none.
         limit: what it was held against.
-        message: found, wanted and what to do.
+        message: found and wanted.
+        remedy: what to do about it, for whoever flies this camera; None where nothing is wrong.
     """
 
     rule: str
@@ -54,9 +58,11 @@ class Finding:
     measured: float | None = None
     limit: float | None = None
     message: str
+    remedy: str | None = None
 
     def __str__(self) -> str:
-        return f"{self.rule}: {self.message}"
+        text = f"{self.rule}: {self.message}"
+        return f"{text}; {self.remedy}" if self.remedy else text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,6 +133,14 @@ class Report:
         errors = [f for f in self.findings if f.severity is Severity.ERROR]
         return (*errors, *(f for f in self.findings if f.severity is Severity.UNPROVEN))
 
+    @property
+    def remedy(self) -> str | None:
+        """What to do first, None for a valid K. A sensor nobody stated comes before all that it leads to."""
+        if not self.failures:
+            return None
+        unstated = next((f for f in self.findings if f.rule == "sensor-stated"), None)
+        return (unstated or self.failures[0]).remedy
+
     def raise_for_failures(self) -> None:
         """Do nothing for a valid K.
 
@@ -153,10 +167,18 @@ def _focal_symmetry(c: Calibration, policy: Policy, _: Circumstances) -> Iterato
         severity = Severity.ERROR
     elif policy.focal_symmetry_proven is not None and not measured <= policy.focal_symmetry_proven:
         severity, limit = Severity.UNPROVEN, policy.focal_symmetry_proven
-    message = f"|fx − fy| / max = {measured:.2%}, at most {limit:.2%}"
+    message, remedy = f"fx and fy differ by {measured:.2%}, at most {limit:.2%}", None
     if severity is not Severity.PASS:
-        message += "; not square pixels: a wrong sensor size, a transcoded frame, or corrupt EXIF"
-    yield Finding(rule="focal-symmetry", severity=severity, measured=measured, limit=limit, message=message)
+        message += ": a wrong sensor size, a transcoded frame, or corrupt EXIF"
+        remedy = f"check the sensor size, or {GIVE_FILES}"
+    yield Finding(
+        rule="focal-symmetry",
+        severity=severity,
+        measured=measured,
+        limit=limit,
+        message=message,
+        remedy=remedy,
+    )
 
 
 def _principal_point(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
@@ -166,13 +188,14 @@ def _principal_point(c: Calibration, policy: Policy, _: Circumstances) -> Iterat
     ok = measured <= limit
     message = f"principal point is {measured:.2%} of the frame from its middle, at most {limit:.2%}"
     if not ok:
-        message += "; a decentred lens, or a K of another frame"
+        message += ": a decentred lens, or a K of another frame"
     yield Finding(
         rule="principal-point-drift",
         severity=Severity.PASS if ok else Severity.ERROR,
         measured=measured,
         limit=limit,
         message=message,
+        remedy=None if ok else "check which frame size this calibration is of, or calibrate anew",
     )
 
 
@@ -185,23 +208,25 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
     measured = c.provenance.kind != "image-metadata" and c.grade.is_metric
     low, high = (policy.measured_over_width if measured else None) or policy.focal_over_width
     in_band = low <= fx_over_w <= high
-    agreeing = [o for o in around.others if _apart(c, o) <= max(policy.witness_agreement, o.tolerance)]
+    # A witness's own rounding excuses it for disagreeing; it does not make it agree (a 35 mm equivalent of 1).
+    agreeing = [o for o in around.others if _apart(c, o) <= policy.witness_agreement]
     if policy.witnesses_settle and agreeing and not around.sensor_assumed:
         message = f"fx = {fx_over_w:.3f} W, and {agreeing[0].name} says the same independently"
         yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
         return
-    message = f"fx = {fx_over_w:.3f} W, wanted {low:g} … {high:g} W"
+    message, remedy = f"fx = {fx_over_w:.3f} W, wanted {low:g} … {high:g} W", None
     if not in_band:
-        message += (
-            "; a 35 mm equivalent or a wrong sensor size, unless the lens really is that wide or long: "
-            "then register the camera"
-        )
+        message += ": a 35 mm equivalent or a wrong sensor size, unless the lens really is so"
+        knows = policy.known_camera_tolerance is not None
+        way = REGISTER if knows else "judge by --policy fleet, which knows real cameras"
+        remedy = f"check the sensor size; if the lens is so, {way}"
     yield Finding(
         rule="focal-plausibility",
         severity=Severity.PASS if in_band else Severity.ERROR,
         measured=fx_over_w,
         limit=low if fx_over_w < low else high,
         message=message,
+        remedy=remedy,
     )
 
 
@@ -216,6 +241,7 @@ def _against_known(c: Calibration, expected: Expected, limit: float) -> Finding:
         measured=measured,
         limit=limit,
         message=message,
+        remedy=None if ok else f"check the sensor size and the lens; if this unit differs, {REGISTER}",
     )
 
 
@@ -228,6 +254,7 @@ def _zero_skew(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Fin
         measured=measured,
         limit=policy.skew_max,
         message=f"skew is {c.intrinsics.skew:g} px, wanted {'0' if policy.skew_max == 0 else 'next to 0'}",
+        remedy=None if ok else "calibrate with skew held at 0",
     )
 
 
@@ -244,7 +271,12 @@ def _leak_35mm(c: Calibration, policy: Policy, around: Circumstances) -> Iterato
     message = f"FocalLength {focal_mm:g} mm beside a 35 mm equivalent of {focal_35mm:g} mm"
     if leaked:
         message += f": the equivalent was written as the focal length, and fx is {apart:+.0%} from it"
-    yield Finding(rule="no-35mm-leak", severity=Severity.ERROR if leaked else Severity.PASS, message=message)
+    yield Finding(
+        rule="no-35mm-leak",
+        severity=Severity.ERROR if leaked else Severity.PASS,
+        message=message,
+        remedy=GIVE_FILES if leaked else None,
+    )
 
 
 def _witness_agreement(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
@@ -264,6 +296,7 @@ def _witness_agreement(c: Calibration, policy: Policy, around: Circumstances) ->
             measured=measured,
             limit=limit,
             message=message,
+            remedy=f"find out which of the two is right; {REGISTER}",
         )
 
 
@@ -273,8 +306,8 @@ def _sensor_stated(_: Calibration, policy: Policy, around: Circumstances) -> Ite
     yield Finding(
         rule="sensor-stated",
         severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
-        message="K rests on an assumed sensor size; name it with --sensor-width-mm and --sensor-height-mm, "
-        "or register the camera",
+        message="nobody stated the sensor size that K rests on",
+        remedy=f"name the sensor (--sensor-width-mm, --sensor-height-mm), or {REGISTER}",
     )
 
 
@@ -284,8 +317,8 @@ def _digital_zoom(_: Calibration, policy: Policy, around: Circumstances) -> Iter
     yield Finding(
         rule="digital-zoom",
         severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
-        message="digital zoom: K follows the usual handling, which no tag proves; fly without it, "
-        "or calibrate and register this zoom state",
+        message="no tag proves what digital zoom did to this frame",
+        remedy="fly without digital zoom, or calibrate and register this zoom state",
     )
 
 
@@ -301,9 +334,10 @@ def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> I
         severity=Severity.ERROR if lost else Severity.PASS,
         measured=float(lost),
         limit=0.0,
-        message=f"the distortion folds back before {lost} of 4 image corners; calibrate with corners covered"
+        message=f"the distortion folds back before {lost} of 4 image corners"
         if lost
         else "the distortion does not fold back inside the image",
+        remedy="calibrate with the corners of the image covered" if lost else None,
     )
 
 
@@ -315,13 +349,14 @@ def _group_spread(_: Calibration, policy: Policy, around: Circumstances) -> Iter
         f"fx spreads by {around.spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
     )
     if not ok:
-        message += "; two units or two states share one key: separate them"
+        message += ": two units or two modes of one go by the same name"
     yield Finding(
         rule="one-k-per-camera",
         severity=Severity.PASS if ok else Severity.ERROR,
         measured=around.spread,
         limit=policy.group_spread_max,
         message=message,
+        remedy=None if ok else "put each unit's and each mode's images into a folder of their own",
     )
 
 

@@ -9,16 +9,8 @@ import pytest
 from PIL import Image
 
 import calibrary.demo.__main__ as command
-from calibrary.demo import DemoImage, Outcome, write_flight
-
-
-@pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[DemoImage]]:
-    out = tmp_path_factory.mktemp("flight")
-    return out, write_flight(out)
-
-
-Flight = tuple[Path, list[DemoImage]]
+from calibrary.demo import DemoImage, Outcome
+from tests.demo.conftest import Flight
 
 
 def named(flight: Flight, name: str) -> tuple[Path, DemoImage]:
@@ -57,12 +49,18 @@ def test_whatever_is_not_broken_decodes(flight: Flight) -> None:
                 opened.load()
 
 
-def test_a_valid_file_has_a_k_and_a_grade_and_no_other_has(flight: Flight) -> None:
+def test_a_file_with_a_k_has_its_focal_length_and_its_grade_and_no_other_has(flight: Flight) -> None:
     _, images = flight
     for image in images:
-        is_valid = image.outcome is Outcome.VALID
-        assert (image.fx_px is not None) is is_valid
-        assert (image.grade is not None) is is_valid
+        has_k = image.outcome in {Outcome.VALID, Outcome.UNPROVEN}
+        assert (image.fx_px is not None) is has_k
+        assert (image.grade is not None) is has_k
+
+
+def test_only_the_zoomed_frame_is_left_unproven(flight: Flight) -> None:
+    _, images = flight
+    unproven = [image.name for image in images if image.outcome is Outcome.UNPROVEN]
+    assert unproven == ["phantom4pro/DJI_0102.JPG"]
 
 
 def test_the_rtk_frames_carry_their_lenses_calibration(flight: Flight) -> None:
@@ -139,6 +137,18 @@ def test_the_command_prints_a_row_for_every_story(
     assert f"{len(images)} files" in printed
     assert all(image.camera in printed for image in images)
     assert not any(text in printed for image in images for text in image.private)
+
+
+def test_where_there_is_no_terminal_no_file_name_is_broken(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, images = flight
+    monkeypatch.setattr(command, "write_flight", lambda _out, **_flags: images)
+    monkeypatch.delenv("COLUMNS", raising=False)
+    assert command.main([str(out)]) == 0
+    printed = capsys.readouterr().out
+    first = {image.camera + image.story: image.name for image in reversed(images)}
+    assert all(name in printed for name in first.values())
 
 
 def test_a_folder_that_cannot_be_made_is_said_without_a_traceback(

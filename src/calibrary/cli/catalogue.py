@@ -53,7 +53,8 @@ def _run(arguments: argparse.Namespace) -> int:
             "schema": "calibrary/catalogue-listing-1",
             "cameras": [to_json(camera) for camera in cameras],
         }
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+        sys.stdout.flush()
+        sys.stdout.buffer.write((json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
     elif not cameras:
         sys.stderr.write(
             f"calibrary: the catalogue has no camera like {arguments.model!r}; "

@@ -7,7 +7,7 @@ import os
 from rich.console import Console
 from rich.markup import escape
 
-__all__ = ["make_console", "plain"]
+__all__ = ["make_console", "plain", "printable"]
 
 PIPED_WIDTH = 140
 
@@ -20,6 +20,11 @@ def make_console(*, stderr: bool) -> Console:
     return console
 
 
+def printable(text: str) -> str:
+    """Text from a file or a tag without control characters, which a terminal would obey."""
+    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+
+
 def plain(text: str) -> str:
-    """Text from a file or a tag, harmless in a terminal: no markup, no control characters."""
-    return escape("".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text))
+    """The same without markup, for strings in which rich looks for it."""
+    return escape(printable(text))

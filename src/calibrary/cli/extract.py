@@ -123,11 +123,12 @@ def _run(arguments: argparse.Namespace) -> int:
     from calibrary.atomic import write_files
     from calibrary.cli.extract_display import Display
     from calibrary.extract.hand_off import Solver
-    from calibrary.extract.outputs import plan
+    from calibrary.extract.outputs import check_place, plan
     from calibrary.extract.report import encode
     from calibrary.extract.run import Request, run
 
-    solver = Solver(arguments.hand_off)
+    solver, matrix_path = Solver(arguments.hand_off), Path(arguments.output_matrix)
+    check_place(matrix_path)
     with Display(quiet=arguments.json) as display:
         outcome = run(
             Request(
@@ -143,11 +144,13 @@ def _run(arguments: argparse.Namespace) -> int:
                 progress=display.advance,
             )
         )
-    outputs = plan(outcome, Path(arguments.output_matrix), solver)
+    outputs = plan(outcome, matrix_path, solver)
     if not arguments.dry_run:
         write_files(outputs.files)
     if arguments.json:
-        sys.stdout.write(encode(outputs.document).decode())
+        # JSON is UTF-8 whatever the terminal's language; text would be encoded for that.
+        sys.stdout.flush()
+        sys.stdout.buffer.write(encode(outputs.document))
     display.show(outcome, outputs, solver=solver, dry_run=arguments.dry_run)
     return outcome.exit_code
 

@@ -1,34 +1,51 @@
-"""What a person sees of ``calibrary extract``: a progress bar, then a table that tells what to do."""
+"""What a person sees of ``calibrary extract``: a progress bar, then every camera, why, and what to do.
+
+A camera is one line of a table, and below it, over the whole width, stands what does not fit a column: its K
+and the reasons. So it reads the same in 80 columns as in 200.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
+from rich.console import Console, Group, RenderableType
+from rich.constrain import Constrain
+from rich.padding import Padding
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from calibrary.cli.console import make_console, plain
+from calibrary.cli.console import make_console, plain, printable
 from calibrary.extract.fallback import Step
 from calibrary.extract.gather import Rejected
 from calibrary.extract.hand_off import Solver, seed_command
 from calibrary.extract.outcome import CameraOutcome, Outcome
-from calibrary.extract.outputs import Outputs
+from calibrary.extract.outputs import STALE, Outputs
 from calibrary.validation import Verdict
 
-__all__ = ["Display"]
+__all__ = ["Display", "judgement"]
 
 STYLES = {Verdict.VALID: "bold green", Verdict.UNPROVEN: "bold yellow", Verdict.REJECTED: "bold red"}
 MOST_REJECTED = 12
+WIDEST = 110
+"""Sentences are no easier to read in lines longer than this."""
+
+GAP = 2
+COLUMNS = {"verdict": 8, "images": 6, "fx/W": 6, "grade": 10}
+"""Widths beside the camera's, which takes what is left."""
+
+INDENT = COLUMNS["verdict"] + GAP
 
 
 class Display:
     """The terminal's side of one run; with ``quiet`` only what is urgent is said."""
 
-    def __init__(self, *, quiet: bool) -> None:
+    def __init__(self, *, quiet: bool, console: Console | None = None) -> None:
         self._quiet = quiet
-        self._console = make_console(stderr=True)
+        self._console = console or make_console(stderr=True)
         self._progress = Progress(
             TextColumn("reading images"),
             BarColumn(),
@@ -63,113 +80,148 @@ class Display:
             self._say(f"[yellow]note[/]: {plain(warning)}")
         if self._quiet:
             return
-        self._console.print(_camera_table(outcome))
-        if outcome.rejected:
-            self._console.print(_rejected_table(outcome.rejected))
+        self._print(judgement(outcome, width=min(self._console.width, WIDEST)))
         self._tell_fallbacks(outcome)
         self._tell_files(outputs, solver=solver, dry_run=dry_run)
-        if outcome.uncalibrated:
+        unmeasured = sum(c.uncalibrated for c in outcome.cameras if c.calibration is not None)
+        if unmeasured:
             self._say(
-                "[yellow]uncalibrated[/]: at least one camera goes on with its principal point in the middle and its "
-                "distortion unknown; good enough for SfM to converge, not for survey accuracy"
+                f"\n[yellow]uncalibrated[/]: for {unmeasured} of {len(outcome.cameras)} cameras nobody measured the "
+                "principal point and the distortion; good enough for SfM to converge, not for survey accuracy"
             )
 
     def _tell_fallbacks(self, outcome: Outcome) -> None:
         """The chain of each camera that went through it; cameras for which it ended alike are told together."""
-        told: dict[tuple[str, ...], list[CameraOutcome]] = {}
+        told: dict[tuple[Step, ...], list[CameraOutcome]] = {}
         for camera in outcome.cameras:
             if camera.fallback is not None and camera.fallback.steps:
-                lines = tuple(_step_line(step) for step in camera.fallback.steps)
-                told.setdefault(lines, []).append(camera)
-        for lines, cameras in told.items():
+                told.setdefault(camera.fallback.steps, []).append(camera)
+        for steps, cameras in told.items():
             names = "; ".join(plain(str(camera.camera.key)) for camera in cameras)
-            self._say(f"\n[bold]fallbacks tried[/] for {names}")
-            for line in lines:
-                self._say(f"  {line}")
-            seed = cameras[0].fallback.seed if cameras[0].fallback is not None else None
-            if seed is not None:
-                which = (
-                    ""
-                    if len(cameras) == 1
-                    else f" (of {plain(str(cameras[0].camera.key))}; all in the report)"
-                )
-                self._say(f"  [dim]to self-calibrate{which}: {plain(seed_command(seed))}[/]")
+            self._say(f"\n[bold]Fallbacks tried[/] for {names}")
+            chain = Table.grid(padding=(0, GAP))
+            for step in steps:
+                why = f"{step.source}: {step.why}" if step.source else step.why
+                chain.add_row(step.step.value, Text(step.outcome.value, "bold"), Text(printable(why)))
+            self._print(Padding(chain, (0, 0, 0, GAP)))
+            self._tell_seeds(cameras)
+
+    def _tell_seeds(self, cameras: list[CameraOutcome]) -> None:
+        seeds = [c.fallback.seed for c in cameras if c.fallback is not None and c.fallback.seed is not None]
+        if len(seeds) == 1:
+            command = plain(seed_command(seeds[0])).replace(" && ", " &&\n    ")
+            text = f"  To self-calibrate from the seed:\n    [dim]{command}[/]"
+            self._console.print(text, highlight=False, soft_wrap=True)
+        elif seeds:
+            self._say("  To self-calibrate from a seed, take its COLMAP commands from the report.")
 
     def _tell_files(self, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
-        self._say("\nwould write" if dry_run else "\nwrote")
+        self._say("\n[bold]Would write[/]" if dry_run else "\n[bold]Wrote[/]")
         for path in outputs.files:
-            self._say(f"  {plain(str(path))}")
+            self._console.print(f"  {plain(str(path))}", highlight=False, soft_wrap=True)
         for path in outputs.stale:
-            self._say(f"[yellow]note[/]: {plain(str(path))} is of an earlier run, not of this one; remove it")
+            self._say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
         if solver is not Solver.NONE and outputs.not_handed_over:
             names = ", ".join(outputs.not_handed_over)
             self._say(f"[yellow]not handed to {solver.value}[/]: {plain(names)}: no valid K")
 
     def _say(self, text: str) -> None:
-        self._console.print(text, highlight=False, soft_wrap=True)
+        self._print(Text.from_markup(text))
+
+    def _print(self, text: RenderableType) -> None:
+        self._console.print(Constrain(text, WIDEST), highlight=False)
 
 
-def _step_line(step: Step) -> str:
-    source = f" {plain(step.source)}" if step.source else ""
-    return f"{step.step.value}: [bold]{step.outcome.value}[/]{source} — {plain(step.why)}"
+def judgement(outcome: Outcome, *, width: int) -> RenderableType:
+    """Every camera, and the images no camera could be told from, in so many columns."""
+    parts = [_cameras(outcome, width)]
+    if outcome.rejected:
+        parts.append(_set_aside(outcome.rejected))
+    return Group(*parts)
 
 
-def _camera_table(outcome: Outcome) -> Table:
-    table = Table(title=f"Cameras, judged by the {outcome.policy.name} policy", title_justify="left")
-    table.add_column("camera", ratio=3, min_width=16)
-    table.add_column("images", justify="right", no_wrap=True)
-    table.add_column("K in px", no_wrap=True)
-    table.add_column("fx/W", justify="right", no_wrap=True)
-    table.add_column("grade", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    table.add_column("why, and what to do", ratio=4, min_width=24)
-    for camera in outcome.cameras:
-        table.add_row(
-            plain(str(camera.camera.key)),
-            str(len(camera.camera.names)),
-            *_numbers(camera),
-            Text(camera.verdict.value, style=STYLES[camera.verdict]),
-            _why(camera),
-            end_section=True,
-        )
-    return table
+def _cameras(outcome: Outcome, width: int) -> RenderableType:
+    """Those that need somebody stand last, nearest to the prompt."""
+    cameras = sorted(outcome.cameras, key=lambda camera: list(Verdict).index(camera.verdict))
+    counts = [(verdict, sum(c.verdict is verdict for c in cameras)) for verdict in Verdict]
+    found = ", ".join(f"[{STYLES[verdict]}]{count} {verdict}[/]" for verdict, count in counts if count)
+    policy = plain(outcome.policy.name)
+    title = f"[bold]{_count(len(cameras), 'camera')}[/], judged by the {policy} policy: {found or 'none'}"
+    left = max(12, width - sum(COLUMNS.values()) - GAP * len(COLUMNS))
+    name_width = min(left, max((len(str(c.camera.key)) for c in cameras), default=0))
+    head = _line(
+        [Text(name, "dim") for name in ("verdict", "camera, K in px", "images", "fx/W", "grade")], name_width
+    )
+    line_width = min(width, name_width + sum(COLUMNS.values()) + GAP * len(COLUMNS))
+    rule = Padding(Rule(style="dim"), (0, width - line_width, 0, 0))
+    return Group(Text.from_markup(title), "", head, rule, *(_camera(c, name_width) for c in cameras))
 
 
-def _numbers(camera: CameraOutcome) -> tuple[str, str, str]:
+def _camera(camera: CameraOutcome, name_width: int) -> RenderableType:
     calibration = camera.calibration
-    if calibration is None:
-        return "—", "—", "—"
-    K = calibration.intrinsics
-    matrix = f"fx {K.fx:.2f}  fy {K.fy:.2f}\ncx {K.cx:.2f}  cy {K.cy:.2f}"
-    return matrix, f"{K.fx / K.image_size[0]:.3f}", calibration.grade.value
+    over_width, grade = "—", "—"
+    if calibration is not None:
+        K = calibration.intrinsics
+        over_width, grade = f"{K.fx / K.image_size[0]:.3f}", calibration.grade.value
+    line = _line(
+        [
+            Text(camera.verdict.value, STYLES[camera.verdict]),
+            Text(printable(str(camera.camera.key)), "bold"),
+            Text(str(len(camera.camera.names))),
+            Text(over_width),
+            Text(grade),
+        ],
+        name_width,
+    )
+    below = Text("\n").join(_below(camera))
+    return Group(line, Padding(below, (0, 0, 1, INDENT), expand=False))
 
 
-def _why(camera: CameraOutcome) -> Text:
-    text = Text()
-    if camera.calibration is not None and camera.calibration.provenance.tag:
-        text.append(f"from {camera.calibration.provenance.tag}")
-        if camera.calibration.provenance.adaptation:
-            text.append(f", {camera.calibration.provenance.adaptation}", style="dim")
-    for line, style in ((camera.reason, ""), (camera.advice, "bold")):
-        if line:
-            text.append("\n" if text else "")
-            text.append(f"→ {line}" if line is camera.advice else line, style=style)
-    for conflict in camera.camera.evidence.conflicts:
-        text.append(
-            f"\n{conflict.other.tag} disagrees by {conflict.difference:+.1%}: {conflict.cause.value}",
-            "yellow",
+def _line(cells: list[Text], name_width: int) -> Table:
+    """One row of the list; each is a table, so that what stands below it may be as wide as all its columns."""
+    line = Table.grid(padding=(0, GAP, 0, 0))
+    for name in ("verdict", "camera", "images", "fx/W", "grade"):
+        numeric = name in {"images", "fx/W"}
+        line.add_column(
+            width=COLUMNS.get(name, name_width), justify="right" if numeric else "left", overflow="fold"
         )
-    for dropped in camera.camera.evidence.dropped:
-        text.append(f"\n{dropped.tag} is not believed: {dropped.reason}", style="dim")
-    return text
+    line.add_row(*cells)
+    return line
 
 
-def _rejected_table(rejected: tuple[Rejected, ...]) -> Table:
-    table = Table(title=f"Images set aside: {len(rejected)}", title_justify="left")
-    table.add_column("image", ratio=2)
-    table.add_column("why", ratio=5)
+def _below(camera: CameraOutcome) -> Iterator[Text]:
+    """K, where it is from, why it is not valid, what to do, and what was heard beside it."""
+    if camera.calibration is not None:
+        K = camera.calibration.intrinsics
+        yield Text(f"fx {K.fx:.2f}  fy {K.fy:.2f}  cx {K.cx:.2f}  cy {K.cy:.2f}")
+        from_where = camera.calibration.provenance
+        words = (from_where.tag, from_where.adaptation)
+        if camera.calibration is camera.camera.calibration and any(words):
+            yield Text(f"from {printable(', '.join(word for word in words if word))}", "dim")
+    reason = camera.reason or ""
+    if reason:
+        yield Text(printable(reason))
+    if camera.advice:
+        yield Text(f"→ {printable(camera.advice)}", "bold")
+    evidence = camera.camera.evidence
+    for conflict in evidence.conflicts:
+        if conflict.other.tag not in reason:
+            found = f"{conflict.other.tag} disagrees by {conflict.difference:+.1%}: {conflict.cause.value}"
+            yield Text(printable(found), "yellow")
+    for dropped in evidence.dropped:
+        if dropped.tag not in reason:
+            yield Text(printable(f"{dropped.tag} is not believed: {dropped.reason}"), "dim")
+
+
+def _set_aside(rejected: tuple[Rejected, ...]) -> RenderableType:
+    lines: list[RenderableType] = [Text(f"{_count(len(rejected), 'image')} set aside", "bold")]
     for item in rejected[:MOST_REJECTED]:
-        table.add_row(plain(item.name), plain(item.reason))
+        lines.append(Padding(Text(printable(item.name)), (0, 0, 0, GAP)))
+        lines.append(Padding(Text(printable(item.reason)), (0, 0, 0, 2 * GAP)))
     if len(rejected) > MOST_REJECTED:
-        table.add_row("…", f"and {len(rejected) - MOST_REJECTED} more, listed in the report")
-    return table
+        lines.append(Text(f"  … and {len(rejected) - MOST_REJECTED} more, listed in the report"))
+    return Group(*lines)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

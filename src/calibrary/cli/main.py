@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         code: int = arguments.run(arguments)
         sys.stdout.flush()
     except CalibraryError as error:
-        print(f"calibrary: {error}", file=sys.stderr)  # noqa: T201 — the command line may print
+        print(f"calibrary: {_printable(error)}", file=sys.stderr)  # noqa: T201 — the command line may print
         return _exit_code(error)
     except KeyboardInterrupt:
         print("calibrary: interrupted; nothing was written", file=sys.stderr)  # noqa: T201 — as above
@@ -49,10 +49,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if os.environ.get("CALIBRARY_DEBUG"):
             raise
-        message = f"calibrary: this is a bug: {type(error).__name__}: {error}"
+        message = f"calibrary: this is a bug: {type(error).__name__}: {_printable(error)}"
         print(f"{message}; CALIBRARY_DEBUG=1 shows where, please report it", file=sys.stderr)  # noqa: T201
         return EXIT_BUG
     return code
+
+
+def _printable(error: Exception) -> str:
+    """What it says without control characters: file names are in it, and a terminal would obey them."""
+    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in str(error))
 
 
 def _exit_code(error: CalibraryError) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,14 @@ from rich.table import Table
 
 from calibrary.demo.flight import DemoImage, Outcome, write_flight
 
-_COLOURS = {Outcome.VALID: "green", Outcome.REJECTED: "red", Outcome.UNREADABLE: "magenta"}
+_COLOURS = {
+    Outcome.VALID: "green",
+    Outcome.UNPROVEN: "yellow",
+    Outcome.REJECTED: "red",
+    Outcome.UNREADABLE: "magenta",
+}
+_PIPED_WIDTH = 140
+"""Where there is no terminal to ask: wide enough that no file name is broken."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -35,9 +43,12 @@ def main(argv: list[str] | None = None) -> int:
 
 def _print_legend(images: list[DemoImage], out_dir: Path) -> None:
     size_mb = sum((out_dir / image.name).stat().st_size for image in images) / 1e6
+    console = Console()
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console = Console(width=_PIPED_WIDTH)
     table = Table(title=f"{len(images)} files, {size_mb:.1f} MB, in {out_dir}", title_justify="left")
-    table.add_column("file", overflow="fold")
-    table.add_column("camera")
+    table.add_column("file", overflow="fold", no_wrap=console.width >= _PIPED_WIDTH)
+    table.add_column("camera", no_wrap=True)
     table.add_column("what it is, and why")
     table.add_column("should be")
     table.add_column("fx px", justify="right")
@@ -55,7 +66,7 @@ def _print_legend(images: list[DemoImage], out_dir: Path) -> None:
             f"[{colour}]{image.outcome}[/]",
             "–" if image.fx_px is None else f"{image.fx_px:.1f}",
         )
-    Console().print(table)
+    console.print(table)
 
 
 if __name__ == "__main__":

@@ -37,6 +37,7 @@ class Outcome(StrEnum):
     """What the gate should conclude of a file."""
 
     VALID = "valid"
+    UNPROVEN = "unproven"
     REJECTED = "rejected"
     UNREADABLE = "unreadable"
 
@@ -213,7 +214,8 @@ def _phantom_4_pro(shots: Iterator[Shot]) -> Iterator[_Frame]:
         derived,
         name="phantom4pro/DJI_0102.JPG",
         story="2× digital zoom, enlarged back to full size",
-        reason="twice the focal length in pixels, a camera state of its own",
+        outcome=Outcome.UNPROVEN,
+        reason="twice the focal length in pixels by custom, which no tag proves",
         fx_px=2 * 8.8 / 0.0024,
     )
     yield _Frame(image=zoomed, size=(5472, 3648), head=phantom_4_pro(next(shots), (5472, 3648), zoom=2))

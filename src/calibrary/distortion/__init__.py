@@ -5,38 +5,64 @@ The family is closed: what a file calls by another name is either one of these e
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
 from types import MappingProxyType
 from typing import Final
 
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.brown import BrownConrady
+from calibrary.distortion.double_sphere import DoubleSphere
+from calibrary.distortion.extended_unified import ExtendedUnified
+from calibrary.distortion.field_of_view import FieldOfView
 from calibrary.distortion.kannala_brandt import KannalaBrandt
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.distortion.none import NoDistortion
+from calibrary.distortion.observed_brown import ObservedBrown
+from calibrary.distortion.off_centre import OffCentreBrown
 from calibrary.distortion.rational import Rational
 from calibrary.distortion.thin_prism import ThinPrism
 from calibrary.distortion.tilted import Tilted
+from calibrary.distortion.unified import Unified
 from calibrary.errors import InputError, UnsupportedModelError
 
 __all__ = [
     "MODELS",
     "BrownConrady",
     "Distortion",
+    "DoubleSphere",
+    "ExtendedUnified",
+    "FieldOfView",
     "KannalaBrandt",
     "MetashapeFrame",
     "NoDistortion",
+    "ObservedBrown",
+    "OffCentreBrown",
     "Rational",
     "ThinPrism",
     "Tilted",
+    "Unified",
     "distortion_from",
 ]
 
 MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
     {
         kind.model: kind
-        for kind in (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt, MetashapeFrame)
+        for kind in (
+            NoDistortion,
+            BrownConrady,
+            Rational,
+            ThinPrism,
+            Tilted,
+            KannalaBrandt,
+            MetashapeFrame,
+            ObservedBrown,
+            OffCentreBrown,
+            Unified,
+            ExtendedUnified,
+            DoubleSphere,
+            FieldOfView,
+        )
     }
 )
 """Every model by the name that files and reports use."""
@@ -75,5 +101,5 @@ def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion
     return kind(**coefficients)
 
 
-def _listed(names: object) -> str:
-    return ", ".join(f"{name!s:.40}" for name in list(names)[:20])  # type: ignore[call-overload]
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(f"{name!s:.40}" for name in names[:20])

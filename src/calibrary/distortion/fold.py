@@ -12,8 +12,7 @@ fold is the first radius at which, in some direction, the determinant
 is no longer positive. On every circle it is a trigonometric polynomial of degree two in the direction.
 
 * Radial (q = S = 0): the first zero of A', or of D: roots of polynomials in r².
-* Tangential (S = 0): the determinant is quadratic in q·e, and its minimum lies at q·e = −|q| or at the vertex
-  of the parabola; setting either to zero gives a polynomial in r.
+* Tangential (S = 0): the determinant is least against q, where it is a product of two polynomials in r.
 * With a prism, or a tilted sensor whose horizon comes into view: a search, described at :func:`_searched`.
 """
 
@@ -27,22 +26,15 @@ from numpy.polynomial import polynomial as poly
 
 from calibrary.distortion.base import FloatArray
 from calibrary.distortion.polynomial import PolynomialMap
-from calibrary.distortion.roots import first_positive_root, positive_roots
+from calibrary.distortion.roots import first_positive_root
 
 __all__ = ["fold_radius"]
 
-SCAN = np.concatenate(
-    [np.tan(np.linspace(0.0, 0.5 * math.pi, 512, endpoint=False)[1:]), np.logspace(3, 9, 73)]
-)
-"""Radii of the search in units of the map's own length; a fold beyond a thousand million of them counts as none."""
+SCAN = np.sinh(np.linspace(0.0, math.asinh(1e6), 500)[1:])
+"""Radii of the search in units of the map's own length: 0.03 apart, from there on 3 %, and none beyond a million."""
 
-DIRECTIONS = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
-SAMPLES = DIRECTIONS[::4]
+SAMPLES = np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
 """Eight samples on a circle hold a trigonometric polynomial of degree two (of three, even) completely."""
-
-HARMONICS = np.stack(
-    [np.ones(32), np.cos(DIRECTIONS), -np.sin(DIRECTIONS), np.cos(2 * DIRECTIONS), -np.sin(2 * DIRECTIONS)]
-)
 
 
 def fold_radius(lens: PolynomialMap, horizon: tuple[float, float] = (0.0, 0.0)) -> float:
@@ -63,7 +55,7 @@ def fold_radius(lens: PolynomialMap, horizon: tuple[float, float] = (0.0, 0.0)) 
     elif unit.is_radial:
         radius = math.sqrt(first_positive_root(_radial_slope(unit)))
     else:
-        radius = _tangential(unit)
+        radius = _tangential(unit, pole)
     try:
         return math.ldexp(min(radius, pole), octave)
     except OverflowError:
@@ -78,25 +70,21 @@ def _radial_slope(lens: PolynomialMap) -> FloatArray:
     return np.asarray(poly.polysub(poly.polymul(bottom, growing), poly.polymul(top, fading)))
 
 
-def _tangential(lens: PolynomialMap) -> float:
+def _tangential(lens: PolynomialMap, pole: float) -> float:
     """The fold with tangential terms, in closed form.
 
     With c = q·e and q = |q|, r·det = (A' + 6rc)(A + 2r²c) − 4r³(q² − c²) is a parabola in c, open upwards. At
-    c = −q it is (A' − 6rq)(A − 2r²q). Its vertex, c = −(3A + rA')/16r², counts while it lies right of −q; there
-    16r²·det = −(rA' − A)(rA' − 9A) − 64r⁴q². All times powers of D, to be polynomials.
+    c = −q it is (A' − 6rq)(A − 2r²q), and while the first factor is positive so is the second, being at least
+    r²q by integration: the fold is the first zero of A' − 6rq. The vertex of the parabola lies to the right of
+    c = −q only where 3A + rA' < 16r²q. Lenses do not get there before they fold; for one that does, the search
+    decides.
     """
     q = math.hypot(lens.p1, lens.p2)
     N, D, M = (_in_radius(p) for p in (lens.numerator, lens.denominator, _radial_slope(lens)))
     D2, ND = poly.polymul(D, D), poly.polymul(N, D)
     fold = first_positive_root(poly.polysub(M, poly.polymul([0.0, 6.0 * q], D2)))
-    loop = first_positive_root(poly.polysub(N, poly.polymul([0.0, 2.0 * q], D)))
-    at_vertex = poly.polyadd(
-        poly.polymul(poly.polysub(M, ND), poly.polysub(M, 9.0 * ND)),
-        poly.polymul([0.0, 0.0, 64.0 * q * q], poly.polymul(D2, D2)),
-    )
-    vertex_counts = poly.polysub(poly.polymul([0.0, 16.0 * q], D2), poly.polyadd(3.0 * ND, M))
-    vertices = (r for r in positive_roots(at_vertex) if poly.polyval(r, vertex_counts) >= 0)
-    return min(fold, loop, next(vertices, math.inf))
+    vertex = first_positive_root(poly.polysub(poly.polyadd(3.0 * ND, M), poly.polymul([0.0, 16.0 * q], D2)))
+    return fold if min(fold, pole) <= vertex else _searched(lens, (0.0, 0.0), pole)
 
 
 def _in_radius(in_square: list[float] | FloatArray) -> FloatArray:
@@ -110,8 +98,8 @@ def _searched(lens: PolynomialMap, horizon: tuple[float, float], pole: float) ->
     """The fold by search: the first radius at which the least margin over all directions is not positive.
 
     For every radius the least margin is exact, not sampled, see :func:`_least_over_directions`. Over the radii
-    it is scanned in steps of 0.18° of ``atan(r / length)``, and every local minimum of the scan is followed
-    down, so that a dip that is shorter than a step is found as well. The bracket is then narrowed to machine
+    it is scanned in steps of 3 % of the lens's length or of the radius, whichever is larger, and every local
+    minimum of the scan is followed down, so that a dip that is shorter than a step is found as well. The bracket is then narrowed to machine
     precision and its inner end returned.
     """
 
@@ -148,23 +136,22 @@ def _least_margin(lens: PolynomialMap, horizon: tuple[float, float], radii: Floa
 def _least_over_directions(samples: FloatArray) -> FloatArray:
     """Per row, the least value of the trigonometric polynomial of degree two through eight samples of a circle.
 
-    Such a polynomial has two minima at most. Both are taken from a finer sampling and polished by Newton's
-    method; the sampled values stand in where that goes astray.
+    With z = exp(iθ), c + 2·Re(f·z + g·z²) is stationary where 2g·z⁴ + f·z³ − f*·z − 2g* = 0, so the least value
+    stands at one of four angles. NaN where a sample is not finite.
     """
-    mean, first, second = np.fft.rfft(samples, axis=1).T[:3] / len(SAMPLES)
-    terms = np.stack([mean.real, 2 * first.real, 2 * first.imag, 2 * second.real, 2 * second.imag], axis=1)
-    values = terms @ HARMONICS
-    is_minimum = (values <= np.roll(values, 1, axis=1)) & (values <= np.roll(values, -1, axis=1))
-    two = np.argpartition(np.where(is_minimum, values, np.inf), 1, axis=1)[:, :2]
-    angle = DIRECTIONS[two]
-    c, a1, b1, a2, b2 = terms.T[:, :, None]
-    for _ in range(4):
-        cos1, sin1, cos2, sin2 = np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)
-        slope = -a1 * sin1 - b1 * cos1 - 2 * a2 * sin2 - 2 * b2 * cos2
-        bend = -a1 * cos1 + b1 * sin1 - 4 * a2 * cos2 + 4 * b2 * sin2
-        angle = angle - np.divide(slope, bend, out=np.zeros_like(slope), where=bend > 0)
-    polished = c + a1 * np.cos(angle) - b1 * np.sin(angle) + a2 * np.cos(2 * angle) - b2 * np.sin(2 * angle)
-    return np.asarray(np.minimum(values.min(axis=1), polished.min(axis=1)))
+    least = np.full(len(samples), math.nan)
+    usable = np.isfinite(samples).all(axis=1)
+    mean, f, g = np.fft.rfft(samples[usable], axis=1).T[:3] / len(SAMPLES)
+    # Without a second harmonic two of the roots are at infinity; a millionth of a millionth brings them back.
+    lead = 2.0 * np.where(np.abs(g) > 1e-12 * np.abs(f), g, 1e-12 * np.abs(f))
+    lead[lead == 0.0] = 1.0
+    companion = np.zeros((len(lead), 4, 4), dtype=np.complex128)
+    companion[:, (1, 2, 3), (0, 1, 2)] = 1.0
+    companion[:, :, 3] = np.stack([2.0 * g.conj(), f.conj(), np.zeros_like(f), -f], axis=1) / lead[:, None]
+    z = np.exp(1j * np.angle(np.linalg.eigvals(companion)))
+    stationary = mean.real[:, None] + 2.0 * (f[:, None] * z + g[:, None] * z * z).real
+    least[usable] = stationary.min(axis=1)
+    return least
 
 
 def _narrowed(margin: Callable[[FloatArray], FloatArray], inner: float, outer: float) -> float:

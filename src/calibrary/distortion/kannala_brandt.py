@@ -136,7 +136,7 @@ class KannalaBrandt(Distortion):
         """
         nodes, image = angles
         fold = nodes[-1]
-        theta = np.interp(rho, image, nodes)
+        theta: FloatArray = np.interp(rho, image, nodes)
         theta[~(rho < image[-1])] = math.nan
         low, high = np.zeros_like(theta), np.full_like(theta, fold)
         moving = np.flatnonzero(theta > 0)

@@ -12,8 +12,8 @@ from calibrary.distortion.base import FloatArray
 
 __all__ = ["first_positive_root", "positive_roots"]
 
-NEGLIGIBLE = 1e-60
-"""A leading coefficient this much smaller than the largest moves only roots that no camera can reach."""
+NEGLIGIBLE = 1e-200
+"""Less than this, where the largest coefficient is about one, moves no root that can be computed with."""
 
 REAL = 1e-7
 """A double root comes out as a pair this close to the real axis: sqrt(machine epsilon), with room."""
@@ -22,23 +22,28 @@ REAL = 1e-7
 def positive_roots(coefficients: ArrayLike) -> list[float]:
     """The positive real roots, ascending, of the polynomial given with its constant term first.
 
-    The eigenvalues of the companion matrix, each brought to machine precision by Newton's method. The unit is
-    first chosen, as a power of two, so that no coefficient exceeds one: any finite polynomial will do.
+    They are reciprocals of eigenvalues of the reversed polynomial's companion matrix, each brought to machine
+    precision by Newton's method. Reversed, because the roots wanted are the small ones, and a far-off root that
+    a tiny leading coefficient brings in must not drown them; one a thousand million times larger than the
+    smallest may go unseen. The unit is first chosen, as a power of two, so that no coefficient exceeds one: any
+    finite polynomial will do.
     """
     largest = np.finfo(np.float64).max
     given = np.clip(np.asarray(coefficients, dtype=np.float64), -largest, largest)
-    growing = [math.floor(-math.log2(abs(c)) / power) for power, c in enumerate(given) if power and c]
-    octave = min(growing, default=0)
+    octave = min(
+        (math.floor(-math.log2(abs(c)) / power) for power, c in enumerate(given) if power and c), default=0
+    )
     unit = np.array([math.ldexp(c, power * octave) for power, c in enumerate(given)])
-    kept = np.flatnonzero(np.abs(unit) > NEGLIGIBLE * np.abs(unit).max())
-    if len(kept) == 0 or kept[-1] == 0:
+    unit[np.abs(unit) < NEGLIGIBLE] = 0.0
+    # A root at zero is not positive, one at infinity none.
+    unit = np.trim_zeros(unit)
+    if len(unit) < 2:
         return []
-    unit = unit[: kept[-1] + 1]
-    roots = poly.polyroots(unit)
-    real = (np.abs(roots.imag) <= REAL * np.abs(roots)) & (roots.real > 0)
-    polished = (_polished(unit, float(root)) for root in roots.real[real])
+    reciprocals = poly.polyroots(unit[::-1])
+    real = (np.abs(reciprocals.imag) <= REAL * np.abs(reciprocals)) & (reciprocals.real > 0)
+    roots = (_polished(unit, 1.0 / float(reciprocal)) for reciprocal in reciprocals.real[real])
     # A root too large for a float is as good as none.
-    return sorted(math.ldexp(root, octave) for root in polished if math.log2(root) + octave < 1023)
+    return sorted(math.ldexp(root, octave) for root in roots if math.log2(root) + octave < 1023)
 
 
 def first_positive_root(coefficients: ArrayLike) -> float:
@@ -48,11 +53,13 @@ def first_positive_root(coefficients: ArrayLike) -> float:
 
 def _polished(coefficients: FloatArray, root: float) -> float:
     slope = poly.polyder(coefficients)
-    for _ in range(3):
+    for _ in range(6):
         value, rise = float(poly.polyval(root, coefficients)), float(poly.polyval(root, slope))
         step = value / rise if rise else math.inf
-        # Near a double root Newton's step is noise; the eigenvalue is as good as it gets.
-        if abs(step) > 1e-6 * root:
+        # At a double root Newton's step is noise; the eigenvalue is as good as it gets.
+        if not abs(step) <= 1e-3 * root:
             break
         root -= step
+        if abs(step) <= 1e-15 * root:
+            break
     return root

@@ -151,8 +151,9 @@ def _fisheye(scene: Scene) -> Finding:
     size = files_frame(scene.metadata)
     centre, note = _centre(scene, size)
     cx, cy = centre or (size[0] / 2, size[1] / 2)
+    # The quotient first: twice the largest number would be infinite.
     intrinsics = Intrinsics(
-        fx=2 * values[0] / math.pi, fy=2 * values[3] / math.pi, cx=cx, cy=cy, image_size=size
+        fx=values[0] / (math.pi / 2), fy=values[3] / (math.pi / 2), cx=cx, cy=cy, image_size=size
     )
     return scene.hear(
         Source.CAMERA_FISHEYE,

@@ -22,6 +22,10 @@ FOREIGN_TAG = 0.20
 """A calibration further than this from FocalLength ÷ pitch is another camera's (X2's thermal frames carry the
 colour camera's)."""
 
+POSSIBLE_OVER_WIDTH = (0.001, 1000.0)
+"""fx / W of anything that can be a lens, be it taken in the wrong unit or frame; all else is a corrupt number,
+which would only carry infinities into what is computed of it."""
+
 SENSOR_DIAGONAL_MM = (1.0, 100.0)
 """What exiftool accepts as a sensor when it reads focal plane resolutions; kills 72 dpi copied from XResolution."""
 
@@ -141,6 +145,12 @@ class Scene:
             adapted = adapt(intrinsics, self.metadata)
         except (FrameError, InputError) as error:
             return Dropped(source=source, tag=tag, reason=error.message)
+        K, (low, high) = adapted.intrinsics, POSSIBLE_OVER_WIDTH
+        over_width = [focal / K.image_size[0] for focal in (K.fx, K.fy)]
+        if not low <= min(over_width) <= max(over_width) <= high:
+            found = " and ".join(f"{value:.3g}" for value in over_width)
+            reason = f"fx and fy are {found} W, and no lens lies outside {low:g} … {high:g} W"
+            return Dropped(source=source, tag=tag, reason=reason)
         return Witness(
             source=source,
             tag=tag,

@@ -66,6 +66,7 @@ class Camera:
         report: the calibration against the policy, None without one.
         spread: (max − min) / K of fx over the states, None with one state.
         why_not: in one line, when there is no K at all.
+        way_out: what to do about that.
     """
 
     key: CameraKey
@@ -75,6 +76,7 @@ class Camera:
     report: Report | None
     spread: float | None = None
     why_not: str | None = None
+    way_out: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -92,6 +94,11 @@ class Camera:
         if self.report is None:
             return self.why_not
         return self.report.failures[0].message if self.report.failures else None
+
+    @property
+    def remedy(self) -> str | None:
+        """What to do about that, None for a valid K."""
+        return self.report.remedy if self.report is not None else self.way_out
 
 
 def sort_cameras(
@@ -124,13 +131,15 @@ def judge(
     with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
     if not with_k:
         state, evidence = heard[0]
+        why_not, way_out = _why_not(state, evidence)
         return Camera(
             key=key,
             states=tuple(states),
             evidence=evidence,
             calibration=None,
             report=None,
-            why_not=_why_not(state, evidence),
+            why_not=why_not,
+            way_out=way_out,
         )
     best_grade = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
     state, evidence = next((s, e) for s, e in with_k if e.chosen and e.chosen.rank[0] == best_grade)
@@ -216,21 +225,33 @@ def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
     return replace(key, firmware=firmware.pop() if len(firmware) == 1 else None)
 
 
-def _why_not(state: State, evidence: Evidence) -> str:
+GIVE_K = "register the camera (--registry), or give its K (--fallback-k)"
+
+
+def _why_not(state: State, evidence: Evidence) -> tuple[str, str]:
+    """Why there is no K at all, and what to do about that."""
     metadata = state.metadata
+    # A registry knows cameras by their Model: one that names none can only be given its K.
+    give_k = GIVE_K if metadata.model is not None else "or give their K (--fallback-k)"
+    own_files = f"give the files as the camera wrote them, {give_k}"
     fisheye = next((w for w in evidence.witnesses if not w.pinhole), None)
     if fisheye is not None or evidence.scene.is_fisheye:
-        return "a fisheye lens: no pinhole K describes it; calibrate it with a fisheye model"
+        why = "a fisheye lens, which no pinhole K describes"
+        return why, "calibrate it as a fisheye; put that file beside the images, or register it (--registry)"
     fault = metadata.fault("EXIF FocalLength")
     if fault is not None:
-        return f"EXIF FocalLength is {fault.found}, wanted {fault.wanted}"
+        return f"EXIF FocalLength is {fault.found}, wanted {fault.wanted}", own_files
     if evidence.dropped:
-        return f"{evidence.dropped[0].tag}: {evidence.dropped[0].reason}"
+        dropped = evidence.dropped[0]
+        why, _, what_to_do = f"{dropped.tag}: {dropped.reason}".partition("; ")
+        return why, what_to_do or own_files
     if metadata.focal_mm is None and metadata.focal_35mm is not None:
-        return f"EXIF has only a 35 mm equivalent ({metadata.focal_35mm:g} mm), which is no focal length of this sensor"
+        why = f"EXIF has only a 35 mm equivalent ({metadata.focal_35mm:g} mm), no focal length of this sensor"
+        return why, own_files
     if metadata.focal_mm is None:
         missing = "no EXIF FocalLength" if metadata.has_exif else "no EXIF at all"
-        return f"{missing} and no calibration tag: give files as the camera wrote them"
+        return f"{missing} and no calibration tag", own_files
     if state.known.camera is not None:
-        return "its frame is neither the camera's full frame scaled nor a 1:1 crop of it; register it at this size"
-    return "nothing tells the size of its pixels"
+        why = "its frame is neither the camera's full frame scaled nor a 1:1 crop of it"
+        return why, "register the camera at this size (--registry)"
+    return "nothing tells the size of its pixels", f"name the sensor (--sensor-width-mm), {GIVE_K}"

@@ -13,9 +13,11 @@ from pathlib import Path
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
+from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError
 from calibrary.extract.cameras import Camera, circumstances
 from calibrary.extract.gather import find_files
+from calibrary.extract.hand_off import OPENCV_SUFFIX
 from calibrary.extract.knowledge import Knowledge
 from calibrary.parsers.imagery import IMAGE_SUFFIXES
 from calibrary.policy import Policy
@@ -128,6 +130,10 @@ def find_calibrations(
         if suffix in IMAGE_SUFFIXES or suffix not in CALIBRATION_SUFFIXES:
             continue
         name = path.relative_to(directory).as_posix()
+        if path.name.endswith(OPENCV_SUFFIX):
+            # Read as a measurement, what was only derived from these images would come back as calibrated.
+            unreadable.append((name, "a hand-off of an earlier run, which measured nothing"))
+            continue
         try:
             calibrations = parsers.read(path, max_bytes=LARGEST_CALIBRATION)
         except UnknownFormatError:
@@ -213,7 +219,7 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
             why += f" (found for {', '.join(sizes)})"
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
     source, calibration = fitting[0]
-    if len({c.intrinsics for _, c in fitting}) > 1:
+    if len({(c.intrinsics, c.distortion) for _, c in fitting}) > 1:
         why = f"{len(fitting)} different calibrations fit this frame: {', '.join(n for n, _ in fitting)}; keep one"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     if sources.rivals.get(size, 0) > 1 and calibration.camera.model is None:
@@ -237,10 +243,11 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     name = StepName.REGISTRY
     if not sources.knowledge.has_registry:
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no --registry given")
-    try:
-        resolved = sources.knowledge.resolve(camera.key)
-    except CalibraryError as error:
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=str(error))
+    found = [state.known.calibration for state in camera.states]
+    resolved = found[0]
+    if len({K.provenance.source if K is not None else None for K in found}) > 1:
+        why = "the registry answers by firmware, and this camera's images are of several; separate them"
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=why)
     if resolved is None:
         why = f"the registry has no approved entry for {camera.key}"
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
@@ -257,8 +264,12 @@ def _judged(
     others = tuple(other for other in around.others if other.name in prior)
     around = replace(around, others=others, sensor_assumed=False, zoomed=False, focal_mm=None, spread=None)
     report = validate(calibration, policy, around)
-    if report.verdict is Verdict.REJECTED:
-        why = report.failures[0].message
+    # What is unproven stands in for a rejected K only: there is nothing to win by it over an unproven one.
+    needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}
+    why = report.failures[0].message if report.verdict not in needed else None
+    if camera.evidence.scene.is_fisheye and isinstance(calibration.distortion, NoDistortion | None):
+        why = "a fisheye lens, and a K without its distortion is a pinhole's; give the whole calibration"
+    if why is not None:
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     step = Step(step=name, outcome=StepOutcome.TAKEN, source=source, why="holds against the policy")
     return calibration, report, step

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -56,23 +58,31 @@ def find_files(directory: Path, *, recursive: bool) -> Iterator[Path]:
     """The files of a directory in a fixed order; hidden ones and links to directories are left alone.
 
     Raises:
-        InputError: the directory is not there or cannot be read.
+        InputError: the directory, or one below it, is not there or cannot be read.
     """
-    try:
-        entries = sorted(os.scandir(directory), key=lambda entry: entry.name)
-    except OSError as error:
-        reason = "is not a directory" if directory.exists() else "does not exist"
-        if isinstance(error, PermissionError):
-            reason = "may not be read"
-        raise InputError(f"{reason}; give the folder that holds the images", source=str(directory)) from None
-    for entry in entries:
-        if entry.name.startswith("."):
-            continue
-        if entry.is_dir(follow_symlinks=False):
-            if recursive:
-                yield from find_files(Path(entry.path), recursive=True)
-        else:
+    # A stack of its own: folders nest deeper than Python calls.
+    waiting = _entries(directory)
+    while waiting:
+        entry = waiting.pop()
+        if not entry.is_dir(follow_symlinks=False):
             yield Path(entry.path)
+        elif recursive:
+            waiting += _entries(Path(entry.path))
+
+
+def _entries(directory: Path) -> list[os.DirEntry[str]]:
+    """What is in one directory, the last name first."""
+    try:
+        with os.scandir(directory) as entries:
+            seen = [entry for entry in entries if not entry.name.startswith(".")]
+    except OSError as error:
+        reason, way_out = "is not a directory", "give the folder that holds the images"
+        if isinstance(error, FileNotFoundError):
+            reason = "does not exist"
+        elif not isinstance(error, NotADirectoryError):
+            reason, way_out = f"cannot be read: {error.strerror or error}", "make it readable, or move it away"
+        raise InputError(f"{reason}; {way_out}", source=str(directory)) from None
+    return sorted(seen, key=lambda entry: entry.name, reverse=True)
 
 
 def find_images(directory: Path, *, recursive: bool) -> list[Path]:
@@ -123,8 +133,27 @@ def _mapped(
     context = multiprocessing.get_context(method)
     if method == "forkserver":
         context.set_forkserver_preload([__name__])
-    with ProcessPoolExecutor(min(workers, len(chunks)), mp_context=context) as pool:
-        yield from pool.map(read, chunks)
+    count = min(workers, len(chunks))
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent) as pool:
+        try:
+            yield from pool.map(read, chunks)
+        except BrokenProcessPool:
+            raise InputError(
+                "a process that reads images was ended from outside, as when memory runs out; use --workers 1"
+            ) from None
+
+
+def _end_with_parent() -> None:
+    """End this worker when the command that wants its answers is gone; else it would wait for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _read_chunk(images: Sequence[Path], *, directory: Path) -> Gathered:

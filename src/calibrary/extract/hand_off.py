@@ -8,20 +8,23 @@ from the middle of the image in units of its longer side. OpenCV counts from the
 from __future__ import annotations
 
 import json
+import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 from calibrary import parsers
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.conventions import Origin, file_from_canonical
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational
-from calibrary.errors import UnsupportedModelError
-from calibrary.evidence.context import Scene
+from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
 
-__all__ = ["HandedOver", "Solver", "colmap_camera", "hand_off", "seed_command"]
+__all__ = ["OPENCV_SUFFIX", "SOLVER_FILES", "Candidate", "Solver", "colmap_camera", "hand_off", "seed_command"]
+
+OPENCV_SUFFIX = ".opencv.yml"
+"""By it a later run knows what an earlier one wrote."""
 
 
 class Solver(StrEnum):
@@ -34,43 +37,73 @@ class Solver(StrEnum):
     NONE = "none"
 
 
+SOLVER_FILES = {
+    Solver.COLMAP: "colmap.sh",
+    Solver.OPENSFM: "camera_models_overrides.json",
+    Solver.ODM: "cameras.json",
+    Solver.OPENCV: f"*{OPENCV_SUFFIX}",
+}
+"""What a solver would take K from, as a pattern of names."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HandedOver:
-    """One camera on its way to a solver.
+class Candidate:
+    """One camera of the run, as a solver will meet it.
 
     Attributes:
         slug: its name in file names.
-        calibration: its K, one that may be used.
-        metadata: of its images; some solvers name a camera after their own reading of EXIF.
+        calibration: its K, None where it has none that may be used.
+        states: what its images say; some solvers name a camera after their own reading of EXIF.
         names: its images, relative to the image directory.
     """
 
     slug: str
-    calibration: Calibration
-    metadata: ImageMetadata
+    calibration: Calibration | None
+    states: tuple[ImageMetadata, ...]
     names: tuple[str, ...]
 
 
-def hand_off(solver: Solver, cameras: Sequence[HandedOver]) -> dict[str, bytes]:
-    """The files one solver needs, by name; none without a camera.
+def hand_off(solver: Solver, cameras: Sequence[Candidate]) -> dict[str, bytes]:
+    """The files one solver needs, by name; none where no camera has a K.
+
+    Args:
+        solver: who gets them.
+        cameras: all of the run, for a K must not reach the images of a camera it is not of.
 
     Raises:
-        UnsupportedModelError: the solver has no model that is exactly a camera's.
+        UnsupportedModelError: the solver has no model that is exactly a camera's, or cannot tell it from another.
+        InputError: an image's name cannot stand in a list of names.
     """
-    if solver is Solver.NONE or not cameras:
+    usable = [(camera, camera.calibration) for camera in cameras if camera.calibration is not None]
+    if solver is Solver.NONE or not usable:
         return {}
     if solver is Solver.COLMAP:
-        lists = {f"colmap.{c.slug}.txt": "".join(f"{n}\n" for n in c.names).encode() for c in cameras}
-        return {"colmap.sh": _colmap_script(cameras).encode(), **lists}
+        lists = {f"colmap.{camera.slug}.txt": _image_list(camera) for camera, _ in usable}
+        return {"colmap.sh": _colmap_script(usable).encode(), **lists}
     if solver is Solver.OPENSFM:
-        # "all" is the one name that cannot miss; with several cameras each goes by OpenSfM's own name for it.
-        names = ["all"] if len(cameras) == 1 else [f"v2 {_opensfm_name(c, 'perspective')}" for c in cameras]
-        models = [_opensfm(c.calibration) for c in cameras]
-        return {"camera_models_overrides.json": _json(dict(zip(names, models, strict=True)))}
+        models = {camera.slug: _opensfm(K) for camera, K in usable}
+        # "all" is the one name that cannot miss, and it means every image there is.
+        named = {"all": next(iter(models.values()))} if len(cameras) == 1 else _named(cameras, models, solver)
+        return {"camera_models_overrides.json": _json(named)}
     if solver is Solver.ODM:
-        return {"cameras.json": _json({_opensfm_name(c, "brown"): _odm(c.calibration) for c in cameras})}
-    files = {f"{camera.slug}.opencv.yml": camera.calibration for camera in cameras}
+        models = {camera.slug: _odm(K) for camera, K in usable}
+        return {"cameras.json": _json(_named(cameras, models, solver))}
+    files = {f"{camera.slug}{OPENCV_SUFFIX}": K for camera, K in usable}
     return {name: parsers.encode([K], "opencv_storage", name=name)[0] for name, K in files.items()}
+
+
+def _image_list(camera: Candidate) -> bytes:
+    """One name a line, in the very bytes the file system has.
+
+    Raises:
+        InputError: a name holds a line break, which would make two of it.
+    """
+    broken = next((name for name in camera.names if "\n" in name or "\r" in name), None)
+    if broken is not None:
+        raise InputError(
+            "its name holds a line break, which COLMAP's list of images cannot; rename it", source=repr(broken)
+        )
+    return b"".join(os.fsencode(name) + b"\n" for name in camera.names)
 
 
 def colmap_camera(calibration: Calibration) -> tuple[str, list[float]]:
@@ -115,20 +148,20 @@ def _reader_options(calibration: Calibration) -> str:
     )
 
 
-def _colmap_script(cameras: Sequence[HandedOver]) -> str:
+def _colmap_script(cameras: Sequence[tuple[Candidate, Calibration]]) -> str:
     lines = [
         "#!/bin/sh",
         "# usage: sh colmap.sh IMAGE_DIR DATABASE   (from the folder this script lies in)",
         "# One run of the extractor a camera: K of one camera is wrong for every other.",
         "set -eu",
     ]
-    for camera in cameras:
-        lines += ["", f"# {camera.calibration.camera} ({camera.calibration.grade})"]
-        if camera.calibration.distortion is None:
+    for camera, calibration in cameras:
+        lines += ["", f"# {calibration.camera} ({calibration.grade})"]
+        if calibration.distortion is None:
             lines.append("# Its distortion is unknown: PINHOLE holds for undistorted images only.")
         lines.append(
             f'colmap feature_extractor --database_path "$2" --image_path "$1" '
-            f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} {_reader_options(camera.calibration)}"
+            f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} {_reader_options(calibration)}"
         )
     lines += [
         "",
@@ -170,33 +203,78 @@ def _opensfm(calibration: Calibration) -> dict[str, object]:
 
 
 def _odm(calibration: Calibration) -> dict[str, object]:
+    if isinstance(calibration.distortion, KannalaBrandt) and calibration.distortion.k4 != 0:
+        raise UnsupportedModelError("ODM drops k4 of a fisheye model, and this one's is not 0")
     model = _opensfm(calibration)
     focal = (float(str(model["focal_x"])) + float(str(model["focal_y"]))) / 2
     return {**model, "focal": focal}
 
 
-def _opensfm_name(camera: HandedOver, projection: str) -> str:
-    """OpenSfM's own name of a camera, "make model width height projection focal", without its "v2 ".
+def _named(
+    cameras: Sequence[Candidate], models: Mapping[str, dict[str, object]], solver: Solver
+) -> dict[str, dict[str, object]]:
+    """Each model under every name the solver may give that camera; a name that is nobody's does no harm.
 
-    Its last word is OpenSfM's *prior*, FocalLengthIn35mmFilm / 36 or FocalLength over the focal plane's width,
-    else 0.85: an override under any other name is not found.
+    Raises:
+        UnsupportedModelError: a camera shares a name with another one, whose images would get its K.
     """
-    metadata = camera.metadata
-    width, height = metadata.size
-    make, model = metadata.make or "unknown", metadata.lens or metadata.model or "unknown"
-    if isinstance(camera.calibration.distortion, KannalaBrandt):
-        projection = "fisheye_opencv"
-    words = [make.strip(), model.strip(), str(width), str(height), projection, str(_exif_prior(metadata))[:6]]
-    return " ".join(words).lower()
+    named: dict[str, Candidate] = {}
+    for camera in sorted(cameras, key=lambda camera: camera.slug not in models):
+        for name in _solver_names(camera, solver):
+            other = named.get(name)
+            if other is not None:
+                raise UnsupportedModelError(
+                    f"{solver.value} knows cameras by words of EXIF, and {other.slug} and {camera.slug} are both "
+                    f"{name!r}: put the images of each into a folder of its own"
+                )
+            if camera.slug in models:
+                named[name] = camera
+    prefix = "v2 " if solver is Solver.OPENSFM else ""
+    return {prefix + name: models[camera.slug] for name, camera in named.items()}
 
 
-def _exif_prior(metadata: ImageMetadata) -> float:
+def _solver_names(camera: Candidate, solver: Solver) -> set[str]:
+    """What OpenSfM calls a camera, "make model width height projection focal", by its own reading of EXIF.
+
+    OpenSfM counts in EXIF's frame unless it is told not to; ODM tells it so, and to take every lens for brown
+    that no tag or flag calls otherwise (``camera_id_`` and ``extract_projection_type`` in opensfm/exif.py).
+    """
+    names: set[str] = set()
+    for metadata in camera.states:
+        make = metadata.make or "unknown"
+        model = metadata.lens or metadata.model or "unknown"
+        if metadata.make:
+            model = model.replace(metadata.make, "")
+        sizes, projections = {metadata.size}, {"perspective"}
+        if solver is Solver.ODM:
+            projections |= {"brown", "fisheye_opencv"}
+        elif metadata.exif_size is not None:
+            sizes.add(metadata.exif_size)
+        names |= {
+            f"{make.strip()} {model.strip()} {size[0]} {size[1]} {projection} {prior}".lower()
+            for size in sizes
+            for projection in projections
+            for prior in _focal_priors(metadata, size)
+        }
+    return names
+
+
+def _focal_priors(metadata: ImageMetadata, size: ImageSize) -> set[str]:
+    """The last word of such a name: OpenSfM's first guess of the focal length, "0.0" where EXIF gives none.
+
+    FocalLengthIn35mmFilm over 36 mm, in newer releases over 34 mm unless the frame is 3:2 or longer; else
+    FocalLength over the width of the focal plane. A sensor from OpenSfM's own table cannot be known here.
+    """
+    guesses = [0.0]
+    resolution, unit = metadata.focal_plane_resolution, metadata.focal_plane_unit
     if metadata.focal_35mm is not None:
-        return float(metadata.focal_35mm) / 36.0
-    per_mm = Scene(metadata=metadata).focal_plane_px_per_mm()
-    if metadata.focal_mm is not None and per_mm is not None:
-        return metadata.focal_mm * per_mm[0] / metadata.size[0]
-    return 0.85
+        guesses = [metadata.focal_35mm / 36.0]
+        aspect = max(size) / min(size)
+        if abs(aspect - 4 / 3) <= abs(aspect - 3 / 2):
+            guesses.append(metadata.focal_35mm / 34.0)
+    elif metadata.focal_mm is not None and resolution is not None and unit is not None:
+        guesses = [metadata.focal_mm / (size[0] / resolution[0] * unit.millimetres)]
+    return {str(guess)[:6] for guess in guesses}
 
 
 def _json(document: object) -> bytes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calibrary.calibration import Calibration, CameraKey
@@ -85,9 +85,11 @@ class Knowledge:
             lens=metadata.lens,
         )
         inferred = match.camera.sub_camera if match.camera is not None else None
+        # No part of the key that groups images, but an entry may be of one firmware only.
+        key = replace(camera_key(metadata, inferred), firmware=metadata.software)
         return Known(
             camera=match.camera,
             siblings=match.siblings or match.candidates,
             why=match.reason,
-            calibration=self.resolve(camera_key(metadata, inferred)),
+            calibration=self.resolve(key),
         )

@@ -61,32 +61,23 @@ class CameraOutcome:
     @property
     def reason(self) -> str | None:
         """Why the K is not valid, or what stands in for it; None for a valid K of the images' own."""
+        reason = self.camera.reason
         if self.fallback is not None and self.fallback.calibration is not None:
-            return f"{self.camera.reason}; {self.fallback.steps[-1].step.value} is used instead"
-        if self.camera.calibration is not None and self.camera.verdict is Verdict.REJECTED:
+            taken = self.fallback.steps[-1]
+            return f"{taken.source or taken.step.value} is used; the images alone give no valid K: {reason}"
+        if reason is not None and self.camera.calibration is not None:
             assumptions = self.camera.calibration.provenance.assumptions
-            return (
-                f"{self.camera.reason} (assumed: {'; '.join(assumptions)})"
-                if assumptions
-                else self.camera.reason
-            )
-        return self.camera.reason
+            return f"{reason} (assumed: {'; '.join(assumptions)})" if assumptions else reason
+        return reason
 
     @property
     def advice(self) -> str | None:
         """The next step for whoever flies this camera, None when there is nothing to do."""
         if self.verdict is Verdict.VALID:
             return None
-        rules = {finding.rule for finding in self.report.failures} if self.report is not None else set()
-        if "sensor-stated" in rules:
-            return "name the sensor (--sensor-width-mm, --sensor-height-mm) or register the camera"
-        if "one-k-per-camera" in rules:
-            return "separate the units or modes into folders of their own"
-        if "digital-zoom" in rules:
-            return "fly without digital zoom, or register this zoom state"
-        if not self.camera.evidence.witnesses:
-            return "give the camera's own files, a --fallback-k, or a calibration file beside the images"
-        return "check the sensor size and the tags, or give a calibration: --fallback-k, --registry"
+        if self.fallback is not None and self.fallback.report is not None:
+            return self.fallback.report.remedy
+        return self.camera.remedy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

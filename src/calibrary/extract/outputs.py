@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +14,14 @@ import numpy as np
 from calibrary.calibration import Calibration
 from calibrary.calibration_json import Json
 from calibrary.errors import InputError
-from calibrary.extract.hand_off import HandedOver, Solver, hand_off
-from calibrary.extract.outcome import Outcome
+from calibrary.extract.hand_off import SOLVER_FILES, Candidate, Solver, hand_off
+from calibrary.extract.outcome import CameraOutcome, Outcome
 from calibrary.extract.report import encode, report_json
 from calibrary.validation import Verdict
 
-__all__ = ["Outputs", "plan"]
+__all__ = ["STALE", "Outputs", "check_place", "plan"]
+
+STALE = "is of an earlier run, not of this one; remove it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +32,7 @@ class Outputs:
         files: content by path.
         matrices: the K file's name by camera slug.
         document: the report, also in ``files``.
-        stale: K files of an earlier run that this one does not replace.
+        stale: K and solver files of an earlier run that this one does not replace.
         not_handed_over: cameras whose K the solver must not get, by slug.
     """
 
@@ -48,44 +53,70 @@ def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
     Raises:
         InputError: ``matrix_path`` is no .npy, or the solver has no model for a camera.
     """
-    if matrix_path.suffix != ".npy":
-        raise InputError("wanted a name that ends in .npy", source=str(matrix_path), place="--output-matrix")
+    check_place(matrix_path)
     alone, stem = len(outcome.cameras) == 1, matrix_path.stem
     files: dict[Path, bytes] = {}
     matrices: dict[str, str] = {}
-    handed: list[HandedOver] = []
-    stale: list[Path] = []
     for camera in outcome.cameras:
         path = matrix_path if alone else matrix_path.with_suffix(f".{camera.slug}.npy")
         if camera.calibration is not None:
             files[path] = _npy(camera.calibration)
             matrices[camera.slug] = path.name
-            if camera.verdict is Verdict.VALID:
-                handed.append(
-                    HandedOver(
-                        slug=camera.slug,
-                        calibration=camera.calibration,
-                        metadata=camera.camera.evidence.scene.metadata,
-                        names=camera.camera.names,
-                    )
-                )
-        elif path.exists():
-            stale.append(path)
         if camera.fallback is not None and camera.fallback.seed is not None:
             files[path.with_name(path.name.replace(stem, f"{stem}_seed", 1))] = _npy(camera.fallback.seed)
-    if not alone and matrix_path.exists():
-        stale.append(matrix_path)
-    for name, content in hand_off(solver, handed).items():
+    candidates = [_candidate(camera) for camera in outcome.cameras]
+    for name, content in hand_off(solver, candidates).items():
         files[matrix_path.with_name(name)] = content
+    report_path = matrix_path.with_suffix(".json")
+    if report_path in files:
+        raise InputError(
+            f"the report would be {report_path.name}, as is {solver}'s own file; give another name",
+            source=str(matrix_path),
+            place="--output-matrix",
+        )
+    stale = tuple(path for path in _earlier(matrix_path, solver) if path not in files)
     document = report_json(outcome, matrices)
-    files[matrix_path.with_suffix(".json")] = encode(document)
-    handed_over = {camera.slug for camera in handed}
+    document["warnings"] = [*outcome.warnings, *(f"{path.name} {STALE}" for path in stale)]
+    files[report_path] = encode(document)
     return Outputs(
         files=files,
         matrices=matrices,
         document=document,
-        stale=tuple(stale),
-        not_handed_over=tuple(c.slug for c in outcome.cameras if c.slug not in handed_over),
+        stale=stale,
+        not_handed_over=tuple(c.slug for c in candidates if c.calibration is None),
+    )
+
+
+def check_place(matrix_path: Path) -> None:
+    """Find out before a hundred thousand images are read that K has no place to go.
+
+    Raises:
+        InputError: the name is no .npy, or there is no such folder.
+    """
+    if matrix_path.suffix != ".npy":
+        raise InputError("wanted a name that ends in .npy", source=str(matrix_path), place="--output-matrix")
+    if not matrix_path.parent.is_dir():
+        raise InputError(
+            "there is no such folder; make it first", source=str(matrix_path.parent), place="--output-matrix"
+        )
+
+
+def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
+    """What stands where runs with these flags write: a K that failed since must not be taken for today's."""
+    stem = re.escape(matrix_path.stem)
+    ours = re.compile(rf"{stem}(_seed)?(\..+)?\.npy")
+    for path in sorted(matrix_path.parent.iterdir()):
+        if ours.fullmatch(path.name) or fnmatchcase(path.name, SOLVER_FILES.get(solver, "")):
+            yield path
+
+
+def _candidate(camera: CameraOutcome) -> Candidate:
+    """A camera for a solver; only a valid K comes along."""
+    return Candidate(
+        slug=camera.slug,
+        calibration=camera.calibration if camera.verdict is Verdict.VALID else None,
+        states=tuple(state.metadata for state in camera.camera.states),
+        names=camera.camera.names,
     )
 
 

@@ -39,8 +39,13 @@ def report_json(outcome: Outcome, outputs: Mapping[str, str]) -> dict[str, Json]
 
 
 def encode(document: Mapping[str, Json]) -> bytes:
-    """UTF-8 JSON; NaN and infinity are not JSON and never come this far."""
-    return (json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    """UTF-8 JSON; NaN and infinity are not JSON and never come this far.
+
+    What Python makes of a file name that is no UTF-8 is written as the JSON escape of the same character, so the
+    document is valid and ``os.fsencode`` of the name it gives back is the file's.
+    """
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return text.encode(errors="backslashreplace")
 
 
 def _camera(c: CameraOutcome, output: str | None) -> dict[str, Json]:

@@ -118,11 +118,13 @@ def _sensor(
     default = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     if request.sensor_mm == (None, None):
         return default, ()
-    if len(states) == 1:
+    # A stripped file has no focal length to divide by a sensor: it is no second camera here.
+    cameras = [key for key, group in states.items() if any(state.metadata.focal_mm for state in group)]
+    if len(cameras) <= 1:
         return Sensor(size_mm=request.sensor_mm, given=True), ()
-    names = ", ".join(str(key) for key in list(states)[:4]) + (", …" if len(states) > 4 else "")
+    names = ", ".join(str(key) for key in cameras[:4]) + (", …" if len(cameras) > 4 else "")
     warning = (
-        f"the sensor size given is not used: the images are of {len(states)} cameras ({names}), and one sensor "
+        f"the sensor size given is not used: the images are of {len(cameras)} cameras ({names}), and one sensor "
         "cannot be all of theirs; give it for a folder with one camera"
     )
     return default, (warning,)
@@ -132,7 +134,7 @@ def _judged(key: CameraKey, group: tuple[State, ...], request: Request, sensor: 
     camera = judge(key, group, policy=request.policy, sensor=sensor)
     if request.strict and camera.verdict is not Verdict.VALID:
         rule = camera.report.failures[0].rule if camera.report is not None else "intrinsics"
-        raise _breach(request.policy, rule, f"{camera.key}: {camera.reason}")
+        raise _breach(request.policy, rule, f"{camera.key}: {camera.reason}; {camera.remedy}")
     return camera
 
 

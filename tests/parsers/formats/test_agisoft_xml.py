@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -46,12 +46,10 @@ def rays() -> NDArray[np.float64]:
 def metashape(fields: dict[str, str], xy: NDArray[np.float64]) -> NDArray[np.float64]:
     """The user manual's appendix on camera models, word for word, in px from the image's corner."""
     c = {name: float(value) for name, value in fields.items() if name not in {"projection", "date"}}
-    k1, k2, k3, k4, p1, p2, p3, p4 = (
-        c.get(n, 0.0) for n in ("k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
-    )
+    k1, k2, k3, k4, p1, p2, p3, p4 = (c.get(n, 0.0) for n in ("k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4"))
     x, y = xy.T
     if fields["projection"] == "fisheye":
-        r0 = np.hypot(x, y)
+        r0 = np.maximum(np.hypot(x, y), 1e-300)
         x, y = x * np.arctan(r0) / r0, y * np.arctan(r0) / r0
     r2 = x**2 + y**2
     radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3 + k4 * r2**4
@@ -194,12 +192,14 @@ def test_other_roots_are_not_claimed() -> None:
 
 
 def test_the_date_and_what_is_not_known_here_survive() -> None:
-    data = xml(FRAME, note="a &lt;b&gt; &amp; c").replace(b"</calibration>", b"<x y='1'><z>2</z></x></calibration>")
+    data = xml(FRAME, note="a &lt;b&gt; &amp; c").replace(
+        b"</calibration>", b"<x y='1'><z>2</z></x></calibration>"
+    )
     original = read(data)
     again, verdict = parsers.encode([original], "agisoft_xml")
     assert verdict.dropped == ()
     assert read(again).extras == original.extras
-    root = ElementTree.fromstring(again)  # noqa: S314  our own bytes
+    root = ET.fromstring(again)  # noqa: S314  our own bytes
     assert root.findtext("date") == "2024-05-17T10:00:00Z"
     assert root.findtext("note") == "a <b> & c"
     assert root.findtext("x/z") == "2"
@@ -207,7 +207,7 @@ def test_the_date_and_what_is_not_known_here_survive() -> None:
 
 def test_what_metashape_reads_is_written_in_its_terms() -> None:
     data, verdict = parsers.encode([camera(BROWN, skew=-23.1)], "agisoft_xml")
-    root = ElementTree.fromstring(data)  # noqa: S314  our own bytes
+    root = ET.fromstring(data)  # noqa: S314  our own bytes
     numbers = {child.tag: child.text for child in root}
     assert verdict.outcome is Outcome.EXACT
     assert numbers == {
@@ -223,7 +223,9 @@ def test_an_unknown_lens_is_written_with_a_word() -> None:
 
 
 def test_a_fisheye_goes_there_and_back() -> None:
-    original = replace(camera(KannalaBrandt(k1=0.031, k2=-0.0072, k3=0.0041, k4=-0.0011)), grade=Grade.ADJUSTED)
+    original = replace(
+        camera(KannalaBrandt(k1=0.031, k2=-0.0072, k3=0.0041, k4=-0.0011)), grade=Grade.ADJUSTED
+    )
     data, verdict = parsers.encode([original], "agisoft_xml")
     assert str(verdict) == "exact"
     assert read(data).distortion == original.distortion

@@ -373,6 +373,14 @@ def test_what_else_the_file_says_survives_in_every_syntax(suffix: str) -> None:
         )
 
 
+def test_a_derived_k_does_not_come_back_as_a_calibrated_one() -> None:
+    data, verdict = parsers.encode([replace(camera(), grade=Grade.DERIVED)], "opencv_storage")
+    assert verdict.dropped == ()
+    assert read(data)[0].grade is Grade.DERIVED
+    with pytest.raises(ParseError, match="calibrary_grade: 'derved' is no grade"):
+        read(data.replace(b"derived", b"derved"))
+
+
 def test_a_key_that_opencv_could_not_read_is_dropped_by_name() -> None:
     [original] = read(YAML + '"per view; px": [ 0.1, 0.2 ]\n')
     _, verdict = parsers.encode([original], "opencv_storage", name="copy.yml")

@@ -1,0 +1,134 @@
+"""What the keys of an OpenCV file are taken to mean: every program spells them its own way."""
+
+from __future__ import annotations
+
+import json
+import re
+
+from calibrary.calibration import Grade, ImageSize, Quality
+from calibrary.parsers import text as strict
+from calibrary.parsers.document import Node
+from calibrary.parsers.formats import _file_storage as storage
+
+__all__ = ["COEFFICIENTS", "FOREIGN_KEYS", "GRADE_KEY", "MATRIX", "METASHAPE_SPELLING", "Keys", "simplified"]
+
+# Keys are compared in lower case without "_", "-", "." and spaces.
+MATRIX_KEYS = (
+    "cameramatrix", "cameramat", "cammatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "kmatrix", "mtx",
+    "k", "m",
+)  # fmt: skip
+COEFFICIENT_KEYS = (
+    "distortioncoefficients", "distortioncoeffs", "distcoefficients", "distcoeffs", "distcoeff", "distortion",
+    "dist", "d",
+)  # fmt: skip
+OWN_KEYS = frozenset({("cameramatrix", "distortioncoefficients"), ("m", "d")})
+"""Of OpenCV's calibration and stereo samples, whose coefficients are Brown's unless they say otherwise."""
+GRADE_KEY = "calibrary_grade"
+"""Ours: a derived K must not come back as a calibrated one because it has been through a file."""
+SIZE_KEYS = (("imagewidth", "imageheight"), ("imgwidth", "imgheight"), ("width", "height"))
+FOREIGN_KEYS = frozenset(
+    {"calib_time", "camera_model", "distortion_model", "model_type", "projection_matrix", "sensor_type"}
+)
+"""Of programs that use OpenCV's container or its words with a meaning of their own."""
+METASHAPE_SPELLING = frozenset({"Camera_Matrix", "image_Width"})
+
+_LABELLED = r"(left|right|cam\d+|camera\d+)?({})(left|right|l|r|\d+)?"
+MATRIX = re.compile(_LABELLED.format("|".join(MATRIX_KEYS)))
+COEFFICIENTS = re.compile(_LABELLED.format("|".join(COEFFICIENT_KEYS)))
+
+
+def simplified(key: str) -> str:
+    """One spelling for "Camera_Matrix", "cameraMatrix" and "camera-matrix"."""
+    return re.sub(r"[_\-. ]", "", key).lower()
+
+
+class Keys:
+    """What the keys of a file are taken to mean; each is used for one thing only."""
+
+    def __init__(self, tree: Node) -> None:
+        self.tree = tree
+        self.matrices: dict[str, str] = {}
+        self.coefficients: dict[str, str] = {}
+        self.simple: dict[str, str] = {}
+        for key, node in tree.entries():
+            self.simple.setdefault(simplified(key), key)
+            if not isinstance(node.value, dict | list):
+                continue
+            for pattern, found in ((MATRIX, self.matrices), (COEFFICIENTS, self.coefficients)):
+                match = pattern.fullmatch(simplified(key))
+                if match:
+                    label = match[1] or match[3] or ""
+                    if label in found:
+                        node.fail(
+                            f"it means the same as {strict.shown(found[label])}, which stands there too"
+                        )
+                    found[label] = key
+        self.used = {*self.matrices.values(), *self.coefficients.values()}
+
+    def take(self, simple: str) -> Node | None:
+        """What stands under a key that has one meaning in the whole file."""
+        key = self.simple.get(simple)
+        if key is None:
+            return None
+        self.used.add(key)
+        return self.tree[key]
+
+    def size(self) -> ImageSize | None:
+        """The one image size of the file."""
+        for width, height in SIZE_KEYS:
+            if width in self.simple and height in self.simple:
+                sides = [self.take(name) for name in (width, height)]
+                w, h = (side.number() for side in sides if side is not None)
+                return strict.image_size(w, h, source=self.tree.source)
+        both = self.take("imagesize")
+        if both is None:
+            return None
+        values = storage.numbers(both)
+        if len(values) != 2:
+            both.fail(f"{len(values)} numbers, wanted width and height")
+        return strict.image_size(*values, source=both.source, place=both.place)
+
+    def quality(self) -> Quality | None:
+        """The RMS reprojection error and the number of views, as OpenCV's samples write them."""
+        rms, views = self.take("avgreprojectionerror"), self.take("nframes") or self.take("nrofframes")
+        if rms is None and views is None:
+            return None
+        for node in (rms, views):
+            if node is not None and node.number() < 0:
+                node.fail(f"{node.number():g} is less than nothing, wanted a number from 0")
+        return Quality(
+            rms_px=rms.number() if rms is not None else None,
+            views=views.whole() if views is not None else None,
+        )
+
+    def grade(self) -> Grade:
+        """Calibrated, as OpenCV's files are, unless calibrary wrote the file and knew better."""
+        node = self.take(simplified(GRADE_KEY))
+        if node is None:
+            return Grade.CALIBRATED
+        if node.text() not in list(Grade):
+            node.fail(f"{strict.shown(node.text())} is no grade, wanted one of {', '.join(Grade)}")
+        return Grade(node.text())
+
+    def fisheye_mark(self) -> bool | None:
+        """Whether the file itself says fisheye or not; None when it says neither."""
+        node = self.take("fisheyemodel")
+        return None if node is None else bool(node.value if isinstance(node.value, bool) else node.whole())
+
+    def are_own(self, label: str) -> bool:
+        """Whether a matrix and its coefficients stand under the keys of OpenCV's own samples."""
+        names = [
+            match[2]
+            for pattern, key in ((MATRIX, self.matrices[label]), (COEFFICIENTS, self.coefficients[label]))
+            if (match := pattern.fullmatch(simplified(key)))
+        ]
+        return tuple(names) in OWN_KEYS
+
+    def extras(self, prefix: str) -> tuple[tuple[str, str], ...]:
+        """All other keys, as JSON."""
+        self.fisheye_mark()
+        return tuple(
+            (prefix + key, json.dumps(node.value, ensure_ascii=False))
+            for key, node in self.tree.entries()
+            if key not in self.used
+        )

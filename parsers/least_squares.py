@@ -1,0 +1,93 @@
+"""Levenberg and Marquardt's method, for a dozen unknowns and functions that are not defined everywhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Residuals", "least_squares"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+Residuals: TypeAlias = Callable[[FloatArray], "FloatArray | None"]
+"""Distances in px at the given unknowns; None where the function has no value."""
+
+ROUNDS = 20
+ENOUGH = 1e-5
+"""A round that lowers the sum of squares by less than this share was the last."""
+
+FIRST_STEP = 1e-6
+SMALL_MOVE_PX, LARGE_MOVE_PX = 1e-4, 1.0
+"""How far a difference may move pixels: enough to be exact to ten digits, too little to leave the tangent."""
+
+
+def least_squares(residuals: Residuals, unknowns: int) -> FloatArray | None:
+    """Levenberg and Marquardt's method from zero; None when not even zero can be evaluated.
+
+    The polynomial models are linear in their coefficients and need two rounds. A step that makes the model
+    fold inside the image has no residuals and is shortened like any step that makes things worse.
+    """
+    x = np.zeros(unknowns)
+    missed = residuals(x)
+    if missed is None or not unknowns:
+        return x if missed is not None else None
+    steps = np.full(unknowns, FIRST_STEP)
+    damping = 1e-9
+    for _ in range(ROUNDS):
+        jacobian = _jacobian(residuals, x, missed, steps)
+        if jacobian is None:
+            return x
+        scale: FloatArray = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+        cost, gain = float(missed @ missed), 0.0
+        while damping < 1e12:
+            stacked = np.vstack([jacobian / scale, math.sqrt(damping) * np.eye(unknowns)])
+            wanted = np.concatenate([-missed, np.zeros(unknowns)])
+            shift = np.linalg.lstsq(stacked, wanted, rcond=None)[0] / scale
+            trial = residuals(x + shift)
+            if trial is not None and float(trial @ trial) < cost:
+                gain = 1.0 - float(trial @ trial) / cost
+                x, missed, damping = x + shift, trial, max(damping / 10, 1e-15)
+                break
+            damping *= 10
+        if gain < ENOUGH:
+            return x
+    return x
+
+
+def _jacobian(
+    residuals: Residuals, x: FloatArray, missed: FloatArray, steps: FloatArray
+) -> FloatArray | None:
+    """By differences, each with a step that moves some pixel by about a hundredth; None where none can be had.
+
+    How much a coefficient of r⁶ moves depends on how wide the lens is, by ten orders of magnitude, so the steps
+    are looked for; ``steps`` keeps them for the next round.
+    """
+    columns: list[FloatArray] = []
+    for index, unit in enumerate(np.eye(len(x))):
+        found = _column(residuals, x, missed, steps[index] * unit)
+        if found is None:
+            return None
+        column, steps[index] = found
+        columns.append(column)
+    return np.column_stack(columns)
+
+
+def _column(
+    residuals: Residuals, x: FloatArray, missed: FloatArray, shift: FloatArray
+) -> tuple[FloatArray, float] | None:
+    """A derivative and the step it was taken with; a coefficient that moves nothing has zeros."""
+    for _ in range(8):
+        step = float(shift.sum())
+        moved = residuals(x + shift)
+        if moved is None:
+            # Forward the model folds: backward, and nearer.
+            shift = -0.1 * shift
+            continue
+        moves = float(np.abs(moved - missed).max())
+        if SMALL_MOVE_PX <= moves <= LARGE_MOVE_PX:
+            return (moved - missed) / step, step
+        shift = shift * (1e3 if moves == 0.0 else math.sqrt(SMALL_MOVE_PX * LARGE_MOVE_PX) / moves)
+    return (np.zeros_like(missed), FIRST_STEP) if moved is not None and moves == 0.0 else None

@@ -1,0 +1,175 @@
+"""Brown's polynomial with every term that photogrammetry has added to it, about its own centre.
+
+The models of the photogrammetric programs are this map, or its inverse read the other way round; each of them
+names the terms it has. This class is what they compute with and no model of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from calibrary.distortion.base import Distortion, FloatArray
+from calibrary.distortion.opencv import OpenCVDistortion
+from calibrary.distortion.polynomial import Jacobian, PolynomialMap
+from calibrary.errors import InputError
+
+__all__ = ["BrownPolynomial"]
+
+LARGEST_AFFINITY = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrownPolynomial(OpenCVDistortion):
+    """From (x, y) to (x', y'), whichever of the two is the observed one.
+
+    With r² = x² + y² and h = r²·(p3 + p4·r²)::
+
+        x' = x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + b1·x + b2·y
+             + (2·p1·x·y + p2·(r² + 2x²))·(1 + h) + s1·r² + s2·r⁴
+        y' = y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰)
+             + (p1·(r² + 2y²) + 2·p2·x·y)·(1 + h) + s3·r² + s4·r⁴
+
+    Raises:
+        InputError: a coefficient is not finite, or b1 or b2 exceeds 0.1: see :class:`_Map`.
+    """
+
+    model: ClassVar[str] = "brown-polynomial"
+
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    k4: float = 0.0
+    k5: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    p3: float = 0.0
+    p4: float = 0.0
+    s1: float = 0.0
+    s2: float = 0.0
+    s3: float = 0.0
+    s4: float = 0.0
+    b1: float = 0.0
+    b2: float = 0.0
+
+    def __post_init__(self) -> None:
+        Distortion.__post_init__(self)
+        for name in ("b1", "b2"):
+            if abs(getattr(self, name)) > LARGEST_AFFINITY:
+                raise InputError(
+                    f"{name} is {getattr(self, name):g}, wanted an affinity of at most {LARGEST_AFFINITY:g}: "
+                    "a sensor is not skewed or stretched by more than a tenth",
+                    place=name,
+                )
+
+    def _lens(self) -> PolynomialMap:
+        """The map; r⁸ and r¹⁰ multiply, where OpenCV's k4 and k5 divide."""
+        return _Map(
+            k1=self.k1, k2=self.k2, k3=self.k3, r8=self.k4, r10=self.k5, p1=self.p1, p2=self.p2, t2=self.p3,
+            t4=self.p4, s1=self.s1, s2=self.s2, s3=self.s3, s4=self.s4, b1=self.b1, b2=self.b2,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Map(PolynomialMap):
+    """OpenCV's map with two more radial terms, tangential terms that grow, and an affinity.
+
+    On a circle of radius r, with complex numbers, the image is ``w = m + a·e + b·e² + g·ē`` (e the unit vector;
+    b comes from the tangential terms, g from the affinity). So the determinant still is a trigonometric
+    polynomial of degree two in the direction, which the search for the fold rests on. Two directions s ± d meet
+    where ``a − g·e⁻²ⁱˢ + 2b·cos d·eⁱˢ = 0``, and the tangent vanishes where that holds for d = 0. As long as
+    |g| < 0.3·|a| there are always exactly two s for which the first two terms point along b·eⁱˢ, so that a rim
+    cannot cross itself before its tangent has vanished: a disc with a positive determinant is one-to-one, as in
+    the family without an affinity.
+    """
+
+    r8: float = 0.0
+    r10: float = 0.0
+    t2: float = 0.0
+    t4: float = 0.0
+    b1: float = 0.0
+    b2: float = 0.0
+
+    @property
+    def numerator(self) -> list[float]:
+        """1 + k1·s + … + r10·s⁵, constant term first, without trailing zeros."""
+        terms = [1.0, self.k1, self.k2, self.k3, self.r8, self.r10]
+        while len(terms) > 1 and terms[-1] == 0.0:
+            terms.pop()
+        return terms
+
+    @property
+    def has_growth(self) -> bool:
+        """Whether the tangential terms grow."""
+        return bool((self.t2 or self.t4) and (self.p1 or self.p2))
+
+    @property
+    def has_affinity(self) -> bool:
+        """Whether the affinity is at work."""
+        return bool(self.b1 or self.b2)
+
+    @property
+    def has_prism(self) -> bool:
+        """Whether the fold must be searched for, as with a prism: no closed form holds."""
+        return bool(self.s1 or self.s2 or self.s3 or self.s4 or self.has_growth or self.has_affinity)
+
+    @property
+    def octave(self) -> int:
+        """As for the map it extends; the affinity is the same at every radius."""
+        strongest = (
+            math.floor(-math.log2(abs(c)) / power) - 1
+            for name, power in _POWERS.items()
+            if power and (c := getattr(self, name))
+        )
+        return min(strongest, default=0)
+
+    def in_octave(self, octave: int) -> PolynomialMap:
+        """The same map with both radii counted in units of 2**octave."""
+        return _Map(
+            **{name: math.ldexp(getattr(self, name), power * octave) for name, power in _POWERS.items()}
+        )
+
+    def image(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(x, y) to (x', y')."""
+        u, v = PolynomialMap.image(self, x, y)
+        if self.has_growth:
+            r2 = x * x + y * y
+            growth = r2 * (self.t2 + self.t4 * r2)
+            along_x, along_y = self._tangential(x, y, r2)
+            u = u + along_x * growth
+            v = v + along_y * growth
+        if self.has_affinity:
+            u = u + (self.b1 * x + self.b2 * y)
+        return u, v
+
+    def image_and_jacobian(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Jacobian]:
+        """(x, y) to (x', y'), and the four derivatives there."""
+        u, v, (ux, uy, vx, vy) = PolynomialMap.image_and_jacobian(self, x, y)
+        if self.has_growth:
+            r2 = x * x + y * y
+            growth = r2 * (self.t2 + self.t4 * r2)
+            slope = 2.0 * (self.t2 + 2.0 * self.t4 * r2)
+            along_x, along_y = self._tangential(x, y, r2)
+            p1, p2 = self.p1, self.p2
+            cross = 2.0 * (p1 * x + p2 * y)
+            u, v = u + along_x * growth, v + along_y * growth
+            ux = ux + growth * (6.0 * p2 * x + 2.0 * p1 * y) + along_x * slope * x
+            uy = uy + growth * cross + along_x * slope * y
+            vx = vx + growth * cross + along_y * slope * x
+            vy = vy + growth * (6.0 * p1 * y + 2.0 * p2 * x) + along_y * slope * y
+        if self.has_affinity:
+            u, ux, uy = u + (self.b1 * x + self.b2 * y), ux + self.b1, uy + self.b2
+        return u, v, (ux, uy, vx, vy)
+
+    def _tangential(self, x: FloatArray, y: FloatArray, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The tangential terms before they grow."""
+        across = 2.0 * (self.p2 * x + self.p1 * y)
+        return x * across + self.p2 * r2, y * across + self.p1 * r2
+
+
+_POWERS = {
+    "k1": 2, "k2": 4, "k3": 6, "r8": 8, "r10": 10, "p1": 1, "p2": 1, "t2": 2, "t4": 4,
+    "s1": 1, "s2": 3, "s3": 1, "s4": 3, "b1": 0, "b2": 0,
+}  # fmt: skip
+"""How the share of each coefficient in the image point grows with r, relative to the point itself."""

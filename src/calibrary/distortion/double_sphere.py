@@ -1,0 +1,75 @@
+"""The double sphere camera: two spheres and two numbers, all in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from calibrary.distortion.base import Distortion, FloatArray
+from calibrary.distortion.extended_unified import ExtendedUnified
+from calibrary.distortion.none import NoDistortion
+from calibrary.distortion.omnidirectional import (
+    Omnidirectional,
+    divided,
+    lifted,
+    lowered,
+    undivided,
+    widest,
+    widest_lifted,
+)
+from calibrary.distortion.unified import Unified
+
+__all__ = ["DoubleSphere"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoubleSphere(Omnidirectional):
+    """Kalibr and Basalt ``ds``.
+
+    For the ray (X, Y, Z)::
+
+        d1 = √(X² + Y² + Z²)        d2 = √(X² + Y² + (ξ·d1 + Z)²)
+        x' = X / (alpha·d2 + (1 − alpha)·(ξ·d1 + Z))        y' = Y / (…)
+
+    so near the axis the camera is a pinhole of fx/(1 + ξ). Cameras have −1 < ξ < 1 and 0 ≤ alpha ≤ 1; ξ ≤ −1
+    makes none.
+
+    Source: V. Usenko, N. Demmel and D. Cremers, "The double sphere camera model", 2018.
+    """
+
+    model: ClassVar[str] = "double-sphere"
+
+    xi: float
+    alpha: float
+
+    def observe(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+        return divided(lifted(rays, self.xi), self.alpha, 1.0)
+
+    def rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+        return lowered(undivided(xy, self.alpha, 1.0), self.xi)
+
+    def max_angle_rad(self) -> float:
+        """The angle at which the image folds, or below alpha = 1/2 runs to infinity."""
+        return widest_lifted(widest(self.alpha, 1.0), self.xi)
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """With one sphere only, the model of that sphere."""
+        one_sphere: list[Distortion] = []
+        if not self.xi:
+            one_sphere.append(ExtendedUnified(alpha=self.alpha, beta=1.0))
+        if not self.alpha:
+            one_sphere.append(Unified(xi=self.xi))
+        return (*one_sphere, NoDistortion()) if len(one_sphere) == 2 else tuple(one_sphere)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> DoubleSphere | None:
+        """A pinhole, and the one-sphere models without further terms; None for every other model."""
+        if isinstance(other, NoDistortion):
+            return cls(xi=0.0, alpha=0.0)
+        if isinstance(other, ExtendedUnified) and other.beta == 1:
+            return cls(xi=0.0, alpha=other.alpha)
+        if isinstance(other, Unified) and other == Unified(xi=other.xi):
+            return cls(xi=other.xi, alpha=0.0)
+        return None

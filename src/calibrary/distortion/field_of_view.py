@@ -1,0 +1,90 @@
+"""The field-of-view model: one number, the angle that an ideal fisheye would spread over its image."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
+from calibrary.distortion.none import NoDistortion
+from calibrary.errors import InputError
+
+__all__ = ["FieldOfView"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldOfView(Distortion):
+    """Kalibr ``fov``, COLMAP ``FOV``, AliceVision ``fisheye1``, RealSense ``F-Theta``; ω in radians.
+
+    With r² = x² + y²::
+
+        r' = atan(2·r·tan(ω/2)) / ω        x' = x·r'/r        y' = y·r'/r
+
+    so near the axis the camera is a pinhole of fx·2·tan(ω/2)/ω, and everything in front of it is seen within
+    r' < π/2ω. COLMAP replaces the formula by a series of its inverse below |ω| = 0.01, which moves points by up to
+    a tenth of a pixel; this is the formula.
+
+    Source: F. Devernay and O. Faugeras, "Straight lines have to be straight", 2001.
+
+    Raises:
+        InputError: ω is not finite, or reaches 180°.
+    """
+
+    model: ClassVar[str] = "field-of-view"
+
+    omega: float
+
+    def __post_init__(self) -> None:
+        Distortion.__post_init__(self)
+        if abs(self.omega) >= math.pi:
+            raise InputError(
+                f"omega is {self.omega:g} rad, wanted an angle below 180° (3.1416 rad); is it in degrees?",
+                place="omega",
+            )
+
+    def distort(self, xy: FloatArray) -> FloatArray:
+        """Ideal to observed."""
+        spread = 2.0 * math.tan(self.omega / 2)
+        return self._radially(xy, lambda r: np.arctan(r * spread) / self.omega)
+
+    def undistort(self, xy: FloatArray) -> FloatArray:
+        """Observed to ideal; NaN from the image of 90° on."""
+        spread = 2.0 * math.tan(self.omega / 2)
+
+        def ideal(r: FloatArray) -> FloatArray:
+            angle = np.abs(r * self.omega)
+            angle[~(angle < math.pi / 2)] = math.nan
+            return np.tan(angle) / abs(spread)
+
+        return self._radially(xy, ideal)
+
+    def valid_radius(self) -> float:
+        """Infinite: the arc tangent never folds."""
+        return math.inf
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """A pinhole, where ω is zero."""
+        return () if self.omega else (NoDistortion(),)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> FieldOfView | None:
+        """A pinhole; None for every other model."""
+        return cls(omega=0.0) if isinstance(other, NoDistortion) else None
+
+    def _radially(self, xy: FloatArray, radius: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        """Every point moved along its own radius; the model with ω = 0 moves none."""
+        out = np.array(as_rows(xy, 2))
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(out)):
+                x, y = finite_pair(*np.array(out[rows].T, order="C"))
+                if self.omega:
+                    r = np.hypot(x, y)
+                    scale = radius(r) / r
+                    scale[r == 0] = 0.0
+                    x, y = finite_pair(x * scale, y * scale)
+                out[rows, 0], out[rows, 1] = x, y
+        return out

@@ -1,0 +1,89 @@
+"""What the models have in common whose polynomial takes the observed point to the ideal one.
+
+Photogrammetry corrects what was measured, so its polynomial runs the other way than OpenCV's. Here it is
+evaluated as it stands for :meth:`undistort`, and inverted exactly for :meth:`distort`; a sign flip would be
+neither.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibrary.distortion.base import Distortion, FloatArray, as_rows
+from calibrary.distortion.brown_polynomial import BrownPolynomial
+
+__all__ = ["ObservedDistortion"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservedDistortion(Distortion):
+    """A model whose polynomial, about a centre, gives the ideal point from the observed one."""
+
+    def __post_init__(self) -> None:
+        Distortion.__post_init__(self)
+        self._polynomial()
+
+    @abstractmethod
+    def _polynomial(self) -> BrownPolynomial:
+        """Observed to ideal, both counted from the centre."""
+
+    def _centre(self) -> tuple[float, float]:
+        """The centre of the polynomial in normalised coordinates; the principal point is (0, 0)."""
+        return 0.0, 0.0
+
+    def valid_radius(self) -> float:
+        """The radius of the largest disc around the axis that lies inside what the observed disc corrects to.
+
+        The polynomial is one-to-one on a disc around its centre in the *observed* image; the nearest point of
+        that disc's corrected rim is how far out the *ideal* side is known.
+        """
+        polynomial = self._polynomial()
+        observed_radius = polynomial.valid_radius()
+        if math.isinf(observed_radius):
+            return math.inf
+        x0, y0 = self._centre()
+        if np.isnan(polynomial.undistort(np.array([[-x0, -y0]]))).any():
+            return 0.0
+        return _nearest_rim(polynomial, observed_radius, (x0, y0))
+
+    def undistort(self, xy: FloatArray) -> FloatArray:
+        """Observed to ideal (x/z, y/z), by the polynomial; NaN where that lies outside :meth:`valid_radius`."""
+        centre = np.array(self._centre())
+        with np.errstate(all="ignore"):
+            ideal: FloatArray = self._polynomial().distort(as_rows(xy, 2) - centre) + centre
+            ideal[~(np.hypot(ideal[:, 0], ideal[:, 1]) < self.valid_radius())] = math.nan
+        return ideal
+
+    def distort(self, xy: FloatArray) -> FloatArray:
+        """Ideal (x/z, y/z) to observed, by the exact inverse; NaN from :meth:`valid_radius` on."""
+        centre = np.array(self._centre())
+        ideal = np.array(as_rows(xy, 2))
+        with np.errstate(all="ignore"):
+            ideal[~(np.hypot(ideal[:, 0], ideal[:, 1]) < self.valid_radius())] = math.nan
+            observed: FloatArray = self._polynomial().undistort(ideal - centre) + centre
+        return observed
+
+
+def _nearest_rim(polynomial: BrownPolynomial, radius: float, centre: tuple[float, float]) -> float:
+    """How close the image of the circle of ``radius`` comes to the axis.
+
+    The square of that distance is a trigonometric polynomial of degree three in the direction: it has three
+    minima at most, which 256 directions tell apart.
+    """
+    lens = polynomial._lens()
+
+    def distance(angle: FloatArray) -> FloatArray:
+        u, v = lens.image(radius * np.cos(angle), radius * np.sin(angle))
+        return np.hypot(u + centre[0], v + centre[1])
+
+    angle = np.linspace(-math.pi, math.pi, 256, endpoint=False)
+    step = angle[1] - angle[0]
+    for _ in range(10):
+        nearest = angle[np.argmin(distance(angle))]
+        angle = nearest + np.linspace(-step, step, 17)
+        step /= 8.0
+    return float(distance(angle).min())

@@ -1,0 +1,66 @@
+"""Brown's model as photogrammetry writes it: from the measured point to the corrected one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from calibrary.distortion.base import Distortion
+from calibrary.distortion.brown_polynomial import BrownPolynomial
+from calibrary.distortion.none import NoDistortion
+from calibrary.distortion.observed import ObservedDistortion
+
+__all__ = ["ObservedBrown"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservedBrown(ObservedDistortion):
+    """Observed to ideal, with OpenCV's names and order; PhotoModeler, VisualSfM, MicMac's C2M.
+
+    With (x', y') the observed point, x = x' − x0, y = y' − y0 and r² = x² + y², the ideal point is::
+
+        x0 + x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + 2·p1·x·y + p2·(r² + 2x²) + b1·x + b2·y
+        y0 + y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + p1·(r² + 2y²) + 2·p2·x·y
+
+    (x0, y0) is the centre of the distortion in normalised coordinates, where it is not the principal point;
+    b1 and b2 are an affinity and a shear that cannot be moved into K, because r is measured before them.
+    A barrel has k1 > 0 here.
+
+    Source: D. C. Brown, "Close-range camera calibration", 1971.
+
+    Raises:
+        InputError: a coefficient is not finite, or b1 or b2 exceeds 0.1.
+    """
+
+    model: ClassVar[str] = "observed-brown"
+
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+    k3: float = 0.0
+    k4: float = 0.0
+    k5: float = 0.0
+    b1: float = 0.0
+    b2: float = 0.0
+    x0: float = 0.0
+    y0: float = 0.0
+
+    def _polynomial(self) -> BrownPolynomial:
+        return BrownPolynomial(
+            k1=self.k1, k2=self.k2, k3=self.k3, k4=self.k4, k5=self.k5,
+            p1=self.p1, p2=self.p2, b1=self.b1, b2=self.b2,
+        )  # fmt: skip
+
+    def _centre(self) -> tuple[float, float]:
+        return self.x0, self.y0
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """No distortion, where every term is zero; whatever the centre."""
+        terms = (value for name, value in self.coefficients.items() if name not in {"x0", "y0"})
+        return () if any(terms) else (NoDistortion(),)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> ObservedBrown | None:
+        """No distortion; every other model that is the same says so itself."""
+        return cls(k1=0.0, k2=0.0, p1=0.0, p2=0.0) if isinstance(other, NoDistortion) else None

@@ -1,0 +1,105 @@
+"""Brown's model about a centre that is not the principal point, as MicMac writes it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from calibrary.distortion.base import Distortion, FloatArray, as_rows
+from calibrary.distortion.brown import BrownConrady
+from calibrary.distortion.brown_polynomial import BrownPolynomial
+from calibrary.distortion.metashape import MetashapeFrame
+from calibrary.distortion.none import NoDistortion
+
+__all__ = ["OffCentreBrown"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OffCentreBrown(Distortion):
+    """Ideal to observed about (x0, y0), with OpenCV's names and order.
+
+    With (X, Y) the ideal point, x = X − x0, y = Y − y0 and r² = x² + y²::
+
+        x' = x0 + x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + 2·p1·x·y + p2·(r² + 2x²) + b1·x + b2·y
+        y' = y0 + y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + p1·(r² + 2y²) + 2·p2·x·y
+
+    (x0, y0) is the centre of the distortion in normalised coordinates: (centre − principal point) / focal
+    length. k4 and k5 multiply, where OpenCV's divide. b1 and b2, an affinity and a shear of the *ideal* point,
+    are no part of K, which acts on the observed one.
+
+    Source: MicMac's ``ModRad`` and ``ModPhgrStd``.
+
+    Raises:
+        InputError: a coefficient is not finite, or b1 or b2 exceeds 0.1.
+    """
+
+    model: ClassVar[str] = "off-centre-brown"
+
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+    k3: float = 0.0
+    k4: float = 0.0
+    k5: float = 0.0
+    b1: float = 0.0
+    b2: float = 0.0
+    x0: float = 0.0
+    y0: float = 0.0
+
+    def __post_init__(self) -> None:
+        Distortion.__post_init__(self)
+        self._polynomial()
+
+    def valid_radius(self) -> float:
+        """The radius of the largest disc around the axis inside the one around (x0, y0) that does not fold."""
+        return max(self._polynomial().valid_radius() - math.hypot(self.x0, self.y0), 0.0)
+
+    def distort(self, xy: FloatArray) -> FloatArray:
+        """Ideal to observed; NaN from :meth:`valid_radius` on."""
+        ideal = np.array(as_rows(xy, 2))
+        centre = self._centre()
+        with np.errstate(all="ignore"):
+            ideal[~(np.hypot(ideal[:, 0], ideal[:, 1]) < self.valid_radius())] = math.nan
+            return self._polynomial().distort(ideal - centre) + centre
+
+    def undistort(self, xy: FloatArray) -> FloatArray:
+        """Observed to ideal, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""
+        centre = self._centre()
+        with np.errstate(all="ignore"):
+            ideal = self._polynomial().undistort(as_rows(xy, 2) - centre) + centre
+            ideal[~(np.hypot(ideal[:, 0], ideal[:, 1]) < self.valid_radius())] = math.nan
+        return ideal
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """The models about the principal point, where the centre is there and the terms they lack are zero."""
+        terms = {name: value for name, value in self.coefficients.items() if name not in {"x0", "y0"}}
+        if not any(terms.values()):
+            return (NoDistortion(),)
+        if self.x0 or self.y0 or self.b1 or self.b2 or self.k5:
+            return ()
+        frame = MetashapeFrame(k1=self.k1, k2=self.k2, k3=self.k3, k4=self.k4, p1=self.p2, p2=self.p1)
+        return (frame, *frame.equivalents())
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> OffCentreBrown | None:
+        """Any Brown–Conrady, and Metashape's model while its tangential terms do not grow."""
+        if isinstance(other, BrownConrady):
+            return cls(**other.coefficients)
+        if isinstance(other, MetashapeFrame) and not (other.p3 or other.p4):
+            k = {name: value for name, value in other.coefficients.items() if name.startswith("k")}
+            return cls(**k, p1=other.p2, p2=other.p1)
+        return None
+
+    def _polynomial(self) -> BrownPolynomial:
+        """The map with both points counted from the centre."""
+        return BrownPolynomial(
+            k1=self.k1, k2=self.k2, k3=self.k3, k4=self.k4, k5=self.k5,
+            p1=self.p1, p2=self.p2, b1=self.b1, b2=self.b2,
+        )  # fmt: skip
+
+    def _centre(self) -> FloatArray:
+        return np.array([self.x0, self.y0])

@@ -1,0 +1,161 @@
+"""What the sphere models share: two closed-form maps of directions, and their exact inverses.
+
+Seen from a point ``xi`` behind the centre of the unit sphere, directions draw together (:func:`lifted`); divided
+by a mixture of depth and distance instead of by depth alone, points beyond 90° land in a plane
+(:func:`divided`). The models of C. Mei, of B. Khomutenko and of V. Usenko are these two in turn.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
+
+__all__ = ["Omnidirectional", "divided", "lifted", "lowered", "undivided", "widest", "widest_lifted"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Omnidirectional(Distortion):
+    """A camera that may see past 90°, so that rays say more of it than x/z and y/z.
+
+    ``observe`` and ``rays`` are the whole map, ``distort`` and ``undistort`` the part of it in front.
+    """
+
+    @abstractmethod
+    def observe(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+
+    @abstractmethod
+    def rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+
+    @abstractmethod
+    def max_angle_rad(self) -> float:
+        """The angle at which the image folds or runs to infinity; 0 when the coefficients make no camera."""
+
+    def valid_radius(self) -> float:
+        """The tangent of :meth:`max_angle_rad`; ``inf`` when it reaches 90°."""
+        angle = self.max_angle_rad()
+        return math.tan(angle) if angle < math.pi / 2 else math.inf
+
+    def distort(self, xy: FloatArray) -> FloatArray:
+        """Ideal (x/z, y/z), so less than 90° off the axis, to observed; NaN from :meth:`valid_radius` on."""
+        xy = as_rows(xy, 2)
+        return self.observe(np.column_stack([xy, np.ones(len(xy))]))
+
+    def undistort(self, xy: FloatArray) -> FloatArray:
+        """Observed to ideal (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
+        rays = self.rays(xy)
+        out = np.empty((len(rays), 2))
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(rays)):
+                x, y, z = np.ascontiguousarray(rays[rows].T)
+                z[~(z > 0)] = math.nan
+                out[rows, 0], out[rows, 1] = finite_pair(x / z, y / z)
+        return out
+
+
+def lifted(rays: FloatArray, xi: float) -> FloatArray:
+    """(N, 3) directions as they are seen from ``xi`` behind the centre of the unit sphere.
+
+    With |P| = 1: (x, y, z + xi). From outside the sphere, xi > 1, only the part in front of its outline is seen.
+    """
+    rays = as_rows(rays, 3)
+    out = np.full_like(rays, math.nan)
+    if xi <= -1:
+        return out
+    with np.errstate(all="ignore"):
+        for rows in blocks(len(rays)):
+            x, y, z = np.ascontiguousarray(rays[rows].T)
+            # hypot does not overflow where the sum of squares would.
+            shrink = 1.0 / np.hypot(np.hypot(x, y), z)
+            x, y, z = x * shrink, y * shrink, z * shrink
+            z[~(1.0 + xi * z > 0)] = math.nan
+            out[rows, 0], out[rows, 1], out[rows, 2] = x, y, z + xi
+    return out
+
+
+def lowered(rays: FloatArray, xi: float) -> FloatArray:
+    """The inverse of :func:`lifted`: (N, 3) unit directions to the unit directions they come from."""
+    out = np.full_like(rays, math.nan)
+    if xi <= -1:
+        return out
+    with np.errstate(all="ignore"):
+        for rows in blocks(len(rays)):
+            x, y, z = np.ascontiguousarray(rays[rows].T)
+            inside = 1.0 - xi * xi * (x * x + y * y)
+            inside[~(inside > 0)] = math.nan
+            reach = xi * z + np.sqrt(inside)
+            out[rows, 0], out[rows, 1], out[rows, 2] = reach * x, reach * y, reach * z - xi
+    return out
+
+
+def widest_lifted(angle: float, xi: float) -> float:
+    """The angle from the axis that :func:`lifted` brings to ``angle``, or the outline's if that comes first."""
+    if xi <= -1:
+        return 0.0
+    if xi > 1 and angle >= math.asin(1.0 / xi):
+        return math.pi / 2 + math.asin(1.0 / xi)
+    return min(math.pi, angle + math.asin(max(-1.0, min(1.0, xi * math.sin(angle)))))
+
+
+def divided(rays: FloatArray, alpha: float, beta: float) -> FloatArray:
+    """(N, 3) directions to (N, 2): x and y over alpha·d + (1 − alpha)·z, d² = beta·(x² + y²) + z².
+
+    NaN from where the divisor vanishes or the image turns back: its slope over the angle has the sign of
+    (1 − alpha)·d + alpha·z.
+    """
+    rays = as_rows(rays, 3)
+    out = np.full((len(rays), 2), math.nan)
+    if beta < 0:
+        return out
+    with np.errstate(all="ignore"):
+        for rows in blocks(len(rays)):
+            x, y, z = np.ascontiguousarray(rays[rows].T)
+            shrink = 1.0 / np.hypot(np.hypot(x, y), z)
+            x, y, z = x * shrink, y * shrink, z * shrink
+            d = np.sqrt(beta * (x * x + y * y) + z * z)
+            divisor = alpha * d + (1.0 - alpha) * z
+            divisor[~((divisor > 0) & ((1.0 - alpha) * d + alpha * z > 0))] = math.nan
+            out[rows, 0], out[rows, 1] = finite_pair(x / divisor, y / divisor)
+    return out
+
+
+def undivided(xy: FloatArray, alpha: float, beta: float) -> FloatArray:
+    """The inverse of :func:`divided`: (N, 2) to (N, 3) unit directions.
+
+    Where the divisor is 1, depth solves (2·alpha − 1)·z² + 2·(1 − alpha)·z = 1 − alpha²·beta·r². Of the two ways
+    to write its root the one is taken in which nothing cancels.
+    """
+    xy = as_rows(xy, 2)
+    out = np.full((len(xy), 3), math.nan)
+    if beta < 0:
+        return out
+    with np.errstate(all="ignore"):
+        for rows in blocks(len(xy)):
+            x, y = finite_pair(*np.array(xy[rows].T, order="C"))
+            r2 = x * x + y * y
+            slope = np.sqrt(1.0 - (2.0 * alpha - 1.0) * beta * r2)
+            if 0 <= alpha <= 1:
+                z = (1.0 - alpha * alpha * beta * r2) / (1.0 - alpha + alpha * slope)
+            else:
+                z = (1.0 - alpha - alpha * slope) / (1.0 - 2.0 * alpha)
+            z[~(slope > 0)] = math.nan
+            shrink = 1.0 / np.sqrt(r2 + z * z)
+            out[rows, 0], out[rows, 1], out[rows, 2] = x * shrink, y * shrink, z * shrink
+    return out
+
+
+def widest(alpha: float, beta: float) -> float:
+    """The angle from the axis at which :func:`divided` ends."""
+    if beta < 0:
+        return 0.0
+    # Both conditions bound z/d from below; where alpha leaves 0 to 1, one of them always holds.
+    bounds = [-alpha / (1.0 - alpha)] if alpha < 1 else []
+    bounds += [(alpha - 1.0) / alpha] if alpha > 0 else []
+    cosine = max(-1.0, *bounds)
+    return math.atan2(math.sqrt(1.0 - cosine * cosine), math.sqrt(beta) * cosine)

@@ -1,0 +1,64 @@
+"""The unified camera: a sphere, a point behind its centre, and Brown's four terms in the plane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from calibrary.distortion.base import Distortion, FloatArray, perspective, unit_rays
+from calibrary.distortion.brown import BrownConrady
+from calibrary.distortion.omnidirectional import Omnidirectional, lifted, lowered, widest_lifted
+
+__all__ = ["Unified"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unified(Omnidirectional):
+    """Kalibr ``omni`` with ``radtan`` or none, camodocal ``MEI``, OpenCV's ``cv2.omnidir``.
+
+    With |P| the length of the ray (X, Y, Z)::
+
+        x = X / (Z + ξ·|P|)        y = Y / (Z + ξ·|P|)        r² = x² + y²
+        x' = x·(1 + k1·r² + k2·r⁴) + 2·p1·x·y + p2·(r² + 2x²)
+        y' = y·(1 + k1·r² + k2·r⁴) + p1·(r² + 2y²) + 2·p2·x·y
+
+    so the focal lengths beside it are Mei's generalised γ: near the axis the camera is a pinhole of γ/(1 + ξ).
+    ξ ≤ −1 makes no camera.
+
+    Source: C. Mei and P. Rives, "Single view point omnidirectional camera calibration from planar grids", 2007.
+    """
+
+    model: ClassVar[str] = "unified"
+
+    xi: float
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+
+    def observe(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+        return self._plane().distort(perspective(lifted(rays, self.xi)))
+
+    def rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+        return lowered(unit_rays(self._plane().undistort(xy)), self.xi)
+
+    def max_angle_rad(self) -> float:
+        """The angle at which the terms in the plane fold, or at which the ray runs along the plane."""
+        return widest_lifted(math.atan(self._plane().valid_radius()), self.xi)
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """Brown–Conrady, where the sphere's point is its centre."""
+        return () if self.xi else (self._plane(),)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> Unified | None:
+        """Brown–Conrady without k3; None for every other model."""
+        if not isinstance(other, BrownConrady) or other.k3:
+            return None
+        return cls(xi=0.0, k1=other.k1, k2=other.k2, p1=other.p1, p2=other.p2)
+
+    def _plane(self) -> BrownConrady:
+        return BrownConrady(k1=self.k1, k2=self.k2, p1=self.p1, p2=self.p2)

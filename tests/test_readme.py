@@ -1,0 +1,282 @@
+"""README.md does what it says: its commands run, its Python runs, its links lead somewhere, its numbers are ours."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+import calibrary
+from calibrary.cli.main import EPILOG, build_parser
+from calibrary.extract.cameras import DEFAULT_SENSOR_MM
+from calibrary.extract.fallback import seed
+from calibrary.parsers import formats
+from calibrary.policy import FLEET, SOURCE
+from calibrary.registry.catalogue import load_catalogue
+from calibrary.schemas import require
+from calibrary.synthetic import (
+    ExifTags,
+    Namespace,
+    XmpDescription,
+    XmpPacket,
+    attributes,
+    write_jpeg,
+)
+from tests.house.project import ROOT
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"(?ms)^```(\w+)\n(.*?)^```$", README)
+COMMANDS = [line for kind, text in BLOCKS if kind == "sh" for line in text.splitlines()]
+OWN_COMMANDS = [line for line in COMMANDS if not line.startswith(("make ", "pip "))]
+PROSE = re.sub(r"`[^`]*`|\]\([^)]*\)", " ", re.sub(r"(?ms)^```.*?^```$", "", README))
+
+BIN = Path(sys.executable).parent
+DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
+DEWARP = "2019-03-05;3659.5,3655.0,-4.25,22.5,-0.267,0.111,0.0008,-0.0001,-0.033"
+
+STUB = """\
+#!/bin/sh
+for word in "$@"; do printf '%s\\n' "$word"; done >> colmap.log
+"""
+"""COLMAP, as far as the README needs it."""
+
+
+def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))
+    }
+    environment["PATH"] = os.pathsep.join([str(folder / "bin"), str(BIN), environment["PATH"]])
+    return subprocess.run(
+        ["/bin/sh", "-c", command], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def entry() -> tuple[str, str]:
+    """The registry's entry that the README shows, and the path it gives it."""
+    [text] = [text for kind, text in BLOCKS if kind == "yaml"]
+    [path] = re.findall(r"`(\S+/cameras/\S+\.yaml)`", README)
+    return path, text
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Images under the names the README gives its folders, a registry, and nothing else."""
+    folder = tmp_path_factory.mktemp("reader")
+    phantom = ExifTags(make="DJI", model="FC6310R", focal_mm=(88, 10), focal_35mm=24)
+    dewarp = XmpPacket(descriptions=(XmpDescription(items=attributes(DJI, DewarpData=DEWARP)),))
+    for number in (1, 2):
+        write_jpeg(folder / f"survey/DJI_000{number}.JPG", (5472, 3648), exif=phantom, xmp=dewarp)
+    for name, size, source, focal_mm in (
+        ("a/wide", (8000, 6000), "WideCamera", (44, 10)),
+        ("a/thermal", (640, 512), "InfraredCamera", (91, 10)),
+    ):
+        told = XmpPacket(descriptions=(XmpDescription(items=attributes(DJI, ImageSource=source)),))
+        mavic = ExifTags(make="DJI", model="M3T", focal_mm=focal_mm)
+        write_jpeg(folder / f"flight/{name}.jpg", size, exif=mavic, xmp=told)
+    odd = ExifTags(make="Nobody", model="Knows It", focal_mm=(12, 1), focal_35mm=24)
+    write_jpeg(folder / "odd-camera/1.jpg", (5184, 3896), exif=odd)
+    path, text = entry()
+    (folder / path).parent.mkdir(parents=True)
+    (folder / path).write_text(text, encoding="utf-8")
+    (folder / "bin").mkdir()
+    (folder / "bin/colmap").write_text(STUB)
+    (folder / "bin/colmap").chmod(0o755)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def ran(folder: Path) -> dict[str, subprocess.CompletedProcess[str]]:
+    """Every command for a reader's own images, run in the README's order."""
+    return {command: shell(command, folder) for command in OWN_COMMANDS}
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What ``make demo`` leaves behind, by the commands it would run."""
+    folder = tmp_path_factory.mktemp("demo")
+    recipe = subprocess.run(
+        ["make", "-n", "demo"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    [write] = re.findall(r"-m calibrary\.demo \S+", recipe)
+    extract = re.findall(r"calibrary extract \S.*?\.npy", recipe)[0]
+    [result] = re.findall(r"--output-matrix (\S+)/", extract)
+    (folder / result).mkdir()
+    assert shell(f"{sys.executable} {write}", folder).returncode == 0
+    assert shell(extract, folder).returncode == 1
+    (folder / result).rename(folder / "result")
+    (folder / write.rsplit(" ", 1)[1]).rename(folder / "flight")
+    return folder
+
+
+@pytest.mark.parametrize("command", OWN_COMMANDS)
+def test_every_command_runs(ran: dict[str, subprocess.CompletedProcess[str]], command: str) -> None:
+    assert ran[command].returncode == 0, ran[command].stderr
+    assert "Traceback" not in ran[command].stderr
+
+
+@pytest.mark.usefixtures("ran")
+def test_the_commands_write_what_the_text_says(folder: Path) -> None:
+    K = np.load(folder / "K_matrix.npy")
+    assert (K.shape, K.dtype) == ((3, 3), np.float64)
+    assert K[0, 0] == 3659.5
+    several = {path.name for path in folder.glob("K_matrix.*.npy")}
+    assert several == {"K_matrix.dji-m3t-wide-8000x6000.npy", "K_matrix.dji-m3t-thermal-640x512.npy"}
+    require(json.loads((folder / "report.json").read_text()), "report-1", source="report.json")
+    assert (folder / "report.json").read_bytes() == (folder / "K_matrix.json").read_bytes()
+
+
+@pytest.mark.usefixtures("ran")
+def test_colmap_is_given_the_images_and_their_k(folder: Path) -> None:
+    words = (folder / "colmap.log").read_text().splitlines()
+    assert words[0] == "feature_extractor"
+    assert words[words.index("--ImageReader.camera_params") + 1].startswith("3659.5,3655.0,2731.75,1846.5,")
+    listed = (folder / words[words.index("--image_list_path") + 1]).read_text().split()
+    assert listed == ["DJI_0001.JPG", "DJI_0002.JPG"]
+
+
+def test_the_registry_shown_stands_in_where_the_images_have_no_k(folder: Path, tmp_path: Path) -> None:
+    bare = ExifTags(make="DJI", model="FC6310R")
+    write_jpeg(tmp_path / "input/a.jpg", (5472, 3648), exif=bare)
+    registry = folder / entry()[0].split("/", 1)[0]
+    done = shell(f"calibrary extract --registry {registry}", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert np.load(tmp_path / "K_matrix.npy")[0, 0] == 3660.5
+
+
+@pytest.mark.parametrize("command", [command for command in COMMANDS if command.startswith("make ")])
+def test_every_make_target_has_a_recipe(command: str) -> None:
+    done = subprocess.run([*command.split(), "-n"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "calibrary" in done.stdout or "pytest" in done.stdout
+
+
+def test_pip_install_gives_the_package_and_the_command(tmp_path: Path) -> None:
+    assert "pip install ." in COMMANDS
+    flags = ["--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--target", str(tmp_path / "env")]
+    uv = shutil.which("uv")
+    pip = (
+        [uv, "pip", "install", "--python", sys.executable] if uv else [sys.executable, "-m", "pip", "install"]
+    )
+    done = subprocess.run([*pip, *flags, "."], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "env/bin/calibrary").is_file()
+    where = "import calibrary.registry.catalogue as home; print(home.__file__)"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "env")}
+    imported = subprocess.run(
+        [sys.executable, "-c", where], env=environment, capture_output=True, text=True, check=True
+    )
+    assert imported.stdout.startswith(str(tmp_path))
+
+
+@pytest.mark.parametrize("code", [text for kind, text in BLOCKS if kind == "python"])
+def test_python_prints_what_stands_below_it(folder: Path, code: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == re.findall(r"(?m)^# (.*)$", code)
+
+
+def test_the_signature_is_the_functions() -> None:
+    parameters = inspect.signature(calibrary.extract_intrinsic_matrix).parameters.values()
+    told = ", ".join(p.name if p.default is p.empty else f"{p.name}={p.default}" for p in parameters)
+    assert f"`extract_intrinsic_matrix({told})`" in re.sub(r"\s+", " ", README)
+
+
+def test_every_block_is_of_a_kind_that_is_run() -> None:
+    assert {kind for kind, _ in BLOCKS} == {"sh", "python", "yaml"}
+
+
+def test_every_relative_link_leads_to_a_file() -> None:
+    targets = re.findall(r"\]\(([^)#]+)\)", README)
+    assert [target for target in targets if "://" not in target and not (ROOT / target).is_file()] == []
+    assert {"DESIGN.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE"} <= set(targets)
+
+
+def test_every_flag_named_is_one_of_the_commands() -> None:
+    named = set(re.findall(r"`[^`\n]*?(--[a-z-]+)", README)) | set(re.findall(r" (--[a-z-]+)", README))
+    extract = build_parser().parse_args(["extract"])
+    assert {flag.removeprefix("--").replace("-", "_") for flag in named} <= set(vars(extract))
+
+
+def test_the_exit_codes_are_the_commands() -> None:
+    table = re.findall(r"(?m)^\| (\d+) \| ", README)
+    assert table == re.findall(r"(?m)^  (\d+)  ", EPILOG)
+
+
+def test_the_formats_named_are_read() -> None:
+    for name, module in (("Agisoft XML", "agisoft_xml"), ("OpenCV XML or YAML", "opencv_storage")):
+        assert name in README
+        assert module in {each.name for each in formats()}
+
+
+def test_every_number_quoted_is_the_codes(demo: Path) -> None:
+    report = json.loads((demo / "result/K_matrix.json").read_text())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    catalogue = list(load_catalogue())
+    start = seed(calibrary.CameraKey(), (4000, 3000)).intrinsics.fx / 4000
+    assert FLEET.focal_symmetry_max == SOURCE.focal_symmetry_max
+    assert FLEET.principal_point_drift_max == SOURCE.principal_point_drift_max
+    assert FLEET.known_camera_tolerance is not None
+    assert FLEET.focal_symmetry_proven is not None
+    numbers: dict[str, list[float]] = {
+        "the files of the demonstration, and the cameras in them": [report["images"], len(report["cameras"])],
+        "the catalogue's cameras and their makers": [len(catalogue), len({c.make for c in catalogue})],
+        "the sensor that is assumed": [*DEFAULT_SENSOR_MM],
+        "the band of the source policy": [*SOURCE.focal_over_width],
+        "where a self-calibration starts": [start],
+        "limits in per cent": [
+            100 * FLEET.known_camera_tolerance,
+            100 * FLEET.focal_symmetry_proven,
+            100 * FLEET.focal_symmetry_max,
+            100 * FLEET.principal_point_drift_max,
+        ],
+        "a matrix's sides": [3],
+        "the exit codes": [0, 1, 2, 3, 4],
+        "a film's width": [35],
+        "half of W and H, and half a pixel": [2, 0.5],
+    }
+    known = {f"{number:g}" for group in numbers.values() for number in group}
+    known.add(project["requires-python"].removeprefix(">="))
+    assert set(re.findall(r"(?<![\w.-])\d+(?:\.\d+)?", PROSE)) <= known
+    told = re.sub(r"\s+", " ", README)
+    assert f"{report['images']} files by {len(report['cameras'])} cameras" in told
+    assert f"{len(catalogue)} cameras by {len({c.make for c in catalogue})} makers" in told
+
+
+def test_the_picture_is_what_the_command_says(demo: Path, tmp_path: Path) -> None:
+    script = [
+        sys.executable,
+        str(ROOT / "docs/make_pictures.py"),
+        str(tmp_path),
+        "--flight",
+        str(demo / "flight"),
+    ]
+    subprocess.run(script, check=True, capture_output=True)
+    shown, drawn = (texts(path / "extract.svg") for path in (ROOT / "docs", tmp_path))
+    assert shown == drawn, "the output has changed: make pictures"
+    assert (ROOT / "docs/extract.svg").stat().st_size < 200_000
+
+
+def test_the_picture_fetches_nothing() -> None:
+    picture = (ROOT / "docs/extract.svg").read_text(encoding="utf-8")
+    assert re.findall(r"(?:https?:)?//[^\s\"')]+", picture) == ["http://www.w3.org/2000/svg"]
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 130
+
+
+def texts(path: Path) -> list[str]:
+    tree = ET.fromstring(path.read_text(encoding="utf-8"))  # noqa: S314  our own picture
+    return [element.text or "" for element in tree.iter("{http://www.w3.org/2000/svg}text")]
