@@ -19,7 +19,8 @@ def write_files(files: Mapping[Path, bytes]) -> None:
     Everything is written beside its place first, then moved there.
 
     Raises:
-        InputError: a folder is missing or may not be written to, or the disk is full; nothing was changed.
+        InputError: a folder is missing or may not be written to, or the disk is full; the message says what
+            was changed all the same.
     """
     staged: list[tuple[str, Path]] = []
     done: list[str] = []
@@ -32,9 +33,9 @@ def write_files(files: Mapping[Path, bytes]) -> None:
             del staged[0]
             done.append(path.name)
     except OSError as error:
-        nothing_else = f"only {', '.join(done)}" if done else "nothing"
+        written = f"only {', '.join(done)}" if done else "nothing"
         raise InputError(
-            f"cannot be written: {error.strerror or error}; {nothing_else} was written", source=str(path)
+            f"cannot be written: {error.strerror or error}; {written} was written", source=str(path)
         ) from None
     finally:
         for temporary, _ in staged:

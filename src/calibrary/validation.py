@@ -368,11 +368,12 @@ def _apart(c: Calibration, other: NamedFocal) -> float:
 Rule = Callable[[Calibration, Policy, Circumstances], Iterator[Finding]]
 
 RULES: tuple[Rule, ...] = (
+    # A leak is what makes a focal length implausible, so it is told first.
+    _leak_35mm,
     _focal_symmetry,
     _principal_point,
     _focal_plausibility,
     _zero_skew,
-    _leak_35mm,
     _witness_agreement,
     _sensor_stated,
     _digital_zoom,

@@ -206,14 +206,15 @@ def test_what_a_fisheye_sees_beyond_its_fold_has_no_ray(model: KannalaBrandt) ->
     assert np.isnan(model.rays(circle(1.001 * float(rim)))).all()
 
 
-def test_a_lens_whose_slope_runs_along_its_tangential_term_does_not_fold() -> None:
-    # A' stays within 5 % of 6·q·r: the determinant is least in a direction that is not against q.
+def test_a_lens_may_fold_sideways_to_its_tangential_term() -> None:
+    # A' stays just above 6·q·r, so nothing happens against q = (p2, p1); the fold is 6° to either side of it.
     model = BrownConrady(
         k1=10.40524185867064, k2=-9.0955802051267, p1=0, p2=1.8139754993879809, k3=3.592289753896421
     )
-    assert model.valid_radius() == math.inf
-    inside = np.concatenate([circle(r) for r in np.linspace(0.01, 3.0, 200)])
-    assert (determinant(model, inside) > 0).all()
+    assert model.valid_radius() == pytest.approx(0.8801364243799904, rel=1e-9)
+    assert (determinant(model, circle(0.8801)) > 0).all()
+    assert (determinant(model, circle(0.8805)) < 0).any()
+    assert determinant(model, np.array([[-0.8805, 0.0]])) > 0
 
 
 def test_a_vanishing_leading_coefficient_hides_no_fold() -> None:

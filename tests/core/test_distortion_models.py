@@ -24,6 +24,7 @@ from calibrary.distortion import (
 from calibrary.errors import InputError, UnsupportedModelError
 from tests.strategies import any_distortions
 
+OPENCVS = (BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt)
 OPENCV_ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 
 
@@ -149,12 +150,10 @@ def test_an_array_of_another_shape_is_named() -> None:
 
 
 @pytest.mark.parametrize("huge", [1e30, -1e30, 1e300, -1e308, 5e-324])
-@pytest.mark.parametrize("model", [name for name in MODELS if name != "none"])
-def test_absurd_coefficients_neither_warn_nor_hang(model: str, huge: float) -> None:
+@pytest.mark.parametrize("kind", OPENCVS)
+def test_absurd_coefficients_neither_warn_nor_hang(kind: type[Distortion], huge: float) -> None:
     values = [huge / 3**i for i in range(14)]
-    names = MODELS[model].names()
-    coefficients = {n: 0.3 if n.startswith("tau") else v for n, v in zip(names, values, strict=False)}
-    lens = distortion_from(model, coefficients)
+    lens = kind(**{n: 0.3 if n.startswith("tau") else v for n, v in zip(kind.names(), values, strict=False)})
     assert lens.valid_radius() >= 0
     assert 0 <= lens.max_angle_rad() <= math.pi
     points = np.array([[0.0, 0.1], [1e-3, -2.0], [1e5, 3e5]])

@@ -191,9 +191,11 @@ def test_it_projects_as_colmap_does(lens: Distortion, peer: pycolmap.Camera) -> 
     x, y = np.meshgrid(np.linspace(-1.5, 1.5, 41), np.linspace(-1.2, 1.2, 41))
     points = np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
     pixels = ours.project(points)
-    np.testing.assert_allclose(pixels, peer.img_from_cam(points), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(pixels, np.asarray(peer.img_from_cam(points)), rtol=0, atol=1e-9)
     back = ours.unproject(pixels)
-    np.testing.assert_allclose(back[:, :2] / back[:, 2:], peer.cam_from_img(pixels), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        back[:, :2] / back[:, 2:], np.asarray(peer.cam_from_img(pixels)), rtol=0, atol=1e-12
+    )
 
 
 @QUICK

@@ -20,9 +20,9 @@ from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYD
 
 DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
 DEWARP = "2019-03-05;3660.5,3655.25,-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
-P4R = {"make": "DJI", "model": "FC6310R", "focal_mm": (88, 10)}
+P4R: dict[str, Any] = {"make": "DJI", "model": "FC6310R", "focal_mm": (88, 10)}
 """What a Phantom 4 RTK writes into EXIF; ``dewarp=DEWARP`` adds this unit's calibration."""
-NOBODY = {"make": "Example", "model": "One", "focal_mm": (132, 10)}
+NOBODY: dict[str, Any] = {"make": "Example", "model": "One", "focal_mm": (132, 10)}
 """A camera in no catalogue, whose focal length over the default sensor is 1.0 W, within the band."""
 
 KNOWLEDGE = Knowledge(catalogue=Catalogue([P4_RTK, M3T_WIDE, M3T_THERMAL, PHANTOM_3, SKYDIO_2]))

@@ -137,7 +137,7 @@ def judgement(outcome: Outcome, *, width: int) -> RenderableType:
     parts = [_cameras(outcome, width)]
     if outcome.rejected:
         parts.append(_set_aside(outcome.rejected))
-    return Group(*parts)
+    return Constrain(Group(*parts), width)
 
 
 def _cameras(outcome: Outcome, width: int) -> RenderableType:
@@ -190,7 +190,7 @@ def _line(cells: list[Text], name_width: int) -> Table:
 
 
 def _below(camera: CameraOutcome) -> Iterator[Text]:
-    """K, where it is from, why it is not valid, what to do, and what was heard beside it."""
+    """K, where it is from, whose it is and why it is not valid, what to do, and what was heard beside it."""
     if camera.calibration is not None:
         K = camera.calibration.intrinsics
         yield Text(f"fx {K.fx:.2f}  fy {K.fy:.2f}  cx {K.cx:.2f}  cy {K.cy:.2f}")
@@ -198,6 +198,9 @@ def _below(camera: CameraOutcome) -> Iterator[Text]:
         words = (from_where.tag, from_where.adaptation)
         if camera.calibration is camera.camera.calibration and any(words):
             yield Text(f"from {printable(', '.join(word for word in words if word))}", "dim")
+    if camera.verdict is not Verdict.VALID:
+        first, *more = camera.camera.names
+        yield Text(printable(f"images: {first} and {len(more)} more" if more else f"image: {first}"), "dim")
     reason = camera.reason or ""
     if reason:
         yield Text(printable(reason))

@@ -15,6 +15,7 @@ from calibrary.distortion.brown import BrownConrady
 from calibrary.distortion.double_sphere import DoubleSphere
 from calibrary.distortion.extended_unified import ExtendedUnified
 from calibrary.distortion.field_of_view import FieldOfView
+from calibrary.distortion.fisheye_polynomial import FisheyePolynomial
 from calibrary.distortion.kannala_brandt import KannalaBrandt
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.distortion.none import NoDistortion
@@ -33,6 +34,7 @@ __all__ = [
     "DoubleSphere",
     "ExtendedUnified",
     "FieldOfView",
+    "FisheyePolynomial",
     "KannalaBrandt",
     "MetashapeFrame",
     "NoDistortion",
@@ -62,6 +64,7 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
             ExtendedUnified,
             DoubleSphere,
             FieldOfView,
+            FisheyePolynomial,
         )
     }
 )

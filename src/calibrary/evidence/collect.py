@@ -9,7 +9,7 @@ from calibrary.evidence import camera_namespace, dji, field_of_view, optics, sky
 from calibrary.evidence.conflict import Conflict, conflicts
 from calibrary.evidence.context import Scene
 from calibrary.evidence.frame import exif_contradiction
-from calibrary.evidence.witness import Dropped, Witness
+from calibrary.evidence.witness import Dropped, Source, Witness
 
 __all__ = ["Evidence", "collect"]
 
@@ -75,6 +75,9 @@ def collect(scene: Scene) -> Evidence:
         return Evidence(scene=scene, contradiction=contradiction)
     findings = [finding for source in SOURCES for finding in source.witnesses(scene)]
     heard = sorted((f for f in findings if isinstance(f, Witness)), key=lambda witness: witness.rank)
+    if any(w.source is not Source.ASSUMED_SENSOR and w.grade.is_metric for w in heard):
+        # A guess for want of better is no witness: it must neither confirm a K nor speak against one.
+        heard = [w for w in heard if w.source is not Source.ASSUMED_SENSOR]
     dropped = tuple(f for f in findings if isinstance(f, Dropped))
     evidence = Evidence(scene=scene, witnesses=tuple(heard), dropped=dropped)
     chosen = evidence.chosen

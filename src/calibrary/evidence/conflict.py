@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,9 @@ AGREEMENT = 0.05
 
 RATIO_SLACK = 0.03
 
+WIDE_ASPECT = 1.7
+"""No UAV still sensor is this wide; a frame that is, was cropped."""
+
 
 class Cause(StrEnum):
     """What most likely made two witnesses disagree; the value is the sentence for people."""
@@ -27,7 +31,7 @@ class Cause(StrEnum):
     DIGITAL_ZOOM = "digital zoom is applied in one of them only"
     OTHER_SUB_CAMERA = "the tag belongs to another sub-camera of this Model"
     STALE_EXIF_SIZE = "EXIF's image size is not the file's"
-    CROP = "one of them does not know of a crop"
+    CROP = "one of them does not know that the frame was cropped or resized"
     UNIT = "millimetres were taken for pixels, or pixels for millimetres"
     SENSOR_SIZE = "the sensor size is not this camera's"
     UNKNOWN = "no known cause fits; look at the tags"
@@ -77,18 +81,33 @@ def _cause(scene: Scene, chosen: Witness, other: Witness) -> Cause:
         return Cause.DIGITAL_ZOOM
     if any(_is_sibling(scene, witness) for witness in (other, chosen)):
         return Cause.OTHER_SUB_CAMERA
-    if {chosen.source, other.source} & {Source.GIVEN_SENSOR, Source.ASSUMED_SENSOR}:
-        return Cause.SENSOR_SIZE
+    sources = {chosen.source, other.source}
+    wide = Source.FOCAL_35MM in sources and _is_wide_crop(scene, ratio)
+    if sources & {Source.GIVEN_SENSOR, Source.ASSUMED_SENSOR}:
+        return Cause.CROP if wide else Cause.SENSOR_SIZE
     exif_size, size = metadata.exif_size, metadata.size
     if exif_size is not None and exif_size != size and _near_either(ratio, exif_size[0] / size[0]):
         return Cause.STALE_EXIF_SIZE
     native = scene.native_size
-    if native is not None and native != size and _near_either(ratio, native[0] / files_frame(metadata)[0]):
+    resized = native is not None and native != size and native[0] / files_frame(metadata)[0]
+    if wide or (resized and _near_either(ratio, resized)):
         return Cause.CROP
     per_mm = scene.px_per_mm()
     if per_mm is not None and _near_either(ratio, per_mm[0]):
         return Cause.UNIT
     return Cause.UNKNOWN
+
+
+def _is_wide_crop(scene: Scene, ratio: float) -> bool:
+    """Whether a 35 mm equivalent differs as 16:9 does that was cut out of 4:3 or 3:2.
+
+    It counts by the native diagonal, which of an unknown camera nobody tells.
+    """
+    width, height = files_frame(scene.metadata)
+    if scene.native_size is not None or width / height < WIDE_ASPECT:
+        return False
+    shrunk = [math.hypot(1, height / width) / math.hypot(1, side) for side in (3 / 4, 2 / 3)]
+    return any(_near_either(ratio, factor) for factor in shrunk)
 
 
 def _is_sibling(scene: Scene, witness: Witness) -> bool:

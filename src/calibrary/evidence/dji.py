@@ -121,6 +121,6 @@ def _design_centre(metadata: ImageMetadata) -> tuple[float, float] | None:
 def _frames(scene: Scene) -> Iterator[ImageSize]:
     """The frame of the design centre (exactly its middle) first, then the likely ones."""
     centre = _design_centre(scene.metadata)
-    if centre is not None and 1 <= min(centre) and max(centre) <= LARGEST_SIDE:
+    if centre is not None and min(centre) >= 1 and max(centre) <= LARGEST_SIDE:
         yield round(centre[0] * 2), round(centre[1] * 2)
     yield from scene.frames()

@@ -103,6 +103,10 @@ def _step(adapted: Adapted, target: ImageSize) -> Adapted:
             steps=(*adapted.steps, step),
             assumptions=(*adapted.assumptions, "the crop is centred"),
         )
+    if same_aspect(source, target[::-1]):
+        raise FrameError(
+            f"a {_x(source)} frame does not lead to {_x(target)}: it was rotated by 90°; give the camera's own file"
+        )
     raise FrameError(
         f"a {_x(source)} frame does not lead to {_x(target)} by a scale or a centred 1:1 crop; "
         "register the camera at this size"

@@ -17,7 +17,6 @@ from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError
 from calibrary.extract.cameras import Camera, circumstances
 from calibrary.extract.gather import find_files
-from calibrary.extract.hand_off import OPENCV_SUFFIX
 from calibrary.extract.knowledge import Knowledge
 from calibrary.parsers.imagery import IMAGE_SUFFIXES
 from calibrary.policy import Policy
@@ -130,10 +129,6 @@ def find_calibrations(
         if suffix in IMAGE_SUFFIXES or suffix not in CALIBRATION_SUFFIXES:
             continue
         name = path.relative_to(directory).as_posix()
-        if path.name.endswith(OPENCV_SUFFIX):
-            # Read as a measurement, what was only derived from these images would come back as calibrated.
-            unreadable.append((name, "a hand-off of an earlier run, which measured nothing"))
-            continue
         try:
             calibrations = parsers.read(path, max_bytes=LARGEST_CALIBRATION)
         except UnknownFormatError:
@@ -219,6 +214,10 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
             why += f" (found for {', '.join(sizes)})"
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
     source, calibration = fitting[0]
+    if calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}:
+        # A hand-off of an earlier run says so; what images told then is no measurement of this camera now.
+        why = f"its K is {calibration.grade}, as of an earlier hand-off, and not measured; give a calibration"
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     if len({(c.intrinsics, c.distortion) for _, c in fitting}) > 1:
         why = f"{len(fitting)} different calibrations fit this frame: {', '.join(n for n, _ in fitting)}; keep one"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)

@@ -21,10 +21,16 @@ from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rati
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
 
-__all__ = ["OPENCV_SUFFIX", "SOLVER_FILES", "Candidate", "Solver", "colmap_camera", "hand_off", "seed_command"]
+__all__ = [
+    "SOLVER_FILES",
+    "Candidate",
+    "Solver",
+    "colmap_camera",
+    "hand_off",
+    "seed_command",
+]
 
 OPENCV_SUFFIX = ".opencv.yml"
-"""By it a later run knows what an earlier one wrote."""
 
 
 class Solver(StrEnum):
@@ -101,7 +107,8 @@ def _image_list(camera: Candidate) -> bytes:
     broken = next((name for name in camera.names if "\n" in name or "\r" in name), None)
     if broken is not None:
         raise InputError(
-            "its name holds a line break, which COLMAP's list of images cannot; rename it", source=repr(broken)
+            "its name holds a line break, which COLMAP's list of images cannot; rename it",
+            source=repr(broken),
         )
     return b"".join(os.fsencode(name) + b"\n" for name in camera.names)
 
@@ -220,7 +227,7 @@ def _named(
     """
     named: dict[str, Candidate] = {}
     for camera in sorted(cameras, key=lambda camera: camera.slug not in models):
-        for name in _solver_names(camera, solver):
+        for name in sorted(_solver_names(camera, solver)):
             other = named.get(name)
             if other is not None:
                 raise UnsupportedModelError(

@@ -1,0 +1,145 @@
+"""OPF (Open Photogrammetry Format) calibrated cameras: what Pix4D's bundle adjustment found.
+
+In the format's own words::
+
+    {"format": "application/opf-calibrated-cameras+json", "version": "1.0",
+     "sensors": [{"id": 1, "internals": {…}, "rig_relatives": {…}}],
+     "cameras": [{"id": 2, "sensor_id": 1, "position": […], "orientation_deg": […]}]}
+
+One camera here for each sensor. How large its images are, and what it is called, stands in the *input cameras*
+of the same project, which are looked for beside the file: by the project's list of resources in
+``project.opf``, else under their usual names. Where an image was taken from is left out, and not written.
+
+Source: OPF specification 1.0, "Calibrated cameras".
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.distortion import BrownConrady, FisheyePolynomial, NoDistortion
+from calibrary.parsers.content import Content
+from calibrary.parsers.document import Json, Node, load_json
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, WriteContext
+from calibrary.parsers.formats import _opf
+
+__all__ = ["FORMAT"]
+
+MARK = "application/opf-calibrated-cameras+json"
+INPUT_MARK = "application/opf-input-cameras+json"
+INPUT_NAMES = ("input_cameras.json", "input-cameras.json")
+PROJECT_NAMES = ("project.opf",)
+KNOWN = frozenset({"internals"})
+PREFIX = "opf_calibrated_cameras/"
+
+
+@dataclass(frozen=True, slots=True)
+class _Input:
+    """What a project's input cameras say of its sensors, by id."""
+
+    sizes: Mapping[int, ImageSize]
+    names: Mapping[int, str]
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The document names its format."""
+    return _opf.sniffed(content, MARK)
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every sensor, in order."""
+    items = _opf.sensors(data, MARK, source=context.name)
+    known = _input(context)
+    found: list[Calibration] = []
+    for item, label in zip(items, _opf.labels(items, known.names), strict=True):
+        stated = known.sizes.get(_opf.identity(item))
+        # A size from the caller is for the sensors that the project does not describe.
+        size = stated if stated is not None and len(items) > 1 else context.size(stated)
+        intrinsics, distortion = _opf.optics(item["internals"], size)
+        found.append(
+            Calibration(
+                camera=CameraKey(image_size=size, sub_camera=label),
+                intrinsics=intrinsics,
+                distortion=distortion,
+                grade=Grade.ADJUSTED,
+                provenance=context.provenance(tag=item.place),
+                extras=_opf.extras(item, PREFIX, KNOWN),
+            )
+        )
+    return found
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """The sensors, without any camera that took a picture with them."""
+    rows: list[Json] = []
+    taken: set[int] = set()
+    for calibration in calibrations:
+        fields: dict[str, Json] = {
+            key.removeprefix(PREFIX): json.loads(value)
+            for key, value in calibration.extras
+            if key.startswith(PREFIX)
+        }
+        number = fields.pop("id", None)
+        if not isinstance(number, int) or number in taken:
+            number = next(free for free in range(1, len(calibrations) + 2) if free not in taken)
+        taken.add(number)
+        optics = _opf.internals(calibration.intrinsics, calibration.distortion)
+        rows.append({"id": number, "internals": optics, **fields})
+    document: dict[str, Json] = {"format": MARK, "version": "1.0", "sensors": rows, "cameras": []}
+    return (json.dumps(document, indent=4) + "\n").encode()
+
+
+def _input(context: ReadContext) -> _Input:
+    """The input cameras of the same project, empty where there are none beside the file."""
+    sizes: dict[int, ImageSize] = {}
+    names: dict[int, str] = {}
+    for name in _companions(context):
+        data = context.companion(name)
+        if data is None:
+            continue
+        for sensor in _opf.sensors(data, INPUT_MARK, source=name):
+            number = _opf.identity(sensor)
+            sizes[number] = _opf.image_size(sensor)
+            label = sensor.get("name")
+            if label is not None:
+                names[number] = label.text()
+        break
+    return _Input(sizes, names)
+
+
+def _companions(context: ReadContext) -> Iterator[str]:
+    """Where the input cameras may be, relative to the file."""
+    for name in PROJECT_NAMES:
+        data = context.companion(name)
+        if data is not None:
+            yield from _listed(load_json(data, source=name))
+    yield from INPUT_NAMES
+
+
+def _listed(project: Node) -> Iterator[str]:
+    """The input cameras among a project's resources, where they lie beside it."""
+    for item in project["items"].items():
+        for resource in item["resources"].items():
+            if resource["format"].value == INPUT_MARK:
+                uri = resource["uri"].text()
+                if not (uri.startswith("/") or ":" in uri or ".." in uri.split("/")):
+                    yield uri
+
+
+FORMAT = Format(
+    name="opf_calibrated_cameras",
+    title="OPF calibrated cameras (Pix4D)",
+    suffixes=(".json",),
+    reference="https://pix4d.github.io/opf-spec/specification/calibrated_cameras.html",
+    convention=_opf.CONVENTION,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=Capacity(
+        models=(NoDistortion, BrownConrady, FisheyePolynomial), two_focals=False, several_cameras=True
+    ),
+    needs_image_size=True,
+)

@@ -1,0 +1,266 @@
+"""ROS camera calibration, the YAML of ``camera_calibration_parsers`` and of ``rostopic echo``.
+
+In the format's own words::
+
+    image_width: 5472
+    image_height: 3648
+    camera_name: front
+    camera_matrix:
+      rows: 3
+      cols: 3
+      data: [3650.1, 0, 2736.2, 0, 3649.8, 1824.7, 0, 0, 1]
+    distortion_model: plumb_bob                                  # rational_polynomial, equidistant
+    distortion_coefficients:
+      rows: 1
+      cols: 5
+      data: [-0.0125, 0.0231, -0.0004, 0.0008, -0.0172]          # k1 k2 p1 p2 k3
+    rectification_matrix: …                                      # R, of the rectified camera
+    projection_matrix: …                                         # P, of the rectified camera
+
+The message itself, as ``rostopic echo`` prints it, has ``width``, ``height`` and K, D, R, P at the top (k, d,
+r, p in ROS 2). K and D belong to the image as it was taken; P belongs to the rectified one and is never K.
+ROS's own parser refuses a file without R and P; for an unrectified camera they are the identity and [K | 0].
+
+Sources: ``sensor_msgs/CameraInfo.msg``; ROS ``camera_calibration_parsers``, ``parse_yml.cpp``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin
+from calibrary.parsers.document import Node, parse_json
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._bound_extras import bound, unbound
+from calibrary.parsers.formats._file_storage import YAML_TAGS
+from calibrary.parsers.formats._opencv_lens import COUNTS, lens
+from calibrary.parsers.formats._yaml_text import flow, scalar
+from calibrary.strictyaml import load_yaml
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    remarks=("equidistant's four are k1, k2, k3, k4", "K and D are read; R and P are of the rectified image"),
+)
+FISHEYES = frozenset({"equidistant", "fisheye"})
+BY_COUNT = {"plumb_bob": (0, 4, 5), "rational_polynomial": COUNTS}
+PREFIX = "ros_camera_info/"
+MAX_BYTES = 1024 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Spelling:
+    """What a file and the two generations of messages call the same things."""
+
+    width: str
+    height: str
+    K: str
+    D: str
+    R: str
+    P: str
+
+
+SPELLINGS = (
+    Spelling(
+        "image_width", "image_height", "camera_matrix", "distortion_coefficients",
+        "rectification_matrix", "projection_matrix",
+    ),
+    Spelling("width", "height", "K", "D", "R", "P"),
+    Spelling("width", "height", "k", "d", "r", "p"),
+)  # fmt: skip
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The key distortion_model beside a K as a file or a message calls it."""
+    keys = set(content.yaml_keys)
+    for spelled in SPELLINGS:
+        if spelled.K not in keys or not {spelled.width, spelled.height} <= keys:
+            continue
+        told = [key for key in ("distortion_model", spelled.P) if key in keys]
+        if told:
+            sure = Sure.MAGIC if len(told) == 2 else Sure.SHAPE
+            return Sniff(sure, f"the keys {', '.join([spelled.K, *told])}")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The one camera of the file."""
+    tree = _tree(data, context.name)
+    spelled = next((item for item in SPELLINGS if item.K in tree), SPELLINGS[0])
+    size = context.size(tree.image_size(spelled.width, spelled.height))
+    intrinsics = CONVENTION.intrinsics(_native(tree[spelled.K]), size, source=context.name)
+    assumptions: list[str] = []
+    notes: list[str] = []
+    distortion = _distortion(tree, spelled, notes=notes, assumptions=assumptions)
+    if intrinsics.skew:
+        notes.append(f"skew of {intrinsics.skew:g} px was kept; ROS's image_geometry does not look at it")
+    notes += _partial_frame(tree)
+    return [
+        Calibration(
+            camera=CameraKey(image_size=size),
+            intrinsics=intrinsics,
+            distortion=distortion,
+            grade=Grade.CALIBRATED,
+            provenance=context.provenance(assumptions=tuple(assumptions)),
+            notes=tuple(notes),
+            extras=tuple(_extras(tree, spelled, intrinsics, distortion)),
+        )
+    ]
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """The layout and the order of ``camera_calibration_parsers``; R and P are the file's own, else trivial."""
+    [calibration] = calibrations
+    K, distortion = calibration.intrinsics, calibration.distortion or NoDistortion()
+    extras = {key.removeprefix(PREFIX): text for key, text in calibration.extras if key.startswith(PREFIX)}
+    native = CONVENTION.native(K)
+    camera = [native.fx, native.skew, native.cx, 0.0, native.fy, native.cy, 0.0, 0.0, 1.0]
+    projection = [native.fx, native.skew, native.cx, 0.0, 0.0, native.fy, native.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    model, coefficients = _model(distortion)
+    name = parse_json(extras.pop("camera_name", '"camera"').encode(), source="camera_name")
+    rows = [
+        f"image_width: {K.image_size[0]}",
+        f"image_height: {K.image_size[1]}",
+        f"camera_name: {scalar(name)}",
+        *_matrix("camera_matrix", 3, camera),
+        f"distortion_model: {model}",
+        *_matrix("distortion_coefficients", 1, coefficients),
+    ]
+    identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    for key, trivial in (("rectification_matrix", identity), ("projection_matrix", projection)):
+        kept = unbound(extras.pop(key, ""), K, calibration.distortion)
+        rows += _matrix(key, 3, trivial if kept is None else _numbers(kept))
+    rows += [
+        f"{json.dumps(key)}: {scalar(parse_json(text.encode(), source=key))}" for key, text in extras.items()
+    ]
+    return "".join(f"{row}\n" for row in rows).encode()
+
+
+def _tree(data: bytes, source: str) -> Node:
+    if len(data) > MAX_BYTES:
+        raise ParseError(f"{len(data)} bytes of a camera_info; at most {MAX_BYTES} are read", source=source)
+    text = strict.decode(data, source=source)
+    # `rostopic echo` ends every message with the mark that begins the next.
+    text = re.sub(r"\n---[ \t]*(?:\r?\n)*\Z", "\n", text)
+    tree = Node(load_yaml(text, source=source, ignored_tags=YAML_TAGS), source=source)
+    if not isinstance(tree.value, dict):
+        tree.fail("this is no mapping, as a camera_info is")
+    return tree
+
+
+def _values(node: Node) -> Node:
+    """The list itself: messages give it bare, files with rows and cols around it."""
+    return node["data"] if isinstance(node.value, dict) else node
+
+
+def _native(node: Node) -> Native:
+    (fx, skew, cx), (below, fy, cy), last = _values(node).matrix(3, 3)
+    if fx == 0:
+        node.fail("K[0] is 0, which is how ROS marks a camera that is not calibrated")
+    if below != 0 or last != (0, 0, 1):
+        node.fail("this is no camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
+    return Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+
+
+def _distortion(tree: Node, spelled: Spelling, *, notes: list[str], assumptions: list[str]) -> Distortion:
+    node = tree[spelled.D]
+    values = _values(node).numbers()
+    named = tree.get("distortion_model")
+    model = named.text() if named is not None else ""
+    if not model:
+        model = "plumb_bob"
+        assumptions.append("the file names no distortion model, so plumb_bob was taken, as ROS does")
+    if isinstance(node.value, dict) and (declared := _declared(node)) != len(values):
+        notes.append(
+            f"the coefficients' header says {declared}, there are {len(values)}, and all were read; "
+            "ROS itself would take the first only"
+        )
+    if model in FISHEYES:
+        k1, k2, k3, k4 = _counted(values, (4,), node, model)
+        return KannalaBrandt(k1=k1, k2=k2, k3=k3, k4=k4)
+    if model not in BY_COUNT:
+        raise UnsupportedModelError(
+            f"the distortion model is {strict.shown(model)}, which has no counterpart here; "
+            f"wanted {', '.join((*BY_COUNT, *sorted(FISHEYES)))}",
+            source=tree.source,
+            place="distortion_model",
+        )
+    return lens(_counted(values, BY_COUNT[model], node, model))
+
+
+def _declared(node: Node) -> int:
+    return node["rows"].whole() * node["cols"].whole() if {"rows", "cols"} <= set(node.keys()) else 0
+
+
+def _counted(values: tuple[float, ...], counts: tuple[int, ...], node: Node, model: str) -> tuple[float, ...]:
+    if len(values) not in counts:
+        wanted = " or ".join(map(str, counts))
+        node.fail(f"{len(values)} coefficients of a {model} camera, wanted {wanted}")
+    return values
+
+
+def _partial_frame(tree: Node) -> Iterator[str]:
+    """Messages count K in the whole sensor's frame, whatever part of it or binning their images show."""
+    bins = [node.whole() for key in ("binning_x", "binning_y") if (node := tree.get(key)) is not None]
+    roi = tree.get("roi")
+    box = [
+        node.whole()
+        for key in ("x_offset", "y_offset", "width", "height")
+        if roi is not None and (node := roi.get(key)) is not None
+    ]
+    if any(item > 1 for item in bins) or any(box):
+        yield "the camera bins or crops its images; K counts in the whole frame, before that"
+
+
+def _extras(
+    tree: Node, spelled: Spelling, intrinsics: Intrinsics, distortion: Distortion
+) -> Iterator[tuple[str, str]]:
+    """All other keys, as JSON; R and P under the names that files have."""
+    used = {spelled.width, spelled.height, spelled.K, spelled.D, "distortion_model"}
+    for key, node in tree.entries():
+        if key in (spelled.R, spelled.P):
+            name = SPELLINGS[0].R if key == spelled.R else SPELLINGS[0].P
+            text = json.dumps(list(_values(node).numbers((9, 12))))
+            yield PREFIX + name, bound(text, intrinsics, distortion)
+        elif key not in used:
+            yield PREFIX + key, json.dumps(node.value, ensure_ascii=False)
+
+
+def _model(distortion: Distortion) -> tuple[str, list[float]]:
+    values = list(distortion.coefficients.values())
+    if isinstance(distortion, KannalaBrandt):
+        return "equidistant", values
+    if isinstance(distortion, Rational):
+        return "rational_polynomial", values
+    return "plumb_bob", values or [0.0] * 5
+
+
+def _numbers(text: str) -> list[float]:
+    return list(Node(parse_json(text.encode(), source="extras"), source="extras").numbers())
+
+
+def _matrix(key: str, rows: int, values: Sequence[float]) -> list[str]:
+    return [f"{key}:", f"  rows: {rows}", f"  cols: {len(values) // rows}", f"  data: {flow(values)}"]
+
+
+FORMAT = Format(
+    name="ros_camera_info",
+    title="ROS camera_info YAML",
+    suffixes=(".yaml", ".yml"),
+    reference="https://wiki.ros.org/camera_calibration_parsers",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=Capacity(models=(NoDistortion, BrownConrady, Rational, KannalaBrandt)),
+)

@@ -1,0 +1,82 @@
+"""``calibrary catalogue``: a table of all, the sources of a few, and JSON that a catalogue file could hold."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from calibrary.cli.main import main
+from calibrary.registry.catalogue import load_catalogue
+from calibrary.schemas import require
+
+
+def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(["catalogue", *arguments]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    return captured.out
+
+
+def listed(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
+    cameras: list[dict[str, Any]] = json.loads(told(capsys, "--json", *arguments))["cameras"]
+    return cameras
+
+
+def test_without_a_model_every_camera_is_a_row(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "220")
+    table = told(capsys)
+    for camera in load_catalogue():
+        assert camera.title in table
+    assert f"{len(load_catalogue())} known cameras" in table
+
+
+def test_a_model_is_told_with_the_source_of_every_number(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "220")
+    text = told(capsys, "M3T")
+    for camera in load_catalogue().search("M3T"):
+        assert camera.sources
+        for field, source in camera.sources:
+            assert f"{field}: {source}" in text
+        assert all(conflict in text for conflict in camera.conflicts)
+
+
+@pytest.mark.parametrize("words", ["phantom 4", "PHANTOM 4", "4 phantom", "fc6310"])
+def test_a_camera_is_found_by_words_in_any_case_and_order(
+    capsys: pytest.CaptureFixture[str], words: str
+) -> None:
+    titles = [camera["title"] for camera in listed(capsys, words)]
+    assert any("Phantom 4" in title for title in titles)
+    assert len(titles) < len(load_catalogue()) / 2
+
+
+def test_json_holds_what_a_catalogue_file_holds(capsys: pytest.CaptureFixture[str]) -> None:
+    makers: dict[str, list[dict[str, Any]]] = {}
+    cameras = listed(capsys)
+    for camera in cameras:
+        makers.setdefault(camera.pop("make"), []).append(camera)
+    for make, group in makers.items():
+        document: Any = {"schema": "calibrary/catalogue-1", "make": make, "cameras": group}
+        require(document, "catalogue-1")
+    assert sum(map(len, makers.values())) == len(load_catalogue())
+
+
+def test_json_says_which_document_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert json.loads(told(capsys, "--json", "M3T"))["schema"] == "calibrary/catalogue-listing-1"
+
+
+def test_an_unknown_model_is_said_and_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["catalogue", "no such camera"]) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "'no such camera'" in captured.err
+
+
+def test_an_unknown_model_is_an_empty_list_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["catalogue", "--json", "no such camera"]) == 1
+    assert json.loads(capsys.readouterr().out)["cameras"] == []

@@ -1,0 +1,105 @@
+"""Whatever fails a rule says what to do about it, and nothing else does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
+from calibrary.distortion import BrownConrady
+from calibrary.policy import FLEET, SOURCE
+from calibrary.validation import Circumstances, Expected, Finding, NamedFocal, Severity, Verdict, validate
+
+W, H = 5472, 3648
+QUIET = Circumstances()
+PRIOR = NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=3648.0, tolerance=1 / 24)
+FOLDED = BrownConrady(k1=-0.6, k2=0.0, p1=0.0, p2=0.0)
+
+
+def calibration(fx: float = 5000.0, fy: float = 5000.0, cx: float = W / 2, skew: float = 0.0) -> Calibration:
+    return Calibration(
+        camera=CameraKey(image_size=(W, H)),
+        intrinsics=Intrinsics(fx=fx, fy=fy, cx=cx, cy=H / 2, skew=skew, image_size=(W, H)),
+        grade=Grade.DERIVED,
+        provenance=Provenance(kind="image-metadata"),
+    )
+
+
+BROKEN = {
+    "focal-symmetry": (calibration(fy=4000.0), QUIET),
+    "principal-point-drift": (calibration(cx=0.0), QUIET),
+    "focal-plausibility": (calibration(1000.0, 1000.0), QUIET),
+    "zero-skew": (calibration(skew=50.0), QUIET),
+    "no-35mm-leak": (
+        calibration(9949.0, 9949.0),
+        Circumstances(others=(PRIOR,), focal_mm=24.0, focal_35mm=24.0),
+    ),
+    "witness-agreement": (calibration(), Circumstances(others=(NamedFocal(name="another", fx=9000.0),))),
+    "sensor-stated": (calibration(), Circumstances(sensor_assumed=True)),
+    "digital-zoom": (calibration(), Circumstances(zoomed=True)),
+    "distortion-monotonic": (replace(calibration(3657.0, 3657.0), distortion=FOLDED), QUIET),
+    "one-k-per-camera": (calibration(), Circumstances(spread=0.02)),
+}
+
+
+@pytest.mark.parametrize("rule", BROKEN)
+def test_a_broken_rule_says_what_to_do_and_says_it_once(rule: str) -> None:
+    findings = [f for f in validate(BROKEN[rule][0], FLEET, BROKEN[rule][1]).failures if f.rule == rule]
+    assert findings
+    for finding in findings:
+        assert finding.remedy is not None
+        assert finding.remedy not in finding.message
+        assert str(finding) == f"{rule}: {finding.message}; {finding.remedy}"
+
+
+def test_every_rule_there_is_has_been_broken() -> None:
+    everything = Circumstances(
+        others=(PRIOR,), focal_mm=24.0, focal_35mm=24.0, sensor_assumed=True, zoomed=True, spread=0.0
+    )
+    told = validate(replace(calibration(), distortion=FOLDED), FLEET, everything).findings
+    assert {finding.rule for finding in told} == set(BROKEN)
+
+
+def test_a_rule_that_holds_has_nothing_to_put_right() -> None:
+    for finding in validate(calibration(), FLEET).findings:
+        assert finding.severity is Severity.PASS
+        assert finding.remedy is None
+        assert str(finding) == f"{finding.rule}: {finding.message}"
+
+
+def test_a_valid_k_has_no_remedy() -> None:
+    report = validate(calibration(), FLEET)
+    assert report.verdict is Verdict.VALID
+    assert report.remedy is None
+
+
+def test_the_first_remedy_is_the_worst_failures() -> None:
+    report = validate(calibration(), FLEET, Circumstances(zoomed=True, spread=0.02))
+    assert report.remedy == report.failures[0].remedy
+    assert report.failures[0].rule == "one-k-per-camera"
+
+
+def test_a_sensor_nobody_stated_is_put_right_before_what_follows_from_it() -> None:
+    for policy in (FLEET, SOURCE):
+        report = validate(calibration(1000.0, 1000.0), policy, Circumstances(sensor_assumed=True))
+        assert report.failures[0].rule == "focal-plausibility"
+        assert report.remedy is not None
+        assert report.remedy.startswith("name the sensor")
+
+
+def test_a_policy_that_knows_no_camera_does_not_send_anybody_to_the_registry() -> None:
+    def remedy(finding: Finding) -> str:
+        return finding.remedy or ""
+
+    [fleet], [source] = (validate(calibration(1000.0, 1000.0), policy).failures for policy in (FLEET, SOURCE))
+    assert "--registry" in remedy(fleet)
+    assert "--registry" not in remedy(source)
+    assert "--policy fleet" in remedy(source)
+
+
+def test_a_known_camera_that_is_off_may_be_registered() -> None:
+    around = Circumstances(expected=Expected(fx=3657.0, source="catalogue"))
+    report = validate(calibration(3900.0, 3900.0), FLEET, around)
+    assert report.remedy is not None
+    assert "--registry" in report.remedy
