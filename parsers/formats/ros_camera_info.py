@@ -127,7 +127,8 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     camera = [native.fx, native.skew, native.cx, 0.0, native.fy, native.cy, 0.0, 0.0, 1.0]
     projection = [native.fx, native.skew, native.cx, 0.0, 0.0, native.fy, native.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     model, coefficients = _model(distortion)
-    name = parse_json(extras.pop("camera_name", '"camera"').encode(), source="camera_name")
+    called = json.dumps(calibration.camera.sub_camera or calibration.camera.model or "camera")
+    name = parse_json(extras.pop("camera_name", called).encode(), source="camera_name")
     rows = [
         f"image_width: {K.image_size[0]}",
         f"image_height: {K.image_size[1]}",
@@ -205,7 +206,7 @@ def _declared(node: Node) -> int:
 def _counted(values: tuple[float, ...], counts: tuple[int, ...], node: Node, model: str) -> tuple[float, ...]:
     if len(values) not in counts:
         wanted = " or ".join(map(str, counts))
-        node.fail(f"{len(values)} coefficients of a {model} camera, wanted {wanted}")
+        node.fail(f"{len(values)} coefficients for {model}, wanted {wanted}")
     return values
 
 

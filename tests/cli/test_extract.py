@@ -6,6 +6,7 @@ import json
 import multiprocessing
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,9 +44,7 @@ class TestExitCodes:
         assert extract() == 0
 
     @pytest.mark.parametrize("tags", [NOBODY, {}], ids=["unproven", "rejected"])
-    def test_1_when_one_camera_has_not(
-        self, tmp_path: Path, extract: Extract, tags: dict[str, object]
-    ) -> None:
+    def test_1_when_one_camera_has_not(self, tmp_path: Path, extract: Extract, tags: dict[str, Any]) -> None:
         picture(tmp_path / "input/a.jpg", **P4R)
         picture(tmp_path / "input/b.jpg", **tags)
         assert extract() == 1
@@ -118,7 +117,7 @@ class TestExitCodes:
 class TestStrict:
     @pytest.mark.parametrize("tags", [NOBODY, {}], ids=["unproven", "rejected"])
     def test_a_breach_writes_nothing_and_names_the_camera(
-        self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str], tags: dict[str, object]
+        self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str], tags: dict[str, Any]
     ) -> None:
         picture(tmp_path / "input/a.jpg", **P4R)
         picture(tmp_path / "input/b.jpg", **tags)

@@ -90,7 +90,7 @@ def test_the_closed_form_and_the_search_agree(model: BrownConrady) -> None:
     # The least tilt there is sends the same lens through the search without moving a digit.
     searched = lens(**model.coefficients, tau_x=1e-300)
     radius = model.valid_radius()
-    if radius < 1e8 or math.isinf(radius):
+    if radius < 1e5 or math.isinf(radius):
         assert searched.valid_radius() == pytest.approx(radius, rel=1e-12)
 
 
@@ -108,14 +108,12 @@ def test_the_determinant_is_positive_inside_and_gone_at_the_fold(model: Distorti
     reach = min(radius, 30.0)
     inside = np.concatenate([circle(reach * part) for part in np.linspace(0.01, 0.9999, 80)])
     assert (determinant(model, inside) > 0).all()
-    if upright(model).valid_radius() == radius < 30.0:
-        at_fold = determinant(model, circle(radius))
-        beyond = determinant(model, circle(radius * 1.001))
-        denominator = np.polyval(
-            [model.coefficients.get(k, 0.0) for k in ("k6", "k5", "k4")] + [1.0], radius**2
-        )
-        scale = float(np.abs(determinant(model, circle(0.9 * radius))).max())
-        assert beyond.min() < 0 or abs(denominator) < 1e-9 or at_fold.min() < 1e-3 * scale
+    k4, k5, k6 = (model.coefficients.get(name, 0.0) for name in ("k4", "k5", "k6"))
+    at_a_pole = abs(1 + k4 * radius**2 + k5 * radius**4 + k6 * radius**6) < 1e-6 if radius < 30 else False
+    if upright(model).valid_radius() == radius < 30 and not at_a_pole:
+        # The least determinant may lie between two of the directions.
+        assert determinant(model, circle(radius)).min() <= 1e-3 * np.abs(determinant(model, inside)).max()
+        assert determinant(model, circle(radius * 1.001)).min() < 0
 
 
 @settings(max_examples=60)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,10 +12,10 @@ from calibrary.extract.outcome import CameraOutcome
 from calibrary.validation import Verdict
 from tests.extract.fleet import P4R, entry, gate, only, picture
 
-STRIPPED = {"make": "DJI", "model": "FC6310R"}
+STRIPPED: dict[str, Any] = {"make": "DJI", "model": "FC6310R"}
 
 
-def served(folder: Path, **tags: object) -> CameraOutcome:
+def served(folder: Path, **tags: Any) -> CameraOutcome:
     """What the registry beside the flight makes of one image without a focal length."""
     picture(folder / "flight/a.jpg", **(STRIPPED | tags))
     return only(gate(folder / "flight", registry=folder / "registry"))
@@ -80,7 +81,7 @@ def test_a_camera_with_two_firmwares_is_not_served_by_the_entry_of_one(tmp_path:
 @pytest.mark.parametrize(
     "stated", [{"model": "FC6310S"}, {"make": "Hasselblad"}, {"sub_camera": "thermal"}, {"lens": "other"}]
 )
-def test_what_an_entry_states_must_be_so(tmp_path: Path, stated: dict[str, str]) -> None:
+def test_what_an_entry_states_must_be_so(tmp_path: Path, stated: dict[str, Any]) -> None:
     entry(tmp_path / "registry", "dji/other", **stated)
     assert fx(served(tmp_path)) is None
 

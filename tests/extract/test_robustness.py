@@ -46,7 +46,13 @@ def packet(namespace: Namespace, **properties: str) -> XmpPacket:
 
 
 def picture(path: Path, size: tuple[int, int] = P4P, xmp: XmpPacket | None = None, **tags: Any) -> Path:
-    known = {"make": "DJI", "model": "FC6310", "focal_mm": (88, 10), "focal_35mm": 24, "pixel_size": size}
+    known: dict[str, Any] = {
+        "make": "DJI",
+        "model": "FC6310",
+        "focal_mm": (88, 10),
+        "focal_35mm": 24,
+        "pixel_size": size,
+    }
     told = {name: value for name, value in (known | tags).items() if value is not None}
     return write_jpeg(path, size, exif=ExifTags(**told), xmp=xmp)
 

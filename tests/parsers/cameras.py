@@ -20,6 +20,8 @@ STRENGTH = {
     "k1": 0.05, "k2": 0.02, "k3": 0.01, "k4": 0.01, "k5": 0.01, "k6": 0.01, "p1": 1e-3, "p2": 1e-3,
     "p3": 1e-2, "p4": 1e-2, "s1": 1e-4, "s2": 1e-4, "s3": 1e-4, "s4": 1e-4, "tau_x": 0.02, "tau_y": 0.02,
 }  # fmt: skip
+# Those that are no small numbers around zero.
+SPAN = {"alpha": (0.1, 0.7), "beta": (0.7, 1.4), "xi": (0.0, 0.9), "omega": (0.1, 1.2)}
 
 
 def camera(
@@ -53,12 +55,8 @@ def distortions(draw: st.DrawFn, models: tuple[type[Distortion], ...]) -> Distor
     """A lens of one of the models, folding nowhere near the image."""
     model = draw(st.sampled_from(models))
     strength = 0.3 if model is KannalaBrandt else 1.0
-    return model(
-        **{
-            name: draw(st.floats(-STRENGTH[name] * strength, STRENGTH[name] * strength))
-            for name in model.names()
-        }
-    )
+    spans = {name: (-strength * most, strength * most) for name, most in STRENGTH.items()} | SPAN
+    return model(**{name: draw(st.floats(*spans[name])) for name in model.names()})
 
 
 @st.composite

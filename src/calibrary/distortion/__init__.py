@@ -10,6 +10,7 @@ from dataclasses import MISSING, fields
 from types import MappingProxyType
 from typing import Final
 
+from calibrary.distortion.australis import Australis
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.brown import BrownConrady
 from calibrary.distortion.double_sphere import DoubleSphere
@@ -20,6 +21,7 @@ from calibrary.distortion.kannala_brandt import KannalaBrandt
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.distortion.none import NoDistortion
 from calibrary.distortion.observed_brown import ObservedBrown
+from calibrary.distortion.observed_polynomial import ObservedPolynomial
 from calibrary.distortion.off_centre import OffCentreBrown
 from calibrary.distortion.rational import Rational
 from calibrary.distortion.thin_prism import ThinPrism
@@ -29,6 +31,7 @@ from calibrary.errors import InputError, UnsupportedModelError
 
 __all__ = [
     "MODELS",
+    "Australis",
     "BrownConrady",
     "Distortion",
     "DoubleSphere",
@@ -39,6 +42,7 @@ __all__ = [
     "MetashapeFrame",
     "NoDistortion",
     "ObservedBrown",
+    "ObservedPolynomial",
     "OffCentreBrown",
     "Rational",
     "ThinPrism",
@@ -65,6 +69,8 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
             DoubleSphere,
             FieldOfView,
             FisheyePolynomial,
+            Australis,
+            ObservedPolynomial,
         )
     }
 )

@@ -153,7 +153,7 @@ def _end_with_parent() -> None:
         return
 
     def watch() -> None:
-        return  # parent.join()
+        parent.join()
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

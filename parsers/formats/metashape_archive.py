@@ -1,0 +1,98 @@
+"""Agisoft Metashape projects in a zip: a ``.psz``, or the ``chunk.zip`` of a ``.psx`` project.
+
+In the format's own words::
+
+    project.psz                     project.files/0/chunk.zip
+      doc.xml                         doc.xml
+      thumbnails0.zip …               …
+
+``doc.xml`` is what *Export Cameras* writes, and more (``metashape_document``). Only it is unpacked, and no
+further than that format reads: an archive that claims to be small is not believed.
+
+Sources: DBAT's ``loadpsz.m``; APPNOTE.TXT, the zip format.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+
+from calibrary.calibration import Calibration
+from calibrary.errors import ParseError
+from calibrary.parsers.content import HEAD_BYTES, Content
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats import metashape_document
+from calibrary.parsers.text import shown
+from calibrary.parsers.xml import MAX_BYTES
+
+__all__ = ["FORMAT"]
+
+DOCUMENT = "doc.xml"
+LOCAL_HEADER = b"PK\x03\x04"
+CENTRAL_HEADER = b"PK\x01\x02"
+MAX_MEMBERS = 50_000
+"""A project has two or three files for each photo; listing more would cost memory for nothing."""
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""What Metashape uses, and what can be unpacked piece by piece: bzip2 and LZMA give all or nothing."""
+ENCRYPTED = 0x1
+
+
+def sniff(content: Content) -> Sniff | None:
+    """A zip whose directory, at its end, names the document."""
+    data = content.data
+    if data.startswith(LOCAL_HEADER) and DOCUMENT.encode() in data[:HEAD_BYTES] + data[-HEAD_BYTES:]:
+        return Sniff(Sure.MAGIC, f"it is a zip archive that holds {DOCUMENT}")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every sensor of the document in the archive."""
+    return metashape_document.read(_document(data, context.name), context)
+
+
+def _document(data: bytes, source: str) -> bytes:
+    """The bytes of doc.xml."""
+    members = data.count(CENTRAL_HEADER)
+    if members > MAX_MEMBERS:
+        raise ParseError(
+            f"the archive lists {members} files; at most {MAX_MEMBERS} are looked at", source=source
+        )
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            found = [item for item in archive.infolist() if item.filename == DOCUMENT]
+            if len(found) != 1:
+                raise ParseError(
+                    f"the archive holds {len(found)} files {DOCUMENT}, wanted one", source=source
+                )
+            [item] = found
+            if item.flag_bits & ENCRYPTED or item.compress_type not in METHODS:
+                raise ParseError(
+                    f"{DOCUMENT} is encrypted or packed by method {item.compress_type}, wanted stored or deflated",
+                    source=source,
+                )
+            with archive.open(item) as file:
+                document = file.read(MAX_BYTES + 1)
+    except ParseError:
+        raise
+    except (
+        zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError
+    ) as error:  # fmt: skip
+        raise ParseError(f"the zip archive is damaged: {shown(str(error), 80)}", source=source) from None
+    if len(document) > MAX_BYTES:
+        raise ParseError(
+            f"{DOCUMENT} is longer than {MAX_BYTES} bytes unpacked", source=source, place=DOCUMENT
+        )
+    return document
+
+
+FORMAT = Format(
+    name="metashape_archive",
+    title="Agisoft Metashape project archive",
+    suffixes=(".psz", ".zip"),
+    reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
+    convention=metashape_document.FORMAT.convention,
+    sniff=sniff,
+    read=read,
+    options=metashape_document.FORMAT.options,
+)

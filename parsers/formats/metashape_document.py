@@ -1,0 +1,281 @@
+"""Agisoft Metashape (PhotoScan) cameras: *File ▸ Export ▸ Export Cameras* (``cameras.xml``) and projects' ``doc.xml``.
+
+In the format's own words::
+
+    <document version="1.5.0">                          <chunk> where it is the chunk.zip of a .psx project
+      <chunk label="Chunk 1">                           in old projects inside <chunks>
+        <sensors>
+          <sensor id="0" label="FC6310, 8.8mm" type="frame">
+            <resolution width="5472" height="3648"/>
+            <property name="focal_length" value="8.8"/>  nominal, mm
+            <property name="fixed" value="true"/>
+            <calibration type="frame" class="initial"> … </calibration>
+            <calibration type="frame" class="adjusted">
+              <resolution width="5472" height="3648"/>
+              <f>3650.1</f> <cx>-3.2</cx> <cy>8.1</cy> <k1/> …
+            </calibration>
+            <covariance> <params>f cx cy k1 …</params> <coeffs>…</coeffs> </covariance>
+
+Each ``<calibration>`` is the one that *Camera Calibration ▸ Save* writes (``agisoft_xml``), its size and
+projection in attributes. The adjusted one is taken where there is one. An initial one is what the project was
+given; that it was held fixed tells a known calibration from a start value. A sensor without any has no K: the
+nominal focal length is not made into one.
+
+Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Quality
+from calibrary.distortion import BrownConrady, Distortion
+from calibrary.errors import InputError, ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats import agisoft_xml
+from calibrary.parsers.xml import MAX_BYTES, parse_xml
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+__all__ = ["FORMAT"]
+
+ROOTS = ("document", "chunk", "sensor")
+MAX_SENSORS = 1000
+COVARIANCE = "covariance"
+PREFIX = "metashape_document/"
+HELD = "the calibration that the project was given and held fixed"
+START = "the value that the project started from; no photo was aligned with it, and it may rest on EXIF alone"
+
+
+def sniff(content: Content) -> Sniff | None:
+    """A chunk's or a project's root with sensors in it."""
+    tags = content.xml_tags
+    if not tags or tags[0] not in ROOTS or "sensor" not in tags:
+        return None
+    # A sensor by itself has a common name, so it must hold what Metashape's does.
+    if tags[0] == "sensor" and not {"resolution", "property"} <= set(tags):
+        return None
+    return Sniff(Sure.MAGIC, f"the XML root is <{tags[0]}> and holds Metashape's <sensor>")
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every sensor that has a calibration, in the file's order."""
+    sensors = _sensors(parse_xml(data, source=context.name, max_bytes=MAX_BYTES), context.name)
+    found: list[Calibration] = []
+    left_out: list[str] = []
+    refused: UnsupportedModelError | None = None
+    for sensor in sensors:
+        try:
+            calibration = sensor.calibration(context)
+        except UnsupportedModelError as error:
+            refused = refused or error
+            left_out.append(f"{sensor.place} was left out: {error.message}")
+            continue
+        if calibration is None:
+            left_out.append(f"{sensor.place} was left out: it holds no calibration")
+        else:
+            found.append(calibration)
+    if refused is not None and not found:
+        raise refused
+    if not found:
+        raise ParseError(
+            f"none of its {len(sensors)} sensors holds a calibration; align the photos and export them again",
+            source=context.name,
+        )
+    return [replace(item, notes=(*item.notes, *left_out)) for item in found]
+
+
+@dataclass(frozen=True, slots=True)
+class _Sensor:
+    """One <sensor>.
+
+    Attributes:
+        element: it.
+        place: where it stands, in words; unlike the label it is the sensor's own.
+        name: its label, with what tells it from others of the same label.
+    """
+
+    element: _Element
+    place: str
+    name: str | None
+
+    def calibration(self, context: ReadContext) -> Calibration | None:
+        """What is known of the sensor, None when that is no calibration."""
+        chosen = self._chosen(context.name)
+        if chosen is None:
+            return None
+        initial = chosen.get("class") == "initial"
+        try:
+            [single] = agisoft_xml.read(self._as_file(chosen), context)
+            std = _standard_deviations(self._covariance(chosen), single.distortion)
+            focal_mm = self._focal_mm()
+        except InputError as error:
+            place = f"{self.place}, {error.place}" if error.place else self.place
+            raise type(error)(error.message, source=context.name, place=place) from None
+        held = (self._property("fixed") or "").lower() in {"true", "1"}
+        return replace(
+            single,
+            camera=CameraKey(
+                image_size=single.intrinsics.image_size, sub_camera=self.name, focal_mm=focal_mm
+            ),
+            grade=Grade.DERIVED if initial and not held else Grade.ADJUSTED,
+            quality=Quality(std=std) if std else None,
+            provenance=context.provenance(tag=self.place),
+            notes=(*single.notes, *([HELD if held else START] if initial else [])),
+            extras=tuple(
+                (PREFIX + key.removeprefix(agisoft_xml.PREFIX), value) for key, value in single.extras
+            ),
+        )
+
+    def _chosen(self, source: str) -> _Element | None:
+        """The adjusted calibration, else the initial one."""
+        by_class: dict[str, _Element] = {}
+        for element in self.element.iterchildren("calibration"):
+            kind = element.get("class", "adjusted")
+            if kind in by_class:
+                raise ParseError(
+                    f"two calibrations are {strict.shown(kind)}", source=source, place=self.place
+                )
+            by_class[kind] = element
+        return by_class.get("adjusted", by_class.get("initial"))
+
+    def _as_file(self, calibration: _Element) -> bytes:
+        """The calibration as a file of its own, without its covariance."""
+        from lxml import etree
+
+        root = etree.Element("calibration")
+        etree.SubElement(root, "projection").text = calibration.get("type") or self.element.get(
+            "type", "frame"
+        )
+        resolution = calibration.find("resolution")
+        if resolution is None:
+            resolution = self.element.find("resolution")
+        if resolution is not None:
+            for side in ("width", "height"):
+                etree.SubElement(root, side).text = resolution.get(side, "")
+        for child in calibration:
+            if child.tag not in {"resolution", COVARIANCE}:
+                root.append(deepcopy(child))
+        return etree.tostring(root)
+
+    def _covariance(self, calibration: _Element) -> _Element | None:
+        """Versions write it inside the calibration or beside it; beside it, it is the adjusted one's."""
+        inside = calibration.find(COVARIANCE)
+        if inside is not None or calibration.get("class") == "initial":
+            return inside
+        return self.element.find(COVARIANCE)
+
+    def _property(self, name: str) -> str | None:
+        return next(
+            (item.get("value") for item in self.element.iterchildren("property") if item.get("name") == name),
+            None,
+        )
+
+    def _focal_mm(self) -> float | None:
+        """The nominal focal length, None where the project does not know it."""
+        text = self._property("focal_length")
+        if not text:
+            return None
+        focal = strict.number(text, place="focal_length")
+        return focal if focal > 0 else None
+
+
+def _sensors(root: _Element, source: str) -> list[_Sensor]:
+    """Every sensor with its chunk, in document order."""
+    if root.tag not in ROOTS:
+        raise ParseError(
+            f"the XML root is <{strict.shown(str(root.tag))}>, wanted one of {', '.join(ROOTS)}",
+            source=source,
+        )
+    chunks = [root] if root.tag == "chunk" else list(root.iter("chunk"))
+    if root.tag == "sensor":
+        placed = [(root, "")]
+    else:
+        placed = [
+            (sensor, f" of chunk {strict.shown(chunk.get('label', ''))}" if len(chunks) > 1 else "")
+            for chunk in chunks
+            for sensor in chunk.iterfind("sensors/sensor")
+        ]
+    if not placed:
+        raise ParseError(
+            "it holds no <sensor>; of a project in several files, read the chunk.zip in its .files folder",
+            source=source,
+        )
+    if len(placed) > MAX_SENSORS:
+        raise ParseError(f"it holds {len(placed)} sensors; at most {MAX_SENSORS} are read", source=source)
+    labels = Counter(_label(sensor) for sensor, _ in placed)
+    return [
+        _Sensor(
+            element=sensor,
+            place=f"sensor {strict.shown(sensor.get('id', '?'))}{of_chunk}",
+            name=_label(sensor) if labels[_label(sensor)] == 1 else _distinct(sensor),
+        )
+        for sensor, of_chunk in placed
+    ]
+
+
+def _label(sensor: _Element) -> str | None:
+    label = (sensor.get("label") or "").strip()
+    return None if label in {"", "unknown"} else label
+
+
+def _distinct(sensor: _Element) -> str:
+    """The heads of a multispectral camera share a label; their band, else their number, tells them apart."""
+    bands = [band.get("label", "") for band in sensor.iterfind("bands/band")]
+    mark = bands[0] if len(bands) == 1 and bands[0] else f"sensor {sensor.get('id', '?')}"
+    return f"{_label(sensor) or 'unknown'}, {mark}"
+
+
+def _standard_deviations(covariance: _Element | None, distortion: Distortion | None) -> Mapping[str, float]:
+    """The roots of the covariance's diagonal by the names of K and of the model, px for those of K.
+
+    A variance that is negative (the adjustment was near singular) is left out.
+    """
+    if covariance is None:
+        return {}
+    names = tuple((covariance.findtext("params") or "").split())
+    size = len(names)
+    if len(set(names)) != size or size > 32:
+        raise ParseError(f"its covariance is of {size} parameters, wanted each once", place=COVARIANCE)
+    coefficients = strict.numbers(covariance.findtext("coeffs") or "", count=size**2, place=COVARIANCE)
+    matrix = np.array(coefficients).reshape(size, size)
+    place_of = {name: index for index, name in enumerate(names)}
+
+    def variance(*parts: str) -> float:
+        # The variance of a sum holds the covariances as well.
+        at = [place_of[name] for name in parts if name in place_of]
+        return float(matrix[np.ix_(at, at)].sum()) if parts[0] in place_of else math.nan
+
+    sums = {"fx": ("f", "b1"), "fy": ("f",), "skew": ("b2",), **dict(_lens_names(distortion))}
+    variances = {"cx": variance("cx"), "cy": variance("cy")}
+    variances |= {name: variance(*parts) for name, parts in sums.items()}
+    return {name: math.sqrt(value) for name, value in variances.items() if value >= 0}
+
+
+def _lens_names(distortion: Distortion | None) -> Iterator[tuple[str, tuple[str]]]:
+    """A coefficient of the model and Metashape's name for it."""
+    swapped = {"p1": "p2", "p2": "p1"} if isinstance(distortion, BrownConrady) else {}
+    for name in distortion.names() if distortion else ():
+        yield name, (swapped.get(name, name),)
+
+
+FORMAT = Format(
+    name="metashape_document",
+    title="Agisoft Metashape cameras and projects",
+    suffixes=(".xml",),
+    reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
+    convention=agisoft_xml.CONVENTION,
+    sniff=sniff,
+    read=read,
+    options=(agisoft_xml.PRINCIPAL_POINT,),
+)

@@ -1,0 +1,89 @@
+"""The division model: one number, and closed forms both ways."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
+from calibrary.distortion.none import NoDistortion
+from calibrary.distortion.omnidirectional import Omnidirectional
+
+__all__ = ["Division"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Division(Omnidirectional):
+    """COLMAP ``DIVISION`` and ``SIMPLE_DIVISION``; a barrel has k < 0.
+
+    The observed point (x', y'), r'² = x'² + y'², sees the direction (x', y', 1 + k·r'²). The other way, for the
+    ray (X, Y, Z) and R² = X² + Y²::
+
+        x' = 2X / (Z + √(Z² − 4k·R²))        y' = 2Y / (Z + √(Z² − 4k·R²))
+
+    With k < 0 that shows every direction but the one straight back; with k > 0 the image ends at r' = 1/√k,
+    where R/Z = 1/(2√k).
+
+    Source: A. Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion", 2001.
+    """
+
+    model: ClassVar[str] = "division"
+
+    k: float
+
+    def observe(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+        rays = as_rows(rays, 3)
+        out = np.empty((len(rays), 2))
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(rays)):
+                x, y, z = np.ascontiguousarray(rays[rows].T)
+                # hypot does not overflow where the sum of squares would.
+                shrink = 1.0 / np.hypot(np.hypot(x, y), z)
+                x, y, z = x * shrink, y * shrink, z * shrink
+                inside = z * z - 4.0 * self.k * (x * x + y * y)
+                inside[~((inside > 0) & ((z > 0) | (self.k < 0)))] = math.nan
+                reach = np.sqrt(inside)
+                # Behind the camera z + reach would cancel; its conjugate does not.
+                behind = z < 0
+                divisor = np.where(behind, reach - z, z + reach)
+                u, v = 2.0 * x / divisor, 2.0 * y / divisor
+                if behind.any():
+                    flip = divisor * divisor / (-4.0 * self.k * (x * x + y * y))
+                    u[behind] *= flip[behind]
+                    v[behind] *= flip[behind]
+                out[rows, 0], out[rows, 1] = finite_pair(u, v)
+        return out
+
+    def rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) observed coordinates to (N, 3) unit directions; NaN from r' = 1/√k on."""
+        xy = as_rows(xy, 2)
+        out = np.empty((len(xy), 3))
+        with np.errstate(all="ignore"):
+            for rows in blocks(len(xy)):
+                x, y = np.ascontiguousarray(xy[rows].T)
+                bend = self.k * (x * x + y * y)
+                bend[~(bend < 1.0)] = math.nan
+                z = 1.0 + bend
+                shrink = 1.0 / np.hypot(np.hypot(x, y), z)
+                out[rows, 0], out[rows, 1] = finite_pair(x * shrink, y * shrink)
+                out[rows, 2] = z * shrink + 0.0 * out[rows, 0]
+        return out
+
+    def max_angle_rad(self) -> float:
+        """Where the two solutions meet; straight back for a barrel, 90° for a pinhole."""
+        if self.k < 0:
+            return math.pi
+        return math.atan2(1.0, 2.0 * math.sqrt(self.k))
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """A pinhole, where k is zero."""
+        return () if self.k else (NoDistortion(),)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> Division | None:
+        """A pinhole; None for every other model."""
+        return cls(k=0.0) if isinstance(other, NoDistortion) else None

@@ -1,0 +1,64 @@
+"""From the measured point to the corrected one with every term that some program adds to Brown's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from calibrary.distortion.base import Distortion
+from calibrary.distortion.brown_polynomial import BrownPolynomial
+from calibrary.distortion.observed import ObservedDistortion
+from calibrary.distortion.observed_brown import ObservedBrown
+
+__all__ = ["ObservedPolynomial"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservedPolynomial(ObservedDistortion):
+    """Observed to ideal: USGS reports with P3 or P4, and the Stereo Pipeline's decentring by an angle.
+
+    What :class:`~calibrary.distortion.ObservedBrown` says about the principal point, with tangential terms
+    that grow by (1 + p3·r² + p4·r⁴), and with s1·r² + s2·r⁴ added to x and s3·r² + s4·r⁴ to y.
+
+    Sources: D. C. Brown, "Decentering distortion of lenses", 1966, whose profile P1·r² + P2·r⁴ at an angle φ is
+    the second pair; the SMAC adjustment of the USGS, whose P3 and P4 are the first.
+
+    Raises:
+        InputError: a coefficient is not finite.
+    """
+
+    model: ClassVar[str] = "observed-polynomial"
+
+    k1: float
+    k2: float
+    k3: float
+    k4: float
+    p1: float
+    p2: float
+    p3: float
+    p4: float
+    s1: float
+    s2: float
+    s3: float
+    s4: float
+
+    def _polynomial(self) -> BrownPolynomial:
+        return BrownPolynomial(**self.coefficients)
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """Brown's model, where nothing else is at work, and what that is equivalent to."""
+        grows = (self.p1 or self.p2) and (self.p3 or self.p4)
+        if grows or self.s1 or self.s2 or self.s3 or self.s4:
+            return ()
+        brown = ObservedBrown(k1=self.k1, k2=self.k2, p1=self.p1, p2=self.p2, k3=self.k3, k4=self.k4)
+        return (brown, *brown.equivalents())
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> ObservedPolynomial | None:
+        """Brown's model about the principal point, without an affinity and up to r⁸."""
+        if not isinstance(other, ObservedBrown):
+            return None
+        if other.k5 or other.b1 or other.b2 or other.x0 or other.y0:
+            return None
+        rest = dict.fromkeys(("p3", "p4", "s1", "s2", "s3", "s4"), 0.0)
+        return cls(k1=other.k1, k2=other.k2, k3=other.k3, k4=other.k4, p1=other.p1, p2=other.p2, **rest)
