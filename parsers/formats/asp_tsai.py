@@ -191,10 +191,13 @@ def _taken_apart(data: bytes, source: str) -> _Rows:
         version = int(found.group(1))
         filled = filled[1:]
         if version >= FIRST_VERSION_WITH_TYPE:
-            kind = filled[0][1] if filled else "nothing"
-            if kind != "PINHOLE":
+            if not filled:
+                raise ParseError("there is nothing after the version", source=source)
+            if filled[0][1] != "PINHOLE":
                 raise UnsupportedModelError(
-                    f"the camera is {strict.shown(kind)}, wanted PINHOLE", source=source, place="line 2"
+                    f"the camera is {strict.shown(filled[0][1])}, wanted PINHOLE",
+                    source=source,
+                    place="line 2",
                 )
             filled = filled[1:]
     for index, line in filled:
@@ -317,6 +320,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, BrownConrady, KannalaBrandt)),
+    capacity=Capacity(models=(NoDistortion, BrownConrady, KannalaBrandt, FieldOfView)),
     needs_image_size=True,
 )

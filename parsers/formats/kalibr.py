@@ -130,6 +130,9 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
 
 
 def _camera(name: str | None, node: Node, context: ReadContext, *, several: bool) -> Calibration:
+    # The last key first: a file cut short before it has no camera model that could be unknown.
+    width, height = node["resolution"].numbers(2)
+    size = context.size(strict.image_size(width, height, source=context.name, place=node["resolution"].place))
     model = node["camera_model"].text()
     if model not in SHAPES:
         raise UnsupportedModelError(
@@ -139,13 +142,10 @@ def _camera(name: str | None, node: Node, context: ReadContext, *, several: bool
             place=node["camera_model"].place,
         )
     names = SHAPES[model]
-    intrinsics = node["intrinsics"]
-    *special, fu, fv, pu, pv = intrinsics.numbers(len(names) + 4)
-    width, height = node["resolution"].numbers(2)
-    size = context.size(strict.image_size(width, height, source=context.name, place=node["resolution"].place))
+    *special, fu, fv, pu, pv = node["intrinsics"].numbers(len(names) + 4)
     distortion = _distortion(model, dict(zip(names, special, strict=True)), node)
     K = CONVENTION.intrinsics(Native(fx=fu, fy=fv, cx=pu, cy=pv), size, source=context.name)
-    notes = ()
+    notes: tuple[str, ...] = ()
     if isinstance(distortion, Unified | DoubleSphere) and distortion.xi:
         near = K.fx / (1 + distortion.xi)
         notes = (

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
 from typing import TypeAlias
 
@@ -134,7 +135,7 @@ def read_directories(tiff: Tiff, image: Directory) -> tuple[ExifValues, tuple[Ta
             faults.append(item)
         else:
             fields.append(item)
-    return _decode(tiff.byte_order, fields), tuple(faults)
+    return _decode(tiff.byte_order, tuple(fields)), tuple(faults)
 
 
 def _text_field(tiff: Tiff, tag: int, entry: Entry) -> _Field | TagFault:
@@ -171,8 +172,9 @@ def _is_utf_8(text: bytes) -> bool:
     return True
 
 
-def _decode(byte_order: str, fields: list[_Field]) -> ExifValues:
-    """Through exifread, keyed by tag number."""
+@lru_cache(maxsize=64)
+def _decode(byte_order: str, fields: tuple[_Field, ...]) -> ExifValues:
+    """Through exifread, keyed by tag number; the frames of one camera have equal fields and share the answer."""
     import exifread
 
     if not fields:
@@ -180,19 +182,20 @@ def _decode(byte_order: str, fields: list[_Field]) -> ExifValues:
     block = io.BytesIO(_encode(byte_order, fields))
     found = exifread.process_file(block, details=False, extract_thumbnail=False)
     values = {tag.tag: tag.values for tag in found.values()}
-    return {field.tag: _flat(field, values[field.tag]) for field in fields if field.tag in values}
+    flat = {field.tag: _flat(field, values[field.tag]) for field in fields if field.tag in values}
+    return MappingProxyType(flat)
 
 
 def _flat(field: _Field, values: str | list[object]) -> object:
-    """Text, bytes or a list of numbers; exifread gives floats as tuples of one."""
+    """Text, bytes or a tuple of numbers; exifread gives floats as tuples of one."""
     if isinstance(values, str):
         return values
     if field.kind == _UNDEFINED:
         return bytes(number for number in values if isinstance(number, int))
-    return [value[0] if isinstance(value, tuple) else value for value in values]
+    return tuple(value[0] if isinstance(value, tuple) else value for value in values)
 
 
-def _encode(byte_order: str, fields: list[_Field]) -> bytes:
+def _encode(byte_order: str, fields: Sequence[_Field]) -> bytes:
     """A minimal EXIF block: an IFD0 that only points, and the EXIF directory with all fields."""
     exif_offset = 8 + 2 + 12 + 4
     data_offset = exif_offset + 2 + 12 * len(fields) + 4

@@ -82,12 +82,21 @@ class Expected:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedFocal:
-    """An independent focal length in the frame of the calibration, and its own rounding."""
+    """Another source's focal length in the frame of the calibration.
+
+    Attributes:
+        name: the tag it is from.
+        fx: px.
+        tolerance: relative rounding of the source itself.
+        cause: what most likely makes it disagree.
+        independent: whether it shares nothing with the judged one, so that agreeing with it proves something.
+    """
 
     name: str
     fx: float
     tolerance: float = 0.0
     cause: str | None = None
+    independent: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,11 +105,11 @@ class Circumstances:
 
     Attributes:
         expected: of a known camera.
-        others: independent focal lengths, the judged one not among them.
+        others: what other sources say, the judged one not among them.
         focal_mm, focal_35mm: EXIF's, where the K rests on them.
         sensor_assumed: the K rests on a sensor size nobody stated.
         zoomed: the K rests on how the camera handles digital zoom.
-        spread: (max − min) / K of fx over the images of this camera.
+        spread: how far K's numbers spread over the images of this camera, as a share of fx.
     """
 
     expected: Expected | None = None
@@ -209,7 +218,7 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
     low, high = (policy.measured_over_width if measured else None) or policy.focal_over_width
     in_band = low <= fx_over_w <= high
     # A witness's own rounding excuses it for disagreeing; it does not make it agree (a 35 mm equivalent of 1).
-    agreeing = [o for o in around.others if _apart(c, o) <= policy.witness_agreement]
+    agreeing = [o for o in around.others if o.independent and _apart(c, o) <= policy.witness_agreement]
     if policy.witnesses_settle and agreeing and not around.sensor_assumed:
         message = f"fx = {fx_over_w:.3f} W, and {agreeing[0].name} says the same independently"
         yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
@@ -346,7 +355,7 @@ def _group_spread(_: Calibration, policy: Policy, around: Circumstances) -> Iter
         return
     ok = around.spread <= policy.group_spread_max
     message = (
-        f"fx spreads by {around.spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
+        f"K spreads by {around.spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
     )
     if not ok:
         message += ": two units or two modes of one go by the same name"

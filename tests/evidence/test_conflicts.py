@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -10,7 +11,8 @@ from calibrary.evidence.collect import collect
 from calibrary.evidence.conflict import Cause, Conflict
 from calibrary.evidence.context import Scene
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, micasense, p4_rtk
+from calibrary.evidence.witness import Source
+from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, micasense, p4_rtk, xmp
 
 
 def conflict(scene: Scene) -> Conflict:
@@ -66,18 +68,31 @@ def test_a_stale_exif_size_is_named() -> None:
         focal_mm=9.1,
         focal_plane_resolution=(83.333, 83.333),
         focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+        xmp=xmp("exif", CameraHorizontalFOV="45.75"),
     )
-    assert conflict(Scene(metadata=metadata, known=M3T_THERMAL)).cause is Cause.STALE_EXIF_SIZE
+    assert conflict(Scene(metadata=metadata)).cause is Cause.STALE_EXIF_SIZE
 
 
 def test_a_crop_one_witness_does_not_know_of_is_named() -> None:
+    full_frames_angle = str(2 * math.degrees(math.atan(5472 / 2 / 3666.7)))
     metadata = ImageMetadata(
-        size=(4864, 3648),
-        focal_mm=8.8,
-        focal_plane_resolution=(5472 / 13.1328 * 5472 / 4864,) * 2,
-        focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+        size=(4864, 3648), focal_mm=8.8, xmp=xmp("exif", CameraHorizontalFOV=full_frames_angle)
     )
     assert conflict(Scene(metadata=metadata, known=P4_RTK)).cause is Cause.CROP
+
+
+def test_a_focal_plane_resolution_of_another_frame_is_not_believed_of_a_known_camera() -> None:
+    metadata = ImageMetadata(
+        size=(1368, 912),
+        exif_size=(1368, 912),
+        focal_mm=8.8,
+        focal_plane_resolution=(416.67, 416.67),
+        focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+    )
+    evidence = collect(Scene(metadata=metadata, known=P4_RTK))
+    assert evidence.chosen is not None
+    assert evidence.chosen.source is Source.CATALOGUE_PITCH
+    assert [d.source for d in evidence.dropped] == [Source.FOCAL_PLANE]
 
 
 def test_millimetres_taken_for_pixels_do_not_get_past_the_cross_check() -> None:

@@ -332,3 +332,26 @@ def test_orientation_is_not_applied_and_said_so() -> None:
     calibration = evidence.calibration(camera_key(metadata))
     assert calibration is not None
     assert "Orientation is 3" in calibration.notes[0]
+
+
+def test_dewarp_flag_1_without_dewarp_data_still_says_that_there_is_no_distortion() -> None:
+    metadata = replace(p4_rtk(), xmp=xmp("drone-dji", DewarpFlag="1"))
+    calibration = collect(Scene(metadata=metadata, known=P4_RTK)).calibration(camera_key(metadata))
+    assert calibration is not None
+    assert calibration.distortion == NoDistortion()
+
+
+def test_two_readings_of_one_focal_plane_resolution_are_not_independent() -> None:
+    evidence = collect(Scene(metadata=micasense("5.4522", unit="mm")))
+    calibrated, derived = (
+        witness(evidence, source) for source in (Source.CAMERA_PERSPECTIVE, Source.FOCAL_PLANE)
+    )
+    assert not calibrated.is_independent_of(derived)
+
+
+def test_pixels_in_xmp_are_independent_of_the_focal_plane_resolution() -> None:
+    evidence = collect(Scene(metadata=micasense("1449.36")))
+    calibrated, derived = (
+        witness(evidence, source) for source in (Source.CAMERA_PERSPECTIVE, Source.FOCAL_PLANE)
+    )
+    assert calibrated.is_independent_of(derived)

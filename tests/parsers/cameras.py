@@ -19,6 +19,7 @@ BROWN = BrownConrady(k1=-0.1131, k2=0.0247, p1=-0.00037, p2=0.00081, k3=-0.0062)
 STRENGTH = {
     "k1": 0.05, "k2": 0.02, "k3": 0.01, "k4": 0.01, "k5": 0.01, "k6": 0.01, "p1": 1e-3, "p2": 1e-3,
     "p3": 1e-2, "p4": 1e-2, "s1": 1e-4, "s2": 1e-4, "s3": 1e-4, "s4": 1e-4, "tau_x": 0.02, "tau_y": 0.02,
+    "b1": 1e-3, "b2": 1e-3,
 }  # fmt: skip
 # Those that are no small numbers around zero.
 SPAN = {"alpha": (0.1, 0.7), "beta": (0.7, 1.4), "xi": (0.0, 0.9), "omega": (0.1, 1.2)}

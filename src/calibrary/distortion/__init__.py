@@ -13,9 +13,11 @@ from typing import Final
 from calibrary.distortion.australis import Australis
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.brown import BrownConrady
+from calibrary.distortion.division import Division
 from calibrary.distortion.double_sphere import DoubleSphere
 from calibrary.distortion.extended_unified import ExtendedUnified
 from calibrary.distortion.field_of_view import FieldOfView
+from calibrary.distortion.fisheye624 import Fisheye624
 from calibrary.distortion.fisheye_polynomial import FisheyePolynomial
 from calibrary.distortion.kannala_brandt import KannalaBrandt
 from calibrary.distortion.metashape import MetashapeFrame
@@ -23,8 +25,10 @@ from calibrary.distortion.none import NoDistortion
 from calibrary.distortion.observed_brown import ObservedBrown
 from calibrary.distortion.observed_polynomial import ObservedPolynomial
 from calibrary.distortion.off_centre import OffCentreBrown
+from calibrary.distortion.rad_tan_thin_prism_fisheye import RadTanThinPrismFisheye
 from calibrary.distortion.rational import Rational
 from calibrary.distortion.thin_prism import ThinPrism
+from calibrary.distortion.thin_prism_fisheye import ThinPrismFisheye
 from calibrary.distortion.tilted import Tilted
 from calibrary.distortion.unified import Unified
 from calibrary.errors import InputError, UnsupportedModelError
@@ -34,9 +38,11 @@ __all__ = [
     "Australis",
     "BrownConrady",
     "Distortion",
+    "Division",
     "DoubleSphere",
     "ExtendedUnified",
     "FieldOfView",
+    "Fisheye624",
     "FisheyePolynomial",
     "KannalaBrandt",
     "MetashapeFrame",
@@ -44,8 +50,10 @@ __all__ = [
     "ObservedBrown",
     "ObservedPolynomial",
     "OffCentreBrown",
+    "RadTanThinPrismFisheye",
     "Rational",
     "ThinPrism",
+    "ThinPrismFisheye",
     "Tilted",
     "Unified",
     "distortion_from",
@@ -71,6 +79,10 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
             FisheyePolynomial,
             Australis,
             ObservedPolynomial,
+            Division,
+            Fisheye624,
+            RadTanThinPrismFisheye,
+            ThinPrismFisheye,
         )
     }
 )

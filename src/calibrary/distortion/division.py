@@ -44,18 +44,13 @@ class Division(Omnidirectional):
                 # hypot does not overflow where the sum of squares would.
                 shrink = 1.0 / np.hypot(np.hypot(x, y), z)
                 x, y, z = x * shrink, y * shrink, z * shrink
-                inside = z * z - 4.0 * self.k * (x * x + y * y)
+                r2 = x * x + y * y
+                inside = z * z - 4.0 * self.k * r2
                 inside[~((inside > 0) & ((z > 0) | (self.k < 0)))] = math.nan
                 reach = np.sqrt(inside)
-                # Behind the camera z + reach would cancel; its conjugate does not.
-                behind = z < 0
-                divisor = np.where(behind, reach - z, z + reach)
-                u, v = 2.0 * x / divisor, 2.0 * y / divisor
-                if behind.any():
-                    flip = divisor * divisor / (-4.0 * self.k * (x * x + y * y))
-                    u[behind] *= flip[behind]
-                    v[behind] *= flip[behind]
-                out[rows, 0], out[rows, 1] = finite_pair(u, v)
+                # z + reach; behind the camera, where that cancels, by the product of the two roots.
+                divisor = np.where(z < 0, -4.0 * self.k * r2 / (reach - z), z + reach)
+                out[rows, 0], out[rows, 1] = finite_pair(2.0 * x / divisor, 2.0 * y / divisor)
         return out
 
     def rays(self, xy: FloatArray) -> FloatArray:
@@ -65,10 +60,11 @@ class Division(Omnidirectional):
         with np.errstate(all="ignore"):
             for rows in blocks(len(xy)):
                 x, y = np.ascontiguousarray(xy[rows].T)
-                bend = self.k * (x * x + y * y)
+                r = np.hypot(x, y)
+                bend = self.k * r * r
                 bend[~(bend < 1.0)] = math.nan
                 z = 1.0 + bend
-                shrink = 1.0 / np.hypot(np.hypot(x, y), z)
+                shrink = 1.0 / np.hypot(r, z)
                 out[rows, 0], out[rows, 1] = finite_pair(x * shrink, y * shrink)
                 out[rows, 2] = z * shrink + 0.0 * out[rows, 0]
         return out

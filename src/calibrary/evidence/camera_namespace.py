@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion
@@ -64,7 +65,7 @@ def _perspective(scene: Scene) -> Finding:
     foreign = scene.is_foreign(intrinsics)
     if foreign is not None:
         return Dropped(source=source, tag=FOCAL_TAG, reason=foreign)
-    return scene.hear(
+    heard = scene.hear(
         source,
         FOCAL_TAG,
         Grade.CALIBRATED,
@@ -73,6 +74,9 @@ def _perspective(scene: Scene) -> Finding:
         measured_centre=centre is not None,
         assumptions=tuple(note for note in (how, centre_note) if note),
     )
+    if isinstance(heard, Dropped) or focal_px[0] == values[0]:
+        return heard
+    return replace(heard, by_focal_plane=scene.focal_plane_px_per_mm() is not None)
 
 
 def _focal_px(scene: Scene, value: float, size: ImageSize) -> tuple[tuple[float, float] | None, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Provenance
+from calibrary.distortion import NoDistortion
 from calibrary.evidence import camera_namespace, dji, field_of_view, optics, skydio
 from calibrary.evidence.conflict import Conflict, conflicts
 from calibrary.evidence.context import Scene
@@ -54,7 +55,7 @@ class Evidence:
         return Calibration(
             camera=camera,
             intrinsics=witness.intrinsics,
-            distortion=witness.distortion,
+            distortion=NoDistortion() if dji.is_dewarped(self.scene.metadata) else witness.distortion,
             grade=witness.grade,
             provenance=Provenance(
                 kind="image-metadata",

@@ -91,6 +91,10 @@ def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
         return
     assumptions = ("FocalPlaneResolution counts per inch",) if scene.metadata.focal_plane_unit is None else ()
     intrinsics = _centred(focal_mm * per_mm[0], focal_mm * per_mm[1], files_frame(scene.metadata))
+    foreign = scene.is_foreign(intrinsics) if scene.known is not None else None
+    if foreign is not None:
+        yield Dropped(source=Source.FOCAL_PLANE, tag=tag, reason=foreign)
+        return
     yield scene.hear(Source.FOCAL_PLANE, tag, Grade.DERIVED, intrinsics, assumptions=assumptions)
 
 
@@ -107,9 +111,14 @@ def _prior(scene: Scene) -> Iterator[Finding]:
         Grade.PRIOR,
         _centred(focal, focal, size),
         # Cameras truncate as often as they round: 52.8 is written 52.
-        tolerance=1.0 / focal_35mm,
+        tolerance=max(1.0 / focal_35mm, 0.0 if scene.native_size else _crop_slack(size)),
         assumptions=assumptions,
     )
+
+
+def _crop_slack(size: ImageSize) -> float:
+    """How far a 16:9 frame of unknown origin may be off: cut from 4:3, its diagonal is 8.2 % short."""
+    return 0.09 if size[0] * 10 > size[1] * 16 else 0.0
 
 
 def _centred(fx: float, fy: float, size: ImageSize) -> Intrinsics:

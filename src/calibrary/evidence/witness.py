@@ -32,6 +32,27 @@ class Source(StrEnum):
         """0 for the most trusted, counting up."""
         return list(Source).index(self)
 
+    @property
+    def rests_on(self) -> frozenset[str]:
+        """What was written once and would make every source that uses it wrong together."""
+        return frozenset(RESTS_ON[self].split(", "))
+
+
+RESTS_ON = {
+    Source.DJI_DEWARP_K6: "DJI calibration",
+    Source.DJI_DEWARP: "DJI calibration",
+    Source.CAMERA_PERSPECTIVE: "Camera calibration",
+    Source.CAMERA_FISHEYE: "Camera calibration",
+    Source.SKYDIO_CALIBRATED: "Skydio calibration",
+    Source.GIVEN_SENSOR: "focal length, given sensor",
+    Source.FOCAL_PLANE: "focal length, focal plane",
+    Source.CATALOGUE_PITCH: "focal length, catalogue",
+    Source.DJI_DESIGN: "DJI design",
+    Source.FIELD_OF_VIEW: "field of view",
+    Source.ASSUMED_SENSOR: "focal length, assumed sensor",
+    Source.FOCAL_35MM: "35 mm equivalent",
+}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Witness:
@@ -49,6 +70,7 @@ class Witness:
         assumptions: what had to be taken for granted.
         tolerance: relative rounding of the source itself (a 35 mm equivalent is a whole number of mm).
         pinhole: False for a fisheye: its focal length can be compared, but is no K.
+        by_focal_plane: whether FocalPlaneResolution turned its millimetres into pixels.
     """
 
     source: Source
@@ -62,6 +84,15 @@ class Witness:
     assumptions: tuple[str, ...] = ()
     tolerance: float = 0.0
     pinhole: bool = True
+    by_focal_plane: bool = False
+
+    def is_independent_of(self, other: Witness) -> bool:
+        """Whether nothing that was written once stands behind both: only then does agreement prove anything."""
+        return not self._rests_on & other._rests_on
+
+    @property
+    def _rests_on(self) -> frozenset[str]:
+        return self.source.rests_on | ({"focal plane"} if self.by_focal_plane else set())
 
     @property
     def rank(self) -> tuple[int, int]:

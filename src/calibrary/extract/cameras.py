@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from calibrary.calibration import Calibration, CameraKey, Intrinsics
 from calibrary.errors import FrameError
 from calibrary.evidence.collect import Evidence, collect
+from calibrary.evidence.conflict import disagreement
 from calibrary.evidence.context import Scene
 from calibrary.evidence.frame import adapt
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.witness import Source
+from calibrary.evidence.witness import Source, Witness
 from calibrary.extract.knowledge import Knowledge, Known
 from calibrary.policy import Policy
 from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Verdict, validate
@@ -64,7 +65,7 @@ class Camera:
         evidence: of the state whose K stands for the camera.
         calibration: the K to use, None when there is none.
         report: the calibration against the policy, None without one.
-        spread: (max − min) / K of fx over the states, None with one state.
+        spread: how far K's numbers spread over the states, as a share of fx; None with one state.
         why_not: in one line, when there is no K at all.
         way_out: what to do about that.
     """
@@ -144,7 +145,7 @@ def judge(
     best_grade = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
     state, evidence = next((s, e) for s, e in with_k if e.chosen and e.chosen.rank[0] == best_grade)
     calibration = evidence.calibration(_dated(key, states), source_name=state.names[0].rsplit("/", 1)[-1])
-    spread = _spread([e.chosen.intrinsics.fx for _, e in with_k if e.chosen], evidence)
+    spread = _spread([e.chosen for _, e in with_k if e.chosen], evidence)
     around = circumstances(evidence, state.known, spread=spread)
     report = validate(calibration, policy, around) if calibration is not None else None
     return Camera(
@@ -170,6 +171,7 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
                 fx=witness.intrinsics.fx,
                 tolerance=witness.tolerance,
                 cause=causes.get(witness),
+                independent=chosen is None or witness.is_independent_of(chosen),
             )
             for witness in evidence.witnesses
             if witness is not chosen
@@ -212,11 +214,21 @@ def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
     return Expected(fx=fx, spread=camera.spread, source="catalogue")
 
 
-def _spread(focal_px: Sequence[float], evidence: Evidence) -> float | None:
-    """(max − min) / K over the states of one camera, None with one state."""
-    if len(focal_px) < 2 or evidence.chosen is None:
+def _spread(witnesses: Sequence[Witness], evidence: Evidence) -> float | None:
+    """The largest (max − min) of fx, fy, cx, cy over the states as a share of fx, None with one state.
+
+    A state whose calibration tags were lost says less, not something else: it counts only where its focal
+    length is another camera's.
+    """
+    chosen = evidence.chosen
+    if chosen is None or len(witnesses) < 2:
         return None
-    return (max(focal_px) - min(focal_px)) / evidence.chosen.intrinsics.fx
+    equals = [w.intrinsics for w in witnesses if w.rank[0] == chosen.rank[0] or disagreement(chosen, w)]
+    ranges = (
+        max(getattr(K, name) for K in equals) - min(getattr(K, name) for K in equals)
+        for name in ("fx", "fy", "cx", "cy")
+    )
+    return float(max(ranges)) / chosen.intrinsics.fx
 
 
 def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:

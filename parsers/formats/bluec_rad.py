@@ -1,0 +1,178 @@
+"""blue-c's ``.rad`` (also ``.cal``): CalTech's camera parameters for MultiCamSelfCal, one to a line.
+
+In the format's own words::
+
+    K11 = 422.3
+    K12 = 0.0
+    …
+    K33 = 1.0
+
+    kc1 = -0.28      % k1
+    kc2 = 0.07       % k2
+    kc3 = 0.0004     % p1
+    kc4 = -0.0001    % p2
+
+The programs read the lines by their place, nine of K and, after one that is empty, four coefficients of
+Bouguet's Camera Calibration Toolbox; a fifth has no place. Some files end with ``alpha_c = …``, the skew as a
+part of fx. The image size is not in the file.
+
+Source: MultiCamSelfCal, ``RadialDistortions/readradfile.m`` and ``undoradial.m``; J.-Y. Bouguet, "Description
+of the calibration parameters".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.distortion import BrownConrady, Distortion, NoDistortion
+from calibrary.distortion.opencv import OpenCVDistortion
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin
+from calibrary.parsers.fit import exact
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+
+__all__ = ["FORMAT"]
+
+MATRIX = tuple(f"K{row}{column}" for row in "123" for column in "123")
+COEFFICIENTS = ("kc1", "kc2", "kc3", "kc4")
+SKEW = "alpha_c"
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    coefficients=("k1", "k2", "p1", "p2"),
+    remarks=("lines are read by their place", "alpha_c, where it stands, is the skew as a part of fx"),
+)
+SKEW_NOTE = (
+    "the skew was taken as K has it; MultiCamSelfCal passes it over when it corrects points for the lens"
+)
+
+_LINE = re.compile(r"(K[1-3][1-3]|kc[1-9]|alpha_c)\s*=\s*(\S+)")
+_FIRST = re.compile(r"K11\s*=")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalTechFour(OpenCVDistortion):
+    """Brown–Conrady's first four coefficients; what a file has a place for."""
+
+    model: ClassVar[str] = "brown (k1, k2, p1, p2)"
+
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """The same map with k3 = 0."""
+        return (BrownConrady(**self.coefficients),)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> CalTechFour | None:
+        """Brown–Conrady where k3 is zero, or no distortion."""
+        brown = exact(other, BrownConrady) if isinstance(other, BrownConrady | NoDistortion) else None
+        if not isinstance(brown, BrownConrady) or brown.k3:
+            return None
+        return cls(k1=brown.k1, k2=brown.k2, p1=brown.p1, p2=brown.p2)
+
+
+def sniff(content: Content) -> Sniff | None:
+    """K by its elements and kc by its own, one to a line."""
+    if _FIRST.match(content.first_line) and any(line.startswith("kc1") for line in content.lines):
+        return Sniff(Sure.MAGIC, "the lines K11 = … and kc1 = … are those of MultiCamSelfCal")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The one camera of the file; its size comes from the caller."""
+    values = _values(strict.decode(data, source=context.name), context.name)
+    _check_matrix(values, context.name)
+    skew = values["K12"]
+    if SKEW in values:
+        if skew and abs(values[SKEW] * values["K11"] - skew) > 1e-6 * values["K11"]:
+            raise ParseError(
+                f"K12 is {skew:g} and alpha_c·K11 is {values[SKEW] * values['K11']:g}; wanted the same skew",
+                source=context.name,
+                place=SKEW,
+            )
+        skew = skew or values[SKEW] * values["K11"]
+    size = context.size(None)
+    native = Native(fx=values["K11"], fy=values["K22"], cx=values["K13"], cy=values["K23"], skew=skew)
+    return [
+        Calibration(
+            camera=CameraKey(image_size=size),
+            intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+            distortion=_lens(values),
+            grade=Grade.CALIBRATED,
+            provenance=context.provenance(),
+            notes=(SKEW_NOTE,) if skew else (),
+        )
+    ]
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """The lines in the places where the programs look for them."""
+    [calibration] = calibrations
+    native = CONVENTION.native(calibration.intrinsics)
+    lens = exact(calibration.distortion or NoDistortion(), CalTechFour)
+    assert lens is not None  # noqa: S101  CAPACITY lets nothing else through
+    K = (native.fx, 0.0, native.cx, 0.0, native.fy, native.cy, 0.0, 0.0, 1.0)
+    rows = [f"{name} = {value!r}" for name, value in zip(MATRIX, K, strict=True)]
+    rows += ["", *(f"{n} = {v!r}" for n, v in zip(COEFFICIENTS, lens.coefficients.values(), strict=True)), ""]
+    return "".join(f"{row}\n" for row in rows).encode()
+
+
+def _values(text: str, source: str) -> dict[str, float]:
+    """The numbers by name, all of K and at least four coefficients."""
+    values: dict[str, float] = {}
+    for index, row in enumerate(strict.lines(text, source=source), start=1):
+        line = row.partition("%")[0].strip()
+        if not line:
+            continue
+        found = _LINE.fullmatch(line)
+        if found is None:
+            raise ParseError(
+                f"{strict.shown(line)} is no line such as K11 = 1104.7", source=source, place=f"line {index}"
+            )
+        name = found[1]
+        if name in values:
+            raise ParseError(f"{name} stands twice", source=source, place=f"line {index}")
+        values[name] = strict.number(found[2], source=source, place=name)
+    missing = [name for name in (*MATRIX, *COEFFICIENTS) if name not in values]
+    if missing:
+        raise ParseError(f"there is no {', '.join(missing)}", source=source)
+    return values
+
+
+def _check_matrix(values: dict[str, float], source: str) -> None:
+    if values["K21"] or values["K31"] or values["K32"] or values["K33"] != 1:
+        raise ParseError(
+            "the nine elements are no intrinsic matrix, wanted K21, K31, K32 = 0 and K33 = 1", source=source
+        )
+
+
+def _lens(values: dict[str, float]) -> Distortion:
+    kc = [values.get(f"kc{index}", 0.0) for index in range(1, 10)]
+    if any(kc[5:]):
+        raise UnsupportedModelError(
+            "it holds more than five coefficients, of which only k1 k2 p1 p2 k3 are known"
+        )
+    k1, k2, p1, p2, k3 = kc[:5]
+    return BrownConrady(k1=k1, k2=k2, p1=p1, p2=p2, k3=k3) if any(kc) else NoDistortion()
+
+
+FORMAT = Format(
+    name="bluec_rad",
+    title="blue-c (CalTech, MultiCamSelfCal) camera parameters",
+    suffixes=(".rad", ".cal"),
+    reference="https://github.com/strawlab/MultiCamSelfCal",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=Capacity(models=(NoDistortion, CalTechFour)),
+    needs_image_size=True,
+)

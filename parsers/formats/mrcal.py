@@ -1,0 +1,236 @@
+"""mrcal's camera model, ``.cameramodel``: a Python dictionary as text.
+
+In the format's own words::
+
+    {
+        'lensmodel':  'LENSMODEL_OPENCV5',
+
+        # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....
+        'intrinsics': [ 3650.1, 3649.8, 2736.2, 1824.7, -0.0125, 0.0231, -0.0004, 0.0008, -0.0172 ],
+
+        # extrinsics are rt_fromref
+        'extrinsics': [ 0, 0, 0, 0, 0, 0 ],
+
+        'imagersize': [ 5472, 3648 ],
+    }
+
+A solved model also carries ``valid_intrinsics_region``, a polygon in the image, and ``optimization_inputs``, all
+the data it was solved from; both hold beside these intrinsics only. The OPENCV models have OpenCV's
+coefficients in OpenCV's order. The splined, CAHVOR and stereographic models have no counterpart here.
+
+Source: mrcal, "Camera model representation in memory and on disk" and "Lens models", https://mrcal.secretsauce.net.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import NoReturn, TypeAlias
+
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.distortion import BrownConrady, NoDistortion, Rational, ThinPrism
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin
+from calibrary.parsers.document import Json, Node
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._bound_extras import bound, unbound
+from calibrary.parsers.formats._opencv_lens import lens
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"),
+)
+MODELS = {
+    "LENSMODEL_PINHOLE": 0,
+    "LENSMODEL_OPENCV4": 4,
+    "LENSMODEL_OPENCV5": 5,
+    "LENSMODEL_OPENCV8": 8,
+    "LENSMODEL_OPENCV12": 12,
+}
+"""With how many coefficients follow fx, fy, cx, cy."""
+EXTRINSICS = ("rt_cam_ref", "extrinsics")
+"""From mrcal 2.5 on, and before."""
+BOUND = ("valid_intrinsics_region", "optimization_inputs", "icam_intrinsics")
+PREFIX = "mrcal/"
+DEEPEST = 8
+
+_SPACE = r"(?:[\s]++|#[^\n]*+)*+"
+_TOKEN = re.compile(
+    _SPACE + r"(?:(?P<mark>[][(){}:,])"
+    r"|(?P<text>b?'(?:[^'\\\n]|\\.)*+'|b?\"(?:[^\"\\\n]|\\.)*+\")"
+    r"|(?P<word>[^][(){}:,'\"\s#]++)"
+    r"|(?P<end>\Z))"
+)
+_CLOSING = {"[": "]", "(": ")"}
+
+Span: TypeAlias = tuple[Json, str]
+"""A value, and the characters that stand for it in the file."""
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The key 'lensmodel' with one of mrcal's names."""
+    if re.search(r"""['"]lensmodel['"]\s*:\s*['"]LENSMODEL_""", content.text or ""):
+        return Sniff(Sure.MAGIC, "the key 'lensmodel' with a LENSMODEL_")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The one camera of the file."""
+    spans = _Dictionary(strict.decode(data, source=context.name), context.name).read()
+    tree = Node({key: value for key, (value, _) in spans.items()}, source=context.name)
+    model = tree["lensmodel"].text()
+    if model not in MODELS:
+        raise UnsupportedModelError(
+            f"the lens model is {strict.shown(model, 60)}, which has no counterpart here; make it one of "
+            f"{', '.join(MODELS)} with mrcal-convert-lensmodel, which says by how much the two differ",
+            source=context.name,
+            place="lensmodel",
+        )
+    fx, fy, cx, cy, *coefficients = tree["intrinsics"].numbers(4 + MODELS[model])
+    width, height = tree["imagersize"].numbers(2)
+    size = context.size(strict.image_size(width, height, source=context.name, place="imagersize"))
+    intrinsics = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name)
+    distortion = lens(coefficients)
+    extras = [
+        (PREFIX + key, bound(text, intrinsics, distortion) if key in BOUND else text)
+        for key, (_, text) in spans.items()
+        if key not in {"lensmodel", "intrinsics", "imagersize"}
+    ]
+    return [
+        Calibration(
+            camera=CameraKey(image_size=size),
+            intrinsics=intrinsics,
+            distortion=distortion,
+            grade=Grade.CALIBRATED,
+            provenance=context.provenance(),
+            extras=tuple(extras),
+        )
+    ]
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """mrcal's layout; what was solved goes back beside the intrinsics it was solved with, or not at all."""
+    [calibration] = calibrations
+    K, distortion = calibration.intrinsics, calibration.distortion
+    values = list(distortion.coefficients.values()) if distortion is not None else []
+    if isinstance(distortion, BrownConrady) and not distortion.k3:
+        values.pop()
+    model = next(name for name, count in MODELS.items() if count == len(values))
+    native = CONVENTION.native(K)
+    numbers = ", ".join(repr(value) for value in (native.fx, native.fy, native.cx, native.cy, *values))
+    lines = [
+        f"    'lensmodel':  '{model}',",
+        "",
+        "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....",
+        f"    'intrinsics': [ {numbers} ],",
+        "",
+    ]
+    lines += _extras(calibration)
+    lines.append(f"    'imagersize': [ {K.image_size[0]}, {K.image_size[1]} ],")
+    return ("{\n" + "\n".join(lines) + "\n}\n").encode()
+
+
+def _extras(calibration: Calibration) -> Iterator[str]:
+    extras = {key.removeprefix(PREFIX): text for key, text in calibration.extras if key.startswith(PREFIX)}
+    if not any(key in extras for key in EXTRINSICS):
+        extras["extrinsics"] = "[ 0, 0, 0, 0, 0, 0 ]"
+    for key, value in extras.items():
+        text = unbound(value, calibration.intrinsics, calibration.distortion) if key in BOUND else value
+        if text is not None:
+            yield f"    {key!r}: {text},"
+            yield ""
+
+
+class _Dictionary:
+    """A reader of the small part of Python's syntax that mrcal writes: texts, numbers and lists of them."""
+
+    def __init__(self, text: str, source: str) -> None:
+        self.text = text
+        self.source = source
+        self.position = 0
+
+    def read(self) -> dict[str, Span]:
+        """The whole file's dictionary."""
+        table: dict[str, Span] = {}
+        self.expect("{")
+        while not self.accept("}"):
+            key, _ = self.value(0)
+            if not isinstance(key, str) or key in table:
+                self.fail(f"{strict.shown(str(key))} is no key, or one that stands twice")
+            self.expect(":")
+            table[key] = self.value(0)
+            if not self.accept(","):
+                self.expect("}")
+                break
+        if self.token()["end"] is None:
+            self.fail("text after the end of the dictionary")
+        return table
+
+    def value(self, depth: int) -> Span:
+        """One value, and how it was written."""
+        token = self.token()
+        if token["text"] is not None:
+            written = token["text"]
+            return written.removeprefix("b")[1:-1], written
+        if token["word"] is not None:
+            word = token["word"]
+            return strict.number(word, source=self.source, place=self.place()), word
+        if token["mark"] not in _CLOSING:
+            self.fail(
+                "wanted a text, a number or a list" if token["end"] is None else "the file ends too early"
+            )
+        if depth == DEEPEST:
+            self.fail(f"lists nested more than {DEEPEST} deep")
+        start = token.start("mark")
+        items: list[Json] = []
+        while not self.accept(_CLOSING[token["mark"]]):
+            items.append(self.value(depth + 1)[0])
+            if not self.accept(","):
+                self.expect(_CLOSING[token["mark"]])
+                break
+        return items, self.text[start : self.position]
+
+    def token(self) -> re.Match[str]:
+        """The next one, taken."""
+        match = _TOKEN.match(self.text, self.position)
+        if match is None:
+            self.fail("this is no Python text")
+        self.position = match.end()
+        return match
+
+    def accept(self, mark: str) -> bool:
+        """Whether the next token is that mark; it is taken if so."""
+        match = _TOKEN.match(self.text, self.position)
+        if match is None or match["mark"] != mark:
+            return False
+        self.position = match.end()
+        return True
+
+    def expect(self, mark: str) -> None:
+        """Take that mark."""
+        if not self.accept(mark):
+            ended = not self.text[self.position :].strip()
+            self.fail("the file ends too early" if ended else f"wanted {mark!r}")
+
+    def place(self) -> str:
+        return f"line {self.text.count(chr(10), 0, self.position) + 1}"
+
+    def fail(self, message: str) -> NoReturn:
+        raise ParseError(f"this is no mrcal dictionary: {message}", source=self.source, place=self.place())
+
+
+FORMAT = Format(
+    name="mrcal",
+    title="mrcal camera model",
+    suffixes=(".cameramodel",),
+    reference="https://mrcal.secretsauce.net/cameramodels.html",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=Capacity(models=(NoDistortion, BrownConrady, Rational, ThinPrism)),
+)

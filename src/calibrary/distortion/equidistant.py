@@ -1,0 +1,165 @@
+"""Fisheye models that go on in the plane: each direction first at its angle from the axis, then polynomials.
+
+With θ the angle between the ray (X, Y, Z) and the axis, and R² = X² + Y², the equidistant point is
+θ·(X, Y)/R. What follows maps the plane to itself, so it folds and is inverted as the perspective models are.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
+from calibrary.distortion.omnidirectional import Omnidirectional
+from calibrary.distortion.opencv import OpenCVDistortion
+from calibrary.distortion.polynomial import PolynomialMap
+
+__all__ = ["EquidistantDistortion", "PlanarPolynomial", "only"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanarPolynomial(OpenCVDistortion):
+    """What the fisheye models compute with; no model of its own. All of its coefficients multiply.
+
+    With r² = u² + v²::
+
+        u' = u·(1 + k1·r² + … + k6·r¹²) + 2·p1·u·v + p2·(r² + 2u²) + s1·r² + s2·r⁴
+        v' = v·(1 + k1·r² + … + k6·r¹²) + p1·(r² + 2v²) + 2·p2·u·v + s3·r² + s4·r⁴
+    """
+
+    model: ClassVar[str] = "planar-polynomial"
+
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    k4: float = 0.0
+    k5: float = 0.0
+    k6: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    s1: float = 0.0
+    s2: float = 0.0
+    s3: float = 0.0
+    s4: float = 0.0
+
+    def _lens(self) -> PolynomialMap:
+        """The map; r⁸ to r¹² multiply, where OpenCV's k4 to k6 divide."""
+        return _Map(
+            k1=self.k1, k2=self.k2, k3=self.k3, r8=self.k4, r10=self.k5, r12=self.k6, p1=self.p1, p2=self.p2,
+            s1=self.s1, s2=self.s2, s3=self.s3, s4=self.s4,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EquidistantDistortion(Omnidirectional):
+    """A model that is one or several planar maps of the equidistant point.
+
+    Every map but the last is radial, so that the largest disc on which the whole is one-to-one is where the
+    first of them fails.
+    """
+
+    @abstractmethod
+    def _stages(self) -> tuple[PlanarPolynomial, ...]:
+        """The maps in their order."""
+
+    def max_angle_rad(self) -> float:
+        """The angle at which the first of the maps folds, at most π: straight back has no direction."""
+        *radial, last = self._stages()
+        radius = last.valid_radius()
+        for stage in reversed(radial):
+            fold = stage.valid_radius()
+            # Where the later maps reach farther than this one's image, this one's fold comes first.
+            inner = stage.undistort(np.array([[radius, 0.0]]))[0, 0] if math.isfinite(radius) else math.nan
+            radius = float(inner) if math.isfinite(inner) else fold
+        return min(math.pi, radius)
+
+    def observe(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+        point = _equidistant(as_rows(rays, 3))
+        for stage in self._stages():
+            point = stage.distort(point)
+        return point
+
+    def rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+        point = as_rows(xy, 2)
+        for stage in reversed(self._stages()):
+            point = stage.undistort(point)
+        return _directions(point)
+
+
+def only(distortion: Distortion, *names: str) -> bool:
+    """Whether every coefficient that is not named is zero."""
+    return not any(value for name, value in distortion.coefficients.items() if name not in names)
+
+
+def _equidistant(rays: FloatArray) -> FloatArray:
+    """(N, 3) directions to (N, 2): at θ from the axis; NaN straight back, which would be a whole circle."""
+    out = np.empty((len(rays), 2))
+    with np.errstate(all="ignore"):
+        for rows in blocks(len(rays)):
+            x, y, z = np.ascontiguousarray(rays[rows].T)
+            r = np.hypot(x, y)
+            stretch = np.arctan2(r, z) / r
+            stretch[(r == 0) & (z > 0)] = 0.0
+            out[rows, 0], out[rows, 1] = finite_pair(x * stretch, y * stretch)
+    return out
+
+
+def _directions(points: FloatArray) -> FloatArray:
+    """The inverse of :func:`_equidistant`; NaN from 180° on."""
+    out = np.empty((len(points), 3))
+    with np.errstate(all="ignore"):
+        for rows in blocks(len(points)):
+            u, v = np.ascontiguousarray(points[rows].T)
+            theta = np.hypot(u, v)
+            theta[~(theta < math.pi)] = math.nan
+            # sin θ / θ without a division by zero on the axis; numpy's sinc counts in π.
+            stretch = np.sinc(theta / math.pi)
+            out[rows, 0], out[rows, 1] = finite_pair(u * stretch, v * stretch)
+            out[rows, 2] = np.cos(theta)
+    return out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Map(PolynomialMap):
+    """OpenCV's map with three more radial terms in its numerator; nothing else about it changes."""
+
+    r8: float = 0.0
+    r10: float = 0.0
+    r12: float = 0.0
+
+    @property
+    def numerator(self) -> list[float]:
+        """1 + k1·s + … + r12·s⁶, constant term first, without trailing zeros."""
+        terms = [1.0, self.k1, self.k2, self.k3, self.r8, self.r10, self.r12]
+        while len(terms) > 1 and terms[-1] == 0.0:
+            terms.pop()
+        return terms
+
+    @property
+    def octave(self) -> int:
+        """As for the map it extends."""
+        strongest = (
+            math.floor(-math.log2(abs(c)) / power) - 1
+            for name, power in _POWERS.items()
+            if (c := getattr(self, name))
+        )
+        return min(strongest, default=0)
+
+    def in_octave(self, octave: int) -> PolynomialMap:
+        """The same map with both radii counted in units of 2**octave."""
+        return _Map(
+            **{name: math.ldexp(getattr(self, name), power * octave) for name, power in _POWERS.items()}
+        )
+
+
+_POWERS = {
+    "k1": 2, "k2": 4, "k3": 6, "r8": 8, "r10": 10, "r12": 12, "p1": 1, "p2": 1,
+    "s1": 1, "s2": 3, "s3": 1, "s4": 3,
+}  # fmt: skip
+"""How the share of each coefficient in the image point grows with r, relative to the point itself."""
