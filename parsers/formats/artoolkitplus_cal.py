@@ -19,7 +19,7 @@ from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
-from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
@@ -91,7 +91,7 @@ def _numbers(text: str, source: str) -> tuple[float, ...]:
     if not rows or not rows[0].startswith(FAMILY):
         raise ParseError(f"the first line is not {HEADING}", source=source)
     if rows[0] != HEADING:
-        raise UnsupportedModelError(
+        raise ParseError(
             f"its revision is {strict.shown(rows[0])}, wanted {HEADING}", source=source
         )
     if len(rows) == 1:

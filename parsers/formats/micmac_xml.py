@@ -62,7 +62,7 @@ CONVENTION = Convention(
 CAMERA = "CalibrationInternConique"
 ROOTS = ("ExportAPERO", CAMERA)
 M2C, C2M = "eConvApero_DistM2C", "eConvApero_DistC2M"
-MODELS = {M2C: OffCentreBrown, C2M: ObservedBrown}
+MODELS: dict[str, type[OffCentreBrown | ObservedBrown]] = {M2C: OffCentreBrown, C2M: ObservedBrown}
 RADIAL_TERMS = 5
 FRAME_CHANGES = ("ScannedAnalogik", "PixelSzIm", "Homographie")
 """They put another coordinate system between the image and the numbers."""
@@ -262,9 +262,10 @@ class _Fields:
         if "OrIntGlob" not in self:
             return
         affinity = [_Fields(item, self.source) for item in self.one("OrIntGlob").findall("Affinite")]
-        identity = {"I00": (0, 0), "V10": (1, 0), "V01": (0, 1)}
+        identity = {"I00": "0 0", "V10": "1 0", "V01": "0 1"}
         if len(affinity) != 1 or any(
-            affinity[0].numbers(name, 2) != wanted for name, wanted in identity.items()
+            affinity[0].numbers(name, 2) != tuple(map(Decimal, wanted.split()))
+            for name, wanted in identity.items()
         ):
             raise UnsupportedModelError(
                 "<OrIntGlob> is no identity: the numbers belong to a turned or cropped image; calibrate the "

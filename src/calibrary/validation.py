@@ -109,6 +109,7 @@ class Circumstances:
         focal_mm, focal_35mm: EXIF's, where the K rests on them.
         sensor_assumed: the K rests on a sensor size nobody stated.
         zoomed: the K rests on how the camera handles digital zoom.
+        edits: what an editor did to the pixels since the camera wrote them.
         spread: how far K's numbers spread over the images of this camera, as a share of fx.
     """
 
@@ -118,6 +119,7 @@ class Circumstances:
     focal_35mm: float | None = None
     sensor_assumed: bool = False
     zoomed: bool = False
+    edits: tuple[str, ...] = ()
     spread: float | None = None
 
 
@@ -331,6 +333,17 @@ def _digital_zoom(_: Calibration, policy: Policy, around: Circumstances) -> Iter
     )
 
 
+def _as_the_camera_wrote_it(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    """An editor's crop or lens profile leaves the tags as they were and moves the pixels."""
+    for edit in around.edits:
+        yield Finding(
+            rule="as-recorded",
+            severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
+            message=f"{edit}, and the tags still describe the frame before",
+            remedy="give the files as the camera wrote them",
+        )
+
+
 def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
     """Distortion that folds back before the image's corner maps two directions to one pixel."""
     if c.distortion is None or not policy.distortion_monotonic:
@@ -386,6 +399,7 @@ RULES: tuple[Rule, ...] = (
     _witness_agreement,
     _sensor_stated,
     _digital_zoom,
+    _as_the_camera_wrote_it,
     _distortion_monotonic,
     _group_spread,
 )

@@ -163,3 +163,11 @@ def test_a_measured_calibration_of_an_unknown_camera_is_held_to_what_a_lens_can_
 def test_a_policy_with_a_limit_out_of_range_is_refused(over: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(over))):
         replace(FLEET, **over)  # type: ignore[arg-type]  # the wrong values are the point
+
+
+def test_a_frame_an_editor_changed_is_unproven_under_fleet() -> None:
+    around = Circumstances(edits=("an editor cropped the frame",))
+    report = validate(calibration(), FLEET, around)
+    assert report.verdict is Verdict.UNPROVEN
+    assert "as the camera wrote them" in str(report.remedy)
+    assert validate(calibration(), SOURCE, around).verdict is Verdict.VALID

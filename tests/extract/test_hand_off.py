@@ -324,3 +324,19 @@ def test_a_run_hands_over_valid_ks_only_and_names_the_others(tmp_path: Path, sol
     assert "5472.0" not in written
     assert "unproven.jpg" not in written
     assert "4000" not in written
+
+
+def test_a_camera_the_solver_has_no_model_for_is_left_out_and_does_not_keep_the_others_back(
+    tmp_path: Path,
+) -> None:
+    flight = tmp_path / "flight"
+    picture(flight / "known.jpg", **P4R, dewarp=DEWARP, focal_35mm=24)
+    picture(flight / "skewed.jpg", (4000, 3000))
+    (flight / "skewed.xml").write_text(
+        "<calibration><projection>frame</projection><width>4000</width><height>3000</height>"
+        "<f>3000</f><cx>0</cx><cy>0</cy><b2>1.5</b2></calibration>"
+    )
+    outputs = plan(gate(flight), tmp_path / "K.npy", Solver.COLMAP)
+    assert "no skew" in outputs.not_handed_over["unknown-camera-4000x3000"]
+    assert b"3660.5" in outputs.files[tmp_path / "colmap.sh"]
+    assert "not handed to colmap" in str(outputs.document["warnings"])

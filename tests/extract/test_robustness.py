@@ -332,7 +332,8 @@ class TestOutputs:
         picture(tmp_path / "im" / "a.jpg", focal_mm=(24, 1))
         code, report, _ = extract("--hand-off", "colmap")
         assert code == 1
-        assert [warning.split()[0] for warning in report["warnings"]] == ["K_matrix.npy", "colmap.sh"]
+        told = [warning.split()[0] for warning in report["warnings"]]
+        assert told == ["K_matrix.npy", "colmap.sh", "dji-fc6310-5472x3648"]
 
     def test_a_place_that_is_none_is_told_before_anything_is_read(
         self, tmp_path: Path, extract: Extract

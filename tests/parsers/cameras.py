@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from hypothesis import assume
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
+from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity
 
 SIZE = (5472, 3648)
@@ -19,7 +21,8 @@ BROWN = BrownConrady(k1=-0.1131, k2=0.0247, p1=-0.00037, p2=0.00081, k3=-0.0062)
 STRENGTH = {
     "k1": 0.05, "k2": 0.02, "k3": 0.01, "k4": 0.01, "k5": 0.01, "k6": 0.01, "p1": 1e-3, "p2": 1e-3,
     "p3": 1e-2, "p4": 1e-2, "s1": 1e-4, "s2": 1e-4, "s3": 1e-4, "s4": 1e-4, "tau_x": 0.02, "tau_y": 0.02,
-    "b1": 1e-3, "b2": 1e-3,
+    "b1": 1e-3, "b2": 1e-3, "x0": 0.02, "y0": 0.02,
+    "k": 0.1, "k0": 0.02, "p0": 1e-3, "s0": 1e-4, "sx1": 1e-4, "sy1": 1e-4,
 }  # fmt: skip
 # Those that are no small numbers around zero.
 SPAN = {"alpha": (0.1, 0.7), "beta": (0.7, 1.4), "xi": (0.0, 0.9), "omega": (0.1, 1.2)}
@@ -57,7 +60,10 @@ def distortions(draw: st.DrawFn, models: tuple[type[Distortion], ...]) -> Distor
     model = draw(st.sampled_from(models))
     strength = 0.3 if model is KannalaBrandt else 1.0
     spans = {name: (-strength * most, strength * most) for name, most in STRENGTH.items()} | SPAN
-    return model(**{name: draw(st.floats(*spans[name])) for name in model.names()})
+    lens = model(**{name: draw(st.floats(*spans[name])) for name in model.names()})
+    # A lens without terms has no centre that a file could keep.
+    assume("x0" not in model.names() or exact(lens, NoDistortion) is None)
+    return lens
 
 
 @st.composite

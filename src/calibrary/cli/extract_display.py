@@ -121,9 +121,8 @@ class Display:
             self._console.print(f"  {plain(str(path))}", highlight=False, soft_wrap=True)
         for path in outputs.stale:
             self._say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
-        if solver is not Solver.NONE and outputs.not_handed_over:
-            names = ", ".join(outputs.not_handed_over)
-            self._say(f"[yellow]not handed to {solver.value}[/]: {plain(names)}: no valid K")
+        for slug, why in outputs.not_handed_over.items():
+            self._say(f"[yellow]not handed to {solver.value}[/]: {plain(slug)}: {plain(why)}")
 
     def _say(self, text: str) -> None:
         self._print(Text.from_markup(text))

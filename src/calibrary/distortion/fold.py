@@ -142,14 +142,17 @@ def _least_over_directions(samples: FloatArray) -> FloatArray:
     least = np.full(len(samples), math.nan)
     usable = np.isfinite(samples).all(axis=1)
     mean, f, g = np.fft.rfft(samples[usable], axis=1).T[:3] / len(SAMPLES)
+    # Only their ratio matters to the angles; what is nothing beside the mean is nothing.
+    size = np.maximum(np.maximum(np.abs(f), np.abs(g)), 1e-30 * np.abs(mean) + 1e-300)
+    f, g = f / size, g / size
     # Without a second harmonic two of the roots are at infinity; a millionth of a millionth brings them back.
-    lead = 2.0 * np.where(np.abs(g) > 1e-12 * np.abs(f), g, 1e-12 * np.abs(f))
-    lead[lead == 0.0] = 1.0
+    lead = 2.0 * np.where(np.abs(g) > 1e-12, g, 1e-12)
     companion = np.zeros((len(lead), 4, 4), dtype=np.complex128)
     companion[:, (1, 2, 3), (0, 1, 2)] = 1.0
     companion[:, :, 3] = np.stack([2.0 * g.conj(), f.conj(), np.zeros_like(f), -f], axis=1) / lead[:, None]
     z = np.exp(1j * np.angle(np.linalg.eigvals(companion)))
-    stationary = mean.real[:, None] + 2.0 * (f[:, None] * z + g[:, None] * z * z).real
+    waves = (f[:, None] * z + g[:, None] * z * z).real
+    stationary = mean.real[:, None] + 2.0 * size[:, None] * waves
     least[usable] = stationary.min(axis=1)
     return least
 

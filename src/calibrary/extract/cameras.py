@@ -10,6 +10,7 @@ from calibrary.errors import FrameError
 from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.conflict import disagreement
 from calibrary.evidence.context import Scene
+from calibrary.evidence.edits import edits
 from calibrary.evidence.frame import adapt
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
@@ -180,6 +181,7 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
         focal_35mm=metadata.focal_35mm,
         sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
         zoomed=metadata.digital_zoom is not None and metadata.digital_zoom > 1.0,
+        edits=edits(metadata),
         spread=spread,
     )
 

@@ -261,7 +261,9 @@ def _judged(
     # The images' own K failed and is no measure of what replaces it; their 35 mm equivalent still is.
     prior = {w.tag for w in camera.evidence.witnesses if w.grade is Grade.PRIOR}
     others = tuple(other for other in around.others if other.name in prior)
-    around = replace(around, others=others, sensor_assumed=False, zoomed=False, focal_mm=None, spread=None)
+    around = replace(
+        around, others=others, sensor_assumed=False, zoomed=False, edits=(), focal_mm=None, spread=None
+    )
     report = validate(calibration, policy, around)
     # What is unproven stands in for a rejected K only: there is nothing to win by it over an unproven one.
     needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}

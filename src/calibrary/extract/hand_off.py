@@ -27,6 +27,7 @@ __all__ = [
     "Solver",
     "colmap_camera",
     "hand_off",
+    "refusal",
     "seed_command",
 ]
 
@@ -96,6 +97,20 @@ def hand_off(solver: Solver, cameras: Sequence[Candidate]) -> dict[str, bytes]:
         return {"cameras.json": _json(_named(cameras, models, solver))}
     files = {f"{camera.slug}{OPENCV_SUFFIX}": K for camera, K in usable}
     return {name: parsers.encode([K], "opencv_storage", name=name)[0] for name, K in files.items()}
+
+
+def refusal(solver: Solver, calibration: Calibration) -> str | None:
+    """Why a solver cannot hold a calibration exactly, None when it can."""
+    try:
+        if solver is Solver.COLMAP:
+            colmap_camera(calibration)
+        elif solver in {Solver.OPENSFM, Solver.ODM}:
+            _opensfm(calibration)
+        elif solver is Solver.OPENCV:
+            parsers.encode([calibration], "opencv_storage", name=OPENCV_SUFFIX)
+    except UnsupportedModelError as error:
+        return error.message
+    return None
 
 
 def _image_list(camera: Candidate) -> bytes:

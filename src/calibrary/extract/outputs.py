@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import numpy as np
 from calibrary.calibration import Calibration
 from calibrary.calibration_json import Json
 from calibrary.errors import InputError
-from calibrary.extract.hand_off import SOLVER_FILES, Candidate, Solver, hand_off
+from calibrary.extract.hand_off import SOLVER_FILES, Candidate, Solver, hand_off, refusal
 from calibrary.extract.outcome import CameraOutcome, Outcome
 from calibrary.extract.report import encode, report_json
 from calibrary.validation import Verdict
@@ -33,14 +33,14 @@ class Outputs:
         matrices: the K file's name by camera slug.
         document: the report, also in ``files``.
         stale: K and solver files of an earlier run that this one does not replace.
-        not_handed_over: cameras whose K the solver must not get, by slug.
+        not_handed_over: why the solver does not get a camera's K, by slug.
     """
 
     files: dict[Path, bytes]
     matrices: dict[str, str]
     document: dict[str, Json]
     stale: tuple[Path, ...] = ()
-    not_handed_over: tuple[str, ...] = ()
+    not_handed_over: dict[str, str] = field(default_factory=dict)
 
 
 def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
@@ -51,7 +51,7 @@ def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
     K is handed to a solver.
 
     Raises:
-        InputError: ``matrix_path`` is no .npy, or the solver has no model for a camera.
+        InputError: ``matrix_path`` is no .npy, or a file's name cannot be handed over.
     """
     check_place(matrix_path)
     alone, stem = len(outcome.cameras) == 1, matrix_path.stem
@@ -64,7 +64,8 @@ def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
             matrices[camera.slug] = path.name
         if camera.fallback is not None and camera.fallback.seed is not None:
             files[path.with_name(path.name.replace(stem, f"{stem}_seed", 1))] = _npy(camera.fallback.seed)
-    candidates = [_candidate(camera) for camera in outcome.cameras]
+    refused = {c.slug: why for c in outcome.cameras if (why := _why_not_handed_over(c, solver)) is not None}
+    candidates = [_candidate(camera, refused=camera.slug in refused) for camera in outcome.cameras]
     for name, content in hand_off(solver, candidates).items():
         files[matrix_path.with_name(name)] = content
     report_path = matrix_path.with_suffix(".json")
@@ -76,14 +77,18 @@ def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
         )
     stale = tuple(path for path in _earlier(matrix_path, solver) if path not in files)
     document = report_json(outcome, matrices)
-    document["warnings"] = [*outcome.warnings, *(f"{path.name} {STALE}" for path in stale)]
+    document["warnings"] = [
+        *outcome.warnings,
+        *(f"{path.name} {STALE}" for path in stale),
+        *(f"{slug} is not handed to {solver}: {why}" for slug, why in refused.items()),
+    ]
     files[report_path] = encode(document)
     return Outputs(
         files=files,
         matrices=matrices,
         document=document,
         stale=stale,
-        not_handed_over=tuple(c.slug for c in candidates if c.calibration is None),
+        not_handed_over=refused,
     )
 
 
@@ -110,11 +115,20 @@ def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
             yield path
 
 
-def _candidate(camera: CameraOutcome) -> Candidate:
-    """A camera for a solver; only a valid K comes along."""
+def _why_not_handed_over(camera: CameraOutcome, solver: Solver) -> str | None:
+    """Why the solver must not get a camera's K, None when it may."""
+    if solver is Solver.NONE:
+        return None
+    if camera.calibration is None or camera.verdict is not Verdict.VALID:
+        return "no valid K"
+    return refusal(solver, camera.calibration)
+
+
+def _candidate(camera: CameraOutcome, *, refused: bool) -> Candidate:
+    """A camera for a solver; only a K that it may and can use comes along."""
     return Candidate(
         slug=camera.slug,
-        calibration=camera.calibration if camera.verdict is Verdict.VALID else None,
+        calibration=None if refused else camera.calibration,
         states=tuple(state.metadata for state in camera.camera.states),
         names=camera.camera.names,
     )

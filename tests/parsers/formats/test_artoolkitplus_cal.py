@@ -57,19 +57,19 @@ def test_a_sixth_coefficient_is_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "error", "message"),
+    ("text", "message"),
     [
-        ("ARToolKitPlus_CamCal_Rev02\n", ParseError, "no line of numbers"),
-        (CAL.replace(" 10\n", "\n"), ParseError, "12 numbers, wanted 13"),
-        (CAL.replace(" 10\n", " 0 10\n"), ParseError, "14 numbers, wanted 13"),
-        (CAL.replace("631.3", "631,3"), ParseError, "decimal point"),
-        (CAL.replace("1104.7", "0"), ParseError, "focal lengths"),
-        (CAL.replace("1280", "1280.5"), ParseError, "image size"),
-        (CAL.replace("Rev02", "Rev03"), UnsupportedModelError, "Rev03"),
+        ("ARToolKitPlus_CamCal_Rev02\n", "no line of numbers"),
+        (CAL.replace(" 10\n", "\n"), "12 numbers, wanted 13"),
+        (CAL.replace(" 10\n", " 0 10\n"), "14 numbers, wanted 13"),
+        (CAL.replace("631.3", "631,3"), "decimal point"),
+        (CAL.replace("1104.7", "0"), "focal lengths"),
+        (CAL.replace("1280", "1280.5"), "image size"),
+        (CAL.replace("Rev02", "Rev03"), "Rev03"),
     ],
 )
-def test_a_broken_file_names_what_is_wrong(text: str, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
+def test_a_broken_file_names_what_is_wrong(text: str, message: str) -> None:
+    with pytest.raises(ParseError, match=message):
         read(text)
 
 

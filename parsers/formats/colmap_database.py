@@ -1,0 +1,184 @@
+"""COLMAP's ``database.db``: SQLite, with the cameras of the images before they were reconstructed.
+
+In the format's own words::
+
+    CREATE TABLE cameras (camera_id INTEGER PRIMARY KEY, model INTEGER, width INTEGER, height INTEGER,
+                          params BLOB, prior_focal_length INTEGER)
+
+``params`` holds little-endian doubles, those of ``cameras.txt``. ``prior_focal_length`` is 1 where the focal
+length was given or comes from EXIF, and 0 where COLMAP guessed 1.2 × the longer side. So an untouched camera is
+a prior at most; one with a lens or an off-centre principal point was given or adjusted, whatever the flag says,
+which scripts that fill databases often leave at 0.
+
+The file is given to SQLite as bytes in memory and nothing but the one table is read. What another program has
+not yet written back from its journal is not there, so a journal beside the file is refused.
+
+Source: COLMAP documentation, "Database Format".
+"""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+import struct
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from typing import TypeAlias
+
+from calibrary.calibration import Calibration, Grade
+from calibrary.distortion import FieldOfView, NoDistortion
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.colmap_models import CONVENTION, PANORAMAS, model_numbered
+from calibrary.parsers.content import Content
+from calibrary.parsers.fit import exact
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._colmap import MAX_CAMERAS, ColmapCamera, cameras
+
+__all__ = ["FORMAT"]
+
+MAGIC = b"SQLite format 3\0"
+SCHEMA_BYTES = 64 * 1024
+"""Where the definitions of the tables stand."""
+QUERY = "SELECT camera_id, model, width, height, params, prior_focal_length FROM cameras ORDER BY camera_id LIMIT ?"
+LONGEST_VALUE = 1024 * 1024
+STEPS = 10_000
+LONGEST_QUERY = 1_000
+"""In units of STEPS instructions; reading 20 000 cameras takes some fifty."""
+INITIAL_OMEGA = 0.01
+
+Row: TypeAlias = tuple[object, ...]
+
+
+def sniff(content: Content) -> Sniff | None:
+    """SQLite's mark, and a column that only COLMAP's table has."""
+    if content.data.startswith(MAGIC) and b"prior_focal_length" in content.data[:SCHEMA_BYTES]:
+        return Sniff(Sure.MAGIC, "SQLite with a column prior_focal_length")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera, by its id."""
+    _refuse_journal(context)
+    rows = _rows(data, context.name)
+    flags = {row[0]: bool(row[5]) for row in rows}
+    found = cameras([_camera(row, context.name) for row in rows], context, grade=Grade.ADJUSTED)
+    return [_graded(item, given=flags[int((item.provenance.tag or "").split()[-1])]) for item in found]
+
+
+def _graded(item: Calibration, *, given: bool) -> Calibration:
+    extras = (*item.extras, ("colmap/prior_focal_length", str(int(given))))
+    if not _is_untouched(item):
+        assumption = "the database's numbers were given or adjusted: they are not those COLMAP starts from"
+        provenance = replace(item.provenance, assumptions=(*item.provenance.assumptions, assumption))
+        return replace(item, provenance=provenance, extras=extras)
+    if given:
+        note = "only the focal length is known, from EXIF or because it was given; the rest is COLMAP's start"
+        return replace(item, grade=Grade.PRIOR, notes=(*item.notes, note), extras=extras)
+    note = "this is what COLMAP starts from when it knows nothing of a camera"
+    return replace(item, grade=Grade.SEED, notes=(*item.notes, note), extras=extras)
+
+
+def _is_untouched(item: Calibration) -> bool:
+    """Whether all but the focal length is as COLMAP initialises a camera."""
+    K, lens = item.intrinsics, item.distortion
+    width, height = K.image_size
+    if (K.cx, K.cy) != (width / 2, height / 2) or K.fx != K.fy or lens is None:
+        return False
+    initial_fov = isinstance(lens, FieldOfView) and lens.omega == INITIAL_OMEGA
+    return initial_fov or exact(lens, NoDistortion) is not None or not any(lens.coefficients.values())
+
+
+def _camera(row: Row, source: str) -> ColmapCamera:
+    number, model, width, height, blob, _flag = row
+    place = f"camera {number!r:.20}"
+    if not (
+        isinstance(number, int)
+        and isinstance(model, int)
+        and isinstance(width, int)
+        and isinstance(height, int)
+        and isinstance(blob, bytes)
+    ):
+        raise ParseError("its row is not four whole numbers and a blob", source=source, place=place)
+    known = model_numbered(model)
+    if known is None and model not in PANORAMAS:
+        raise UnsupportedModelError(f"COLMAP's model {model} is not known here", source=source, place=place)
+    if len(blob) % 8:
+        raise ParseError(f"{len(blob)} bytes of parameters are no doubles", source=source, place=place)
+    parameters = struct.unpack(f"<{len(blob) // 8}d", blob)
+    if not all(map(math.isfinite, parameters)):
+        raise ParseError("a parameter is not finite", source=source, place=place)
+    return ColmapCamera(
+        number=number,
+        model=known or PANORAMAS[model][0],
+        image_size=strict.image_size(width, height, source=source, place=place),
+        parameters=parameters,
+        place=place,
+    )
+
+
+def _rows(data: bytes, source: str) -> list[Row]:
+    """The table of cameras.
+
+    Raises:
+        ParseError: SQLite cannot read it, it has no such table, or there is no end to it.
+    """
+    if not data.startswith(MAGIC):
+        raise ParseError("this is no SQLite database", source=source)
+    # COLMAP journals ahead (bytes 18 and 19 are 2), which a database in memory cannot.
+    plain = b"".join([data[:18], b"\1\1", data[20:]])
+    try:
+        with closing(sqlite3.connect(":memory:")) as connection:
+            connection.deserialize(plain)
+            rows = list(_bounded(connection))
+    except (sqlite3.Error, OverflowError, MemoryError) as error:
+        raise ParseError(f"its cameras cannot be read as COLMAP's: {error}", source=source) from None
+    if len(rows) > MAX_CAMERAS:
+        raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=source)
+    return rows
+
+
+def _bounded(connection: sqlite3.Connection) -> Iterator[Row]:
+    """The rows, by a query that can neither run on nor touch anything but the one table."""
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_VALUE)
+    connection.execute("PRAGMA trusted_schema = OFF")
+    left = LONGEST_QUERY
+
+    def stop() -> bool:
+        nonlocal left
+        left -= 1
+        return left < 0
+
+    def permitted(action: int, table: str | None, *_rest: object) -> int:
+        allowed = action == sqlite3.SQLITE_SELECT or (action == sqlite3.SQLITE_READ and table == "cameras")
+        return sqlite3.SQLITE_OK if allowed else sqlite3.SQLITE_DENY
+
+    connection.set_progress_handler(stop, STEPS)
+    connection.set_authorizer(permitted)
+    yield from connection.execute(QUERY, (MAX_CAMERAS + 1,))
+
+
+def _refuse_journal(context: ReadContext) -> None:
+    name = f"{context.name}-wal"
+    try:
+        journal = context.companion(name)
+    except ParseError:  # it is empty: all of it has been written back
+        return
+    if journal:
+        raise ParseError(
+            f"part of it is still in {strict.shown(name)}; close the program that has it open, or write it back "
+            "with `sqlite3 FILE 'PRAGMA wal_checkpoint(TRUNCATE)'`",
+            source=context.name,
+        )
+
+
+FORMAT = Format(
+    name="colmap_database",
+    title="COLMAP database",
+    suffixes=(".db",),
+    reference="https://colmap.github.io/database.html",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+)

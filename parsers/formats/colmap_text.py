@@ -1,0 +1,131 @@
+"""COLMAP's ``cameras.txt``: one line for each camera of a reconstruction.
+
+In the format's own words::
+
+    # Camera list with one line of data per camera:
+    #   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]
+    # Number of cameras: 2
+    1 OPENCV 5472 3648 3650.12 3648.77 2745.81 1820.37 -0.0125 0.0231 -0.00037 0.00081
+    2 SIMPLE_RADIAL 4000 3000 2981.4 2000 1500 -0.03
+
+The parameters are those of the model, see :mod:`calibrary.parsers.colmap_models`. Lines that begin with # are
+comments, but where the last of them counts more cameras than there are, the file was cut short. COLMAP writes
+it after bundle adjustment; a folder that holds ``cameras.bin`` as well is read from that.
+
+Source: COLMAP documentation, "Output Format".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from calibrary.calibration import Calibration, Grade
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.colmap_models import CAPACITY, COLMAP_MODELS, CONVENTION, PANORAMAS, model_named
+from calibrary.parsers.content import Content
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._colmap import MAX_CAMERAS, ColmapCamera, cameras, records
+
+__all__ = ["FORMAT"]
+
+HEADING = (
+    "# Camera list with one line of data per camera:",
+    "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]",
+)
+MAX_BYTES = 8 * 1024 * 1024
+
+_COUNT = re.compile(r"#\s*Number of cameras:\s*(\d{1,9})\b")
+_PANORAMAS = dict(PANORAMAS.values())
+_NAMES = "|".join([*(model.name for model in COLMAP_MODELS), *_PANORAMAS])
+_CAMERA = re.compile(rf"\d{{1,10}}\s+(?:{_NAMES})\s+\d{{1,7}}\s+\d{{1,7}}\s+[-+.\d]")
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The heading that COLMAP writes; without it, a line that has a number and one of its models."""
+    if content.first_line == HEADING[0]:
+        return Sniff(Sure.MAGIC, f"the first line is '{HEADING[0]}'")
+    first = next((line for line in content.lines if not line.startswith("#")), "")
+    if _CAMERA.match(first):
+        return Sniff(Sure.SHAPE, f"the first line that is no comment is a camera, '{first[:40]}…'")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera, in the order of the lines."""
+    if len(data) > MAX_BYTES:
+        raise ParseError(f"{len(data)} bytes of cameras; at most {MAX_BYTES} are read", source=context.name)
+    found: list[ColmapCamera] = []
+    announced = 0
+    rows = strict.lines(strict.decode(data, source=context.name), source=context.name)
+    for index, row in enumerate(rows, start=1):
+        text = row.strip()
+        if text.startswith("#"):
+            count = _COUNT.match(text)
+            announced = int(count[1]) if count else announced
+        elif text:
+            if len(found) == MAX_CAMERAS:
+                raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=context.name)
+            found.append(_camera(text.split(), source=context.name, place=f"line {index}"))
+    if len(found) < announced:
+        raise ParseError(
+            f"{len(found)} cameras where the heading counts {announced}; the file is cut short, or correct it",
+            source=context.name,
+        )
+    return cameras(found, context, grade=Grade.ADJUSTED)
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """As COLMAP writes it, with digits that read back bit for bit."""
+    lines = [*HEADING, f"# Number of cameras: {len(calibrations)}"]
+    for number, model, (width, height), parameters in records(calibrations):
+        lines.append(f"{number} {model} {width} {height} {' '.join(map(repr, parameters))}")
+    return "".join(f"{line}\n" for line in lines).encode()
+
+
+def _camera(words: list[str], *, source: str, place: str) -> ColmapCamera:
+    """One line's camera."""
+    if len(words) < 5:
+        raise ParseError(
+            f"{len(words)} words, wanted a number, a model, a width, a height and the parameters",
+            source=source,
+            place=place,
+        )
+    number, width, height = (strict.whole(words[i], source=source, place=place) for i in (0, 2, 3))
+    name = words[1]
+    model = model_named(name)
+    if model is None and name not in _PANORAMAS:
+        raise UnsupportedModelError(
+            f"COLMAP has no model {strict.shown(name)} that is known here, wanted one of "
+            f"{', '.join(item.name for item in COLMAP_MODELS)}",
+            source=source,
+            place=place,
+        )
+    count = model.count if model is not None else _PANORAMAS[name]
+    if number < 0:
+        raise ParseError(f"camera {number}, wanted a number from 0", source=source, place=place)
+    if len(words) - 4 != count:
+        raise ParseError(
+            f"{name} with {len(words) - 4} parameters, wanted {count}", source=source, place=place
+        )
+    return ColmapCamera(
+        number=number,
+        model=model or name,
+        image_size=strict.image_size(width, height, source=source, place=place),
+        parameters=tuple(strict.number(word, source=source, place=place) for word in words[4:]),
+        place=place,
+    )
+
+
+FORMAT = Format(
+    name="colmap_text",
+    title="COLMAP cameras.txt",
+    suffixes=(".txt",),
+    reference="https://colmap.github.io/format.html#cameras-txt",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=CAPACITY,
+)
