@@ -21,6 +21,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.discovery import format_named, known_formats
 from calibrary.parsers.files import MAX_BYTES, companions, display_name, read_regular_file
 from calibrary.parsers.format import Format, Verdict
+from calibrary.parsers.images import is_image, read_image
 from calibrary.parsers.reading import Identity, identified, read_content
 from calibrary.parsers.writing import encoded
 
@@ -61,6 +62,9 @@ def read(
 ) -> list[Calibration]:
     """Every camera in a calibration file, in the file's order, in the canonical form.
 
+    An image file (JPEG, TIFF, DNG, HEIF, PNG) gives the calibration that its metadata yields, as the ingest
+    gate would take it, without a policy's judgement.
+
     Args:
         path: a regular file.
         format: its name, where the file itself does not settle it.
@@ -79,6 +83,8 @@ def read(
             calibration.
     """
     path = Path(path)
+    if format is None and is_image(path):
+        return read_image(path)
     data = read_regular_file(path, max_bytes=max_bytes)
     beside = companions(path, max_bytes=max_bytes)
     return decode(

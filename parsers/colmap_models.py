@@ -192,7 +192,7 @@ def colmap_camera(calibration: Calibration, model: str | None = None) -> tuple[s
 
 def _held(lens: Distortion, model: ColmapModel) -> list[float] | None:
     """The coefficients of the same lens in a model, None when it lacks one that is at work."""
-    same = exact(lens, model.lens)
+    same = lens if type(lens) is model.lens else exact(lens, model.lens)
     if same is None:
         return None
     coefficients = same.coefficients
@@ -202,7 +202,8 @@ def _held(lens: Distortion, model: ColmapModel) -> list[float] | None:
 
 
 def _plainest(lens: Distortion) -> Distortion:
-    """Without the terms of OpenCV's larger models that are not at work."""
-    if isinstance(lens, BrownConrady | Rational):
-        return exact(lens, NoDistortion) or exact(lens, BrownConrady) or lens
-    return lens
+    """Without the terms of OpenCV's perspective models that are not at work."""
+    if isinstance(lens, Rational) and not (lens.k4 or lens.k5 or lens.k6):
+        lens = BrownConrady(k1=lens.k1, k2=lens.k2, p1=lens.p1, p2=lens.p2, k3=lens.k3)
+    straight = isinstance(lens, BrownConrady) and not any(lens.coefficients.values())
+    return NoDistortion() if straight else lens

@@ -14,7 +14,7 @@ from calibrary.parsers.format import ReadContext
 __all__ = ["MAX_CAMERAS", "ColmapCamera", "cameras", "records"]
 
 MAX_CAMERAS = 20_000
-"""A camera for every image of a large collection; more would take over two seconds."""
+"""A camera for every image of a large collection, read in a second or two."""
 
 CAMERA_ID = "colmap/camera_id"
 MODEL = "colmap/model"
@@ -66,7 +66,7 @@ def cameras(found: Sequence[ColmapCamera], context: ReadContext, *, grade: Grade
 
 def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, str, ImageSize, list[float]]]:
     """Id, model name, image size and parameters of each; ids that came from COLMAP stay if no two are alike."""
-    kept = [dict(item.extras).get(CAMERA_ID, "") for item in calibrations]
+    kept = [dict(item.extras).get(CAMERA_ID) or item.camera.sub_camera or "" for item in calibrations]
     keep = all(text.isdecimal() and int(text) < 1 << 32 for text in kept) and len(set(kept)) == len(kept)
     for index, item in enumerate(calibrations):
         name, parameters = colmap_camera(item, dict(item.extras).get(MODEL))
@@ -95,7 +95,7 @@ def _calibration(
         provenance=context.provenance(tag=f"camera {item.number}"),
         notes=(*notes, *_series(distortion)),
     )
-    extras = ((CAMERA_ID, str(item.number)),) if several or item.number != 1 else ()
+    extras = ((CAMERA_ID, str(item.number)),) if not several and item.number != 1 else ()
     if colmap_camera(calibration)[0] != model.name:
         extras = (*extras, (MODEL, model.name))
     return replace(calibration, extras=extras)

@@ -45,7 +45,7 @@ QUERY = "SELECT camera_id, model, width, height, params, prior_focal_length FROM
 LONGEST_VALUE = 1024 * 1024
 STEPS = 10_000
 LONGEST_QUERY = 1_000
-"""In units of STEPS instructions; reading 20 000 cameras takes some fifty."""
+"""In units of STEPS instructions; reading 20 000 cameras takes some twenty."""
 INITIAL_OMEGA = 0.01
 
 Row: TypeAlias = tuple[object, ...]

@@ -25,7 +25,7 @@ of 1e-25 and c5 of 1e-40, so numbers are scaled in decimal and no digit of them 
 
 MicMac counts its images from (0, 0), the first pixel; whether that is its centre or its corner is nowhere said.
 
-Sources: MicMac, ``ParamChantierPhotogram.xml`` (the schema) and ``src/photogram/phgr_dist.cpp``.
+Sources: MicMac, ``ParamChantierPhotogram.xml`` (the schema); for the direction, its photogrammetric library.
 """
 
 from __future__ import annotations
@@ -346,7 +346,7 @@ FORMAT = Format(
     name="micmac_xml",
     title="MicMac camera calibration",
     suffixes=(".xml",),
-    reference="https://micmac.ensg.eu/index.php/Calibration",
+    reference="https://github.com/micmacIGN/micmac",
     convention=CONVENTION,
     sniff=sniff,
     read=read,

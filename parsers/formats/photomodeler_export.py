@@ -74,7 +74,7 @@ def _photos(rows: tuple[str, ...], source: str) -> dict[Camera, str]:
     for start in range(HEAD, len(rows) - PHOTO + 1, PHOTO):
         number, _, name = rows[start].strip().partition(" ")
         # The points follow the photos; theirs is no line of a number and a name.
-        if not number.isdigit() or not name or not rows[start + 3].strip() == "":
+        if not number.isdigit() or not name or rows[start + 3].strip():
             break
         camera = _camera(rows[start + 4], f"line {start + 5}", source, numbered=True)
         found.setdefault(camera, name.strip())

@@ -6,6 +6,7 @@ so, and where none gives a number the number is left out.
 """
 
 from calibrary.registry.catalogue.files import load_catalogue, to_json
+from calibrary.registry.catalogue.images import match_image
 from calibrary.registry.catalogue.matching import Basis, Catalogue, Match, Outcome
 
-__all__ = ["Basis", "Catalogue", "Match", "Outcome", "load_catalogue", "to_json"]
+__all__ = ["Basis", "Catalogue", "Match", "Outcome", "load_catalogue", "match_image", "to_json"]

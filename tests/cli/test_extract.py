@@ -102,6 +102,16 @@ class TestExitCodes:
         assert captured.out == ""
         assert left_in(tmp_path) == []
 
+    def test_3_when_a_solver_cannot_tell_two_cameras_apart(
+        self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        for unit in "12":
+            picture(tmp_path / f"input/{unit}.jpg", **P4R, body_serial=unit)
+        assert extract("--hand-off", "opensfm") == 3
+        assert "folder of its own" in capsys.readouterr().err
+        assert left_in(tmp_path) == []
+        assert extract("--hand-off", "colmap") == 0
+
     def test_4_when_the_registry_cannot_be_read(
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
     ) -> None:

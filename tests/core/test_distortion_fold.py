@@ -85,13 +85,13 @@ def test_folds_that_can_be_worked_out_by_hand(model: Distortion, radius: float) 
     assert model.valid_radius() == pytest.approx(radius, rel=1e-14)
 
 
+@settings(max_examples=40)
 @given(brown(radial=0.5, tangential=0.05))
 def test_the_closed_form_and_the_search_agree(model: BrownConrady) -> None:
     # The least tilt there is sends the same lens through the search without moving a digit.
     searched = lens(**model.coefficients, tau_x=1e-300)
-    radius = model.valid_radius()
-    if radius < 1e5 or math.isinf(radius):
-        assert searched.valid_radius() == pytest.approx(radius, rel=1e-12)
+    # It looks a million lengths of the lens far, no farther.
+    assert min(searched.valid_radius(), 1e5) == pytest.approx(min(model.valid_radius(), 1e5), rel=1e-12)
 
 
 def upright(model: Distortion) -> Distortion:
@@ -101,7 +101,7 @@ def upright(model: Distortion) -> Distortion:
     return ThinPrism(**{n: v for n, v in model.coefficients.items() if n in ThinPrism.names()})
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(perspective_distortions())
 def test_the_determinant_is_positive_inside_and_gone_at_the_fold(model: Distortion) -> None:
     radius = model.valid_radius()
@@ -116,7 +116,7 @@ def test_the_determinant_is_positive_inside_and_gone_at_the_fold(model: Distorti
         assert determinant(model, circle(radius * 1.001)).min() < 0
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(any_distortions(), st.floats(0.01, 0.999), st.floats(0, 6.28))
 def test_inside_the_fold_every_point_comes_back(model: Distortion, part: float, angle: float) -> None:
     r = part * min(model.valid_radius(), 5.0)
@@ -125,6 +125,7 @@ def test_inside_the_fold_every_point_comes_back(model: Distortion, part: float, 
     assert np.abs(back - ideal).max() <= 1e-11 * max(r, 1.0)
 
 
+@settings(max_examples=40)
 @given(any_distortions(), st.floats(1.0001, 100))
 def test_beyond_the_fold_nothing_is_projected(model: Distortion, factor: float) -> None:
     radius = model.valid_radius()
@@ -132,7 +133,7 @@ def test_beyond_the_fold_nothing_is_projected(model: Distortion, factor: float) 
         assert np.isnan(model.distort(circle(radius * factor))).all()
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(perspective_distortions())
 def test_what_is_seen_beyond_the_rim_has_no_ray(model: Distortion) -> None:
     radius = model.valid_radius()
@@ -145,7 +146,7 @@ def test_what_is_seen_beyond_the_rim_has_no_ray(model: Distortion) -> None:
     assert np.isnan(model.rays(beyond)).all()
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(any_distortions())
 def test_no_ray_is_ever_returned_from_beyond_the_fold(model: Distortion) -> None:
     seen = np.concatenate([circle(r) for r in np.geomspace(1e-3, 1e3, 60)])

@@ -8,7 +8,7 @@ from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from calibrary.distortion import (
     MODELS,
@@ -112,6 +112,7 @@ def test_a_model_cannot_be_changed() -> None:
         lens.k1 = 0.2  # type: ignore[misc] # that is the point
 
 
+@settings(max_examples=40)
 @given(any_distortions())
 def test_what_is_not_a_number_stays_none_without_a_warning(lens: Distortion) -> None:
     bad = np.array([[math.nan, 0.1], [0.1, math.nan], [math.inf, 0.1], [-0.1, -math.inf], [1e200, -1e308]])
@@ -120,6 +121,7 @@ def test_what_is_not_a_number_stays_none_without_a_warning(lens: Distortion) -> 
         assert np.isnan(answer[4]).all() or np.isfinite(answer[4]).all()
 
 
+@settings(max_examples=40)
 @given(any_distortions())
 def test_no_points_give_no_points(lens: Distortion) -> None:
     none = np.empty((0, 2))
@@ -128,6 +130,7 @@ def test_no_points_give_no_points(lens: Distortion) -> None:
     assert lens.observe(np.empty((0, 3))).shape == (0, 2)
 
 
+@settings(max_examples=40)
 @given(any_distortions())
 def test_the_axis_is_not_moved(lens: Distortion) -> None:
     axis = np.zeros((1, 2))
@@ -135,6 +138,7 @@ def test_the_axis_is_not_moved(lens: Distortion) -> None:
     assert np.abs(lens.undistort(axis)).max() <= 1e-16
 
 
+@settings(max_examples=40)
 @given(any_distortions())
 def test_points_given_are_left_as_they_were(lens: Distortion) -> None:
     points = np.array([[0.1, 0.2], [math.nan, 0.0]])

@@ -99,8 +99,8 @@ def _searched(lens: PolynomialMap, horizon: tuple[float, float], pole: float) ->
 
     For every radius the least margin is exact, not sampled, see :func:`_least_over_directions`. Over the radii
     it is scanned in steps of 3 % of the lens's length or of the radius, whichever is larger, and every local
-    minimum of the scan is followed down, so that a dip that is shorter than a step is found as well. The bracket is then narrowed to machine
-    precision and its inner end returned.
+    minimum of the scan is followed down, so that a dip that is shorter than a step is found as well. The bracket
+    is then narrowed to machine precision and its inner end returned.
     """
 
     def margin(radii: FloatArray) -> FloatArray:

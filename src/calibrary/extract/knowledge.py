@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calibrary.calibration import Calibration, CameraKey
-from calibrary.evidence.identity import camera_key, stated_sub_camera
+from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.known_camera import KnownCamera
-from calibrary.registry.catalogue import Catalogue, load_catalogue
+from calibrary.registry.catalogue import Catalogue, load_catalogue, match_image
 from calibrary.registry.entries import Entry, read_entries, resolve
 
 __all__ = ["Knowledge", "Known"]
@@ -75,15 +75,7 @@ class Knowledge:
         Raises:
             RegistryError: two of the registry's entries fit the camera equally well.
         """
-        match = self.catalogue.find(
-            metadata.make,
-            metadata.model,
-            sub_camera=stated_sub_camera(metadata),
-            size=metadata.size,
-            focal_mm=metadata.focal_mm,
-            focal_35mm=metadata.focal_35mm,
-            lens=metadata.lens,
-        )
+        match = match_image(self.catalogue, metadata)
         inferred = match.camera.sub_camera if match.camera is not None else None
         # No part of the key that groups images, but an entry may be of one firmware only.
         key = replace(camera_key(metadata, inferred), firmware=metadata.software)

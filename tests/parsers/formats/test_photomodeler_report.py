@@ -95,7 +95,7 @@ def test_the_size_is_asked_for() -> None:
     [
         (report(), "without calibration"),
         (report(block()).replace("K3 - radial", "KX - radial"), "K2 stands twice"),
-        (report(block().partition("               P2 - ")[0]), "line 6: it lacks P2"),
+        (report(block().partition("               P2 - ")[0]), "line 7: it lacks P2"),
         (report(block(Fw=0.0)), "format is 0"),
         (report(block()).replace("8.76024 mm", "8,76024 mm"), "decimal point"),
         (report(block())[:-1], "cut short"),

@@ -1,0 +1,57 @@
+"""An image file as a source of calibrations: what its head says of K, by the evidence of the ingest gate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from calibrary.calibration import Calibration
+from calibrary.errors import MissingTagError, ParseError
+from calibrary.evidence.collect import Evidence, collect
+from calibrary.evidence.context import Scene
+from calibrary.evidence.identity import camera_key
+from calibrary.parsers.files import display_name
+from calibrary.parsers.imagery import IMAGE_SUFFIXES, read_metadata
+from calibrary.registry.catalogue import load_catalogue, match_image
+
+__all__ = ["image_evidence", "is_image", "read_image"]
+
+
+def is_image(path: Path) -> bool:
+    """Whether a file's name is an image's; what is in it decides how it is read, not whether it is one."""
+    return path.suffix.lower() in IMAGE_SUFFIXES
+
+
+def image_evidence(path: Path) -> Evidence:
+    """Everything one image says about K, with what the catalogue knows of its camera.
+
+    Raises:
+        InputError: the file cannot be read.
+        ParseError: it is no image.
+    """
+    metadata = read_metadata(path)
+    match = match_image(load_catalogue(), metadata)
+    return collect(Scene(metadata=metadata, known=match.camera, siblings=match.siblings or match.candidates))
+
+
+def read_image(path: Path) -> list[Calibration]:
+    """The one calibration that an image yields; no sensor size is assumed.
+
+    Raises:
+        InputError: the file cannot be read.
+        ParseError: it is no image, or its EXIF is of another frame.
+        MissingTagError: nothing in it tells K.
+    """
+    evidence = image_evidence(path)
+    name = display_name(path)
+    if evidence.contradiction is not None:
+        raise ParseError(evidence.contradiction, source=name)
+    scene = evidence.scene
+    inferred = scene.known.sub_camera if scene.known is not None else None
+    calibration = evidence.calibration(camera_key(scene.metadata, inferred), source_name=name)
+    if calibration is not None:
+        return [calibration]
+    if scene.is_fisheye:
+        raise MissingTagError("a fisheye lens, which no pinhole K describes", source=name)
+    reasons = [f"{dropped.tag}: {dropped.reason}" for dropped in evidence.dropped[:1]]
+    why = reasons[0] if reasons else "no tag and no catalogue row tells its focal length and pixel size"
+    raise MissingTagError(f"nothing in the image gives K: {why}", source=name)

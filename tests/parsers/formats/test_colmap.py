@@ -1,0 +1,384 @@
+"""COLMAP's files and database, against pycolmap: every model it lists, point by point and file by file."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+from numpy.typing import NDArray
+
+from calibrary import parsers
+from calibrary.calibration import Calibration, Grade
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    Division,
+    ExtendedUnified,
+    FieldOfView,
+    KannalaBrandt,
+    NoDistortion,
+    RadTanThinPrismFisheye,
+    Rational,
+    ThinPrism,
+    ThinPrismFisheye,
+)
+from calibrary.errors import InputError, ParseError, UnknownFormatError, UnsupportedModelError
+from calibrary.parsers.colmap_models import COLMAP_MODELS, PANORAMAS, colmap_camera
+from calibrary.parsers.format import Outcome
+from tests.parsers.cameras import SIZE, camera
+
+Array = NDArray[np.float64]
+
+PEER_MODELS = [name for name in pycolmap.CameraModelId.__members__ if name != "INVALID"]
+WITH_K = [name for name in PEER_MODELS if name != "EQUIRECTANGULAR"]
+FOCAL = {"f": 3650.1, "fx": 3650.1, "fy": 3648.7, "cx": 2741.3, "cy": 1815.9}
+LENS = {
+    "k": -0.0213, "k1": -0.0213, "k2": 0.0231, "k3": -0.0172, "k4": 0.0083, "k5": -0.0061, "k6": 0.0042,
+    "p1": -0.00037, "p2": 0.00081, "omega": 0.93, "alpha": 0.61, "beta": 1.13, "sx1": 0.0012, "sy1": -0.0007,
+    "k0": 0.0313, "p0": 0.00031, "s0": 0.0012, "s1": -0.00021, "s2": -0.0007, "s3": 0.00017,
+}  # fmt: skip
+
+
+def peer(model: str, number: int = 1, size: tuple[int, int] = SIZE) -> pycolmap.Camera:
+    """A camera of pycolmap's, its parameters named by pycolmap itself."""
+    item = pycolmap.Camera.create_from_model_name(number, model, 3650.1, *size)
+    names = [name.strip() for name in item.params_info.split(",")]
+    item.params = [(FOCAL | LENS)[name] for name in names] if model in WITH_K else list(size)
+    return item
+
+
+def peer_files(folder: Path, items: Sequence[pycolmap.Camera]) -> tuple[bytes, bytes]:
+    """(text, binary) as pycolmap writes them."""
+    reconstruction = pycolmap.Reconstruction()
+    for item in items:
+        reconstruction.add_camera(item)
+    reconstruction.write_text(folder)
+    reconstruction.write_binary(folder)
+    return (folder / "cameras.txt").read_bytes(), (folder / "cameras.bin").read_bytes()
+
+
+def read_by_peer(folder: Path, name: str, data: bytes) -> dict[int, pycolmap.Camera]:
+    """The cameras that pycolmap reads out of a file of ours, in an otherwise empty reconstruction of its own."""
+    empty = pycolmap.Reconstruction()
+    if name.endswith(".txt"):
+        empty.write_text(folder)
+    else:
+        empty.write_binary(folder)
+    (folder / name).write_bytes(data)
+    reconstruction = pycolmap.Reconstruction()
+    if name.endswith(".txt"):
+        reconstruction.read_text(folder)
+    else:
+        reconstruction.read_binary(folder)
+    return dict(reconstruction.cameras)
+
+
+def read(data: bytes, name: str = "cameras.txt", **more: str) -> list[Calibration]:
+    return parsers.decode(data, name=name, format=more.get("format"))
+
+
+def rays() -> Array:
+    u, v = np.meshgrid(np.linspace(-0.75, 0.75, 25), np.linspace(-0.5, 0.5, 25))
+    return np.column_stack([u.ravel(), v.ravel(), np.ones(u.size)])
+
+
+def line(text: str) -> bytes:
+    return f"{text}\n".encode()
+
+
+def test_the_table_lists_every_model_of_pycolmap_with_its_number() -> None:
+    ours = {model.name: model.number for model in COLMAP_MODELS}
+    ours |= {name: number for number, (name, _) in PANORAMAS.items()}
+    assert ours == {name: int(pycolmap.CameraModelId.__members__[name]) for name in PEER_MODELS}
+    for model in COLMAP_MODELS:
+        assert model.count == len(peer(model.name).params)
+
+
+@pytest.mark.parametrize("model", WITH_K)
+def test_a_model_projects_point_by_point_as_pycolmap_does(model: str, tmp_path: Path) -> None:
+    theirs = peer(model)
+    expected = np.asarray(theirs.img_from_cam(rays()))
+    assert np.isfinite(expected).all()
+    for data, name in zip(peer_files(tmp_path, [theirs]), ("cameras.txt", "cameras.bin"), strict=True):
+        [ours] = read(data, name)
+        np.testing.assert_allclose(ours.project(rays()), expected, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(ours.project(ours.unproject(expected)), expected, rtol=0, atol=1e-9)
+        assert ours.intrinsics.image_size == SIZE
+        assert ours.grade is Grade.ADJUSTED
+
+
+@pytest.mark.parametrize("name", ["cameras.txt", "cameras.bin"])
+def test_every_model_goes_back_to_pycolmap_digit_for_digit(name: str, tmp_path: Path) -> None:
+    theirs = [peer(model, number=7 * index + 3) for index, model in enumerate(WITH_K)]
+    data = peer_files(tmp_path, theirs)[name.endswith(".bin")]
+    again, verdict = parsers.encode(
+        read(data, name), {"t": "colmap_text", "b": "colmap_binary"}[name[8]], name=name
+    )
+    assert str(verdict) == "exact"
+    back = read_by_peer(tmp_path, name, again)
+    assert sorted(back) == [item.camera_id for item in theirs]
+    for item in theirs:
+        copy = back[item.camera_id]
+        assert copy.model == item.model
+        assert (copy.width, copy.height) == SIZE
+        assert list(copy.params) == list(item.params)
+
+
+def test_a_panorama_has_no_k_and_is_refused_by_name(tmp_path: Path) -> None:
+    for data, name in zip(peer_files(tmp_path, [peer("EQUIRECTANGULAR")]), ("c.txt", "c.bin"), strict=True):
+        with pytest.raises(UnsupportedModelError, match="EQUIRECTANGULAR, which has no K"):
+            read(data, name)
+
+
+def test_among_other_cameras_a_panorama_is_left_out_with_a_note(tmp_path: Path) -> None:
+    both = [peer("PINHOLE", 1), peer("EQUIRECTANGULAR", 2), peer("OPENCV", 3)]
+    for data, name in zip(peer_files(tmp_path, both), ("c.txt", "c.bin"), strict=True):
+        first, last = read(data, name)
+        assert (first.camera.sub_camera, last.camera.sub_camera) == ("1", "3")
+        assert all("camera 2 is EQUIRECTANGULAR" in item.notes[0] for item in (first, last))
+
+
+@pytest.mark.parametrize(
+    ("lens", "model"),
+    [
+        (None, "PINHOLE"),
+        (NoDistortion(), "PINHOLE"),
+        (BrownConrady(k1=0.1, k2=0.02, p1=1e-3, p2=-2e-3), "OPENCV"),
+        (BrownConrady(k1=0, k2=0, p1=0, p2=0), "OPENCV"),
+        (BrownConrady(k1=0.1, k2=0.02, p1=1e-3, p2=-2e-3, k3=-0.01), "FULL_OPENCV"),
+        (Rational(k1=0.1, k2=0.02, p1=1e-3, p2=-2e-3, k3=-0.01, k4=0.3, k5=0, k6=0), "FULL_OPENCV"),
+        (ThinPrism(k1=0.1, k2=0, p1=0, p2=0, k3=0, k4=0, k5=0, k6=0, s1=0, s2=0, s3=0, s4=0), "OPENCV"),
+        (KannalaBrandt(k1=0.1, k2=0.02, k3=0.003, k4=0.0004), "OPENCV_FISHEYE"),
+        (FieldOfView(omega=0.7), "FOV"),
+        (ExtendedUnified(alpha=0.0, beta=1.3), "EUCM"),
+        (Division(k=-0.1), "DIVISION"),
+        (
+            ThinPrismFisheye(k1=0.1, k2=0, p1=1e-3, p2=0, k3=0, k4=0, sx1=0, sy1=0),
+            "THIN_PRISM_FISHEYE",
+        ),
+        (
+            RadTanThinPrismFisheye(
+                k0=0.1, k1=0, k2=0, k3=0, k4=0, k5=0, p0=1e-3, p1=0, s0=0, s1=0, s2=0, s3=0
+            ),
+            "RAD_TAN_THIN_PRISM_FISHEYE",
+        ),
+    ],
+    ids=repr,
+)
+def test_a_lens_goes_to_the_model_that_holds_it_with_two_focal_lengths(
+    lens: Distortion | None, model: str
+) -> None:
+    name, parameters = colmap_camera(camera(lens))
+    assert name == model
+    theirs = pycolmap.Camera.create_from_model_name(1, name, 1.0, *SIZE)
+    theirs.params = parameters
+    ours = camera(lens).project(rays())
+    np.testing.assert_allclose(ours, np.asarray(theirs.img_from_cam(rays())), rtol=0, atol=1e-9)
+
+
+def test_what_colmap_has_no_model_for_is_refused() -> None:
+    prism = ThinPrism(k1=0.1, k2=0, p1=0, p2=0, k3=0, k4=0, k5=0, k6=0, s1=1e-3, s2=0, s3=0, s4=0)
+    with pytest.raises(UnsupportedModelError, match="thin-prism"):
+        colmap_camera(camera(prism))
+    with pytest.raises(UnsupportedModelError, match="skew"):
+        colmap_camera(camera(skew=0.1))
+
+
+def test_a_model_with_one_focal_length_is_kept_while_it_holds_the_camera() -> None:
+    [one] = read(line("1 SIMPLE_RADIAL 5472 3648 3650.1 2741.3 1815.9 -0.0213"))
+    assert parsers.encode([one], "colmap_text")[0].splitlines()[-1].split()[1] == b"SIMPLE_RADIAL"
+    oblong = replace(one, intrinsics=replace(one.intrinsics, fy=3648.7))
+    data, verdict = parsers.encode([oblong], "colmap_text")
+    assert data.splitlines()[-1].split()[1] == b"OPENCV"
+    assert verdict.outcome is Outcome.EXACT
+
+
+def test_a_lens_without_terms_reads_as_none() -> None:
+    [item] = read(line("1 OPENCV 5472 3648 3650.1 3648.7 2741.3 1815.9 0 0 0 0"))
+    assert item.distortion == NoDistortion()
+    [item] = read(line("1 FULL_OPENCV 5472 3648 3650.1 3648.7 2741.3 1815.9 .1 0 0 0 .01 0 0 0"))
+    assert item.distortion == BrownConrady(k1=0.1, k2=0, p1=0, p2=0, k3=0.01)
+
+
+def test_colmaps_series_for_tiny_angles_is_pointed_out() -> None:
+    [item] = read(line("1 FOV 5472 3648 3650.1 3648.7 2741.3 1815.9 0.0071"))
+    assert "series" in item.notes[0]
+    assert read(line("1 FOV 5472 3648 3650.1 3648.7 2741.3 1815.9 0.71"))[0].notes == ()
+
+
+def test_a_camera_keeps_its_number() -> None:
+    [item] = read(line("42 PINHOLE 5472 3648 3650.1 3648.7 2741.3 1815.9"))
+    assert item.camera.sub_camera is None
+    assert parsers.encode([item], "colmap_text")[0].splitlines()[-1].startswith(b"42 ")
+    [item] = read(parsers.encode([item], "colmap_binary")[0], "cameras.bin")
+    assert item.provenance.tag == "camera 42"
+
+
+def test_without_its_heading_a_line_tells_what_it_is() -> None:
+    [item] = read(line("# by hand\n\n1 SIMPLE_RADIAL 800 1200 2468.36 400 600 -0.556541"))
+    assert item.intrinsics.image_size == (800, 1200)
+    with pytest.raises(UnknownFormatError):
+        read(line("1 0.85 0.1 0.2 0.3 1.5 2.5 3.5 1 image.jpg"))
+
+
+def test_a_heading_that_counts_more_cameras_betrays_a_cut_file() -> None:
+    data, _ = parsers.encode(
+        [replace(camera(), camera=replace(camera().camera, sub_camera=n)) for n in "12"], "colmap_text"
+    )
+    cut = b"".join(data.splitlines(keepends=True)[:-1])
+    with pytest.raises(ParseError, match="cut short"):
+        read(cut)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 OPENCV 5472 3648 3650.1 3648.7 2741.3 1815.9 0 0 0", "7 parameters, wanted 8"),
+        ("1 PINHOLE 5472 3648 3650.1 3648.7 2741.3 nan", "not finite"),
+        ("1 PINHOLE 5472 3648 3650,1 3648.7 2741.3 1", "decimal point"),
+        ("1 PINHOLE 5472 3648 0 3648.7 2741.3 1", "focal lengths"),
+        ("1 PINHOLE 0 3648 3650.1 3648.7 2741.3 1", "image size"),
+        ("1 PINHOLE 5472", "3 words"),
+        ("-1 PINHOLE 5472 3648 3650.1 3648.7 2741.3 1", "from 0"),
+        ("1 FOV 5472 3648 3650.1 3648.7 2741.3 1 54", "degrees"),
+        ("1 PINHOLE 5 5 1 1 1 1\n1 PINHOLE 5 5 1 1 1 1", "two cameras 1"),
+    ],
+)
+def test_a_broken_line_names_what_is_wrong(text: str, message: str) -> None:
+    with pytest.raises(ParseError, match=message):
+        read(line(text), format="colmap_text")
+
+
+def test_a_model_of_a_later_colmap_is_refused_by_name() -> None:
+    with pytest.raises(UnsupportedModelError, match="'METASHAPE'"):
+        read(line("1 METASHAPE 5472 3648 1 1 1 1"), format="colmap_text")
+    with pytest.raises(UnsupportedModelError, match="model 18"):
+        read(struct.pack("<QIiQQ4d", 1, 1, 18, 5472, 3648, 1, 1, 1, 1), "cameras.bin", format="colmap_binary")
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (struct.pack("<Q", 0), "holds 0 cameras"),
+        (struct.pack("<Q", 1 << 40), "cameras, wanted"),
+        (struct.pack("<QIiQQ4d", 1, 1, 1, 5472, 3648, 1, 1, 1, float("nan")), "not finite"),
+        (struct.pack("<QIiQQ4d", 1, 1, 1, 0, 3648, 1, 1, 1, 1), "image size"),
+        (struct.pack("<QIiQQ4d", 1, 1, 1, 5472, 3648, 1, 1, 1, 1) + b"\0", "1 bytes follow"),
+        (struct.pack("<QIiQQ3d", 1, 1, 1, 5472, 3648, 1, 1, 1), "ends inside"),
+    ],
+)
+def test_a_broken_binary_names_what_is_wrong(data: bytes, message: str) -> None:
+    with pytest.raises(ParseError, match=message):
+        read(data, "cameras.bin", format="colmap_binary")
+
+
+def test_a_binary_file_of_something_else_is_not_claimed() -> None:
+    for data in (bytes(64), struct.pack("<QIiQQ4d", 1, 1, 1, 5472, 3648, 1, 1, 1, 1) + b"\0"):
+        with pytest.raises(UnknownFormatError):
+            read(data, "images.bin")
+
+
+def database(folder: Path, items: Sequence[tuple[pycolmap.Camera, bool]]) -> bytes:
+    """As pycolmap writes it."""
+    path = folder / "database.db"
+    with pycolmap.Database.open(path) as opened:
+        for item, given in items:
+            item.has_prior_focal_length = given
+            opened.write_camera(item)
+    return path.read_bytes()
+
+
+def test_a_database_gives_every_camera_of_pycolmaps(tmp_path: Path) -> None:
+    data = database(tmp_path, [(peer(model, index + 1), True) for index, model in enumerate(WITH_K)])
+    found = read(data, "database.db")
+    assert len(found) == len(WITH_K)
+    for item, model in zip(found, WITH_K, strict=True):
+        expected = np.asarray(peer(model).img_from_cam(rays()))
+        np.testing.assert_allclose(item.project(rays()), expected, rtol=0, atol=1e-9)
+        assert item.grade is Grade.ADJUSTED
+        assert dict(item.extras)["colmap/prior_focal_length"] == "1"
+
+
+@pytest.mark.parametrize("model", WITH_K)
+@pytest.mark.parametrize(("given", "grade"), [(True, Grade.PRIOR), (False, Grade.SEED)])
+def test_a_camera_that_nobody_adjusted_is_a_prior_or_a_guess(
+    model: str, given: bool, grade: Grade, tmp_path: Path
+) -> None:
+    untouched = pycolmap.Camera.create_from_model_name(1, model, 3650.1, *SIZE)
+    [item] = read(database(tmp_path, [(untouched, given)]), "database.db")
+    assert item.grade is grade
+    with pytest.raises(InputError, match="guess"):
+        parsers.encode([item], "colmap_text")
+
+
+def test_a_journal_beside_a_database_is_not_ignored(tmp_path: Path) -> None:
+    database(tmp_path, [(peer("OPENCV"), True)])
+    journal = tmp_path / "database.db-wal"
+    journal.write_bytes(b"")
+    assert len(parsers.read(tmp_path / "database.db")) == 1
+    journal.write_bytes(b"7\x7f\x06\x82")
+    with pytest.raises(ParseError, match="wal_checkpoint"):
+        parsers.read(tmp_path / "database.db")
+
+
+def sqlite(*statements: str) -> bytes:
+    with closing(sqlite3.connect(":memory:")) as connection:
+        for statement in statements:
+            connection.execute(statement)
+        connection.commit()
+        return connection.serialize()
+
+
+TABLE = "CREATE TABLE cameras (camera_id, model, width, height, params, prior_focal_length)"
+
+
+@pytest.mark.parametrize(
+    ("statements", "message"),
+    [
+        (["CREATE TABLE x (prior_focal_length)"], "no such table"),
+        (["CREATE TABLE cameras (camera_id, prior_focal_length)"], "no such column"),
+        ([TABLE, "INSERT INTO cameras VALUES ('1', 1, 9, 9, x'00', 1)"], "whole numbers"),
+        ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, x'00', 1)"], "no doubles"),
+        ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(24), 1)"], "3 parameters, wanted 4"),
+        ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(32), 1)"], "focal lengths"),
+        ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(2000000), 1)"], "cannot be read"),
+        ([TABLE, "INSERT INTO cameras VALUES (1, 0, 9, 9, x'" + "ff" * 24 + "', 1)"], "not finite"),
+        ([TABLE], "no camera"),
+        (
+            [
+                "CREATE VIEW cameras AS WITH RECURSIVE n(prior_focal_length) AS "
+                "(SELECT 1 UNION ALL SELECT prior_focal_length + 1 FROM n) SELECT prior_focal_length AS camera_id, "
+                "1 AS model, 1 AS width, 1 AS height, NULL AS params, prior_focal_length FROM n"
+            ],
+            "cannot be read",
+        ),
+    ],
+)
+def test_a_hostile_or_broken_database_is_refused(statements: list[str], message: str) -> None:
+    with pytest.raises(ParseError, match=message):
+        read(sqlite(*statements), "database.db")
+
+
+def test_a_database_cut_short_is_refused_or_reads_the_same(tmp_path: Path) -> None:
+    data = database(tmp_path, [(peer("OPENCV"), True)])
+    whole = read(data, "database.db")
+    for end in range(0, len(data), 977):
+        try:
+            part = read(data[:end], "database.db", format="colmap_database")
+        except ParseError:
+            continue
+        assert [(item.intrinsics, item.distortion) for item in part] == [
+            (item.intrinsics, item.distortion) for item in whole
+        ]
+
+
+def test_a_database_of_another_program_is_not_claimed() -> None:
+    with pytest.raises(UnknownFormatError):
+        read(sqlite("CREATE TABLE cameras (camera_id, model)"), "database.db")

@@ -1,0 +1,256 @@
+"""Keyed sheets: one meaning, or a message that says which word is missing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from calibrary import parsers
+from calibrary.calibration import Calibration, CameraKey, Grade, Quality
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
+from calibrary.errors import MissingTagError, ParseError, UnknownFormatError, UnsupportedModelError
+from calibrary.parsers.content import Content
+from calibrary.parsers.format import Sure
+from calibrary.parsers.formats.keyed_text import sniff
+from tests.parsers.cameras import BROWN, SIZE, camera
+
+PIXELS = """\
+# Calibration certificate 17
+image_width = 5472
+image_height = 3648
+fx_px = 3650.1
+fy_px = 3648.7
+cx_px = 2741.3
+cy_px = 1815.9
+k1 = -0.1131
+k2 = 0.0247
+p1 = -0.00037
+p2 = 0.00081
+k3 = -0.0062
+"""
+METRIC = """\
+; a laboratory's sheet
+[camera]
+Model: X-20
+Serial number: 0042
+Image size: 5472 x 3648
+Pixel pitch [µm]: 2.41
+[lens]
+Focal length: 8.7969 mm   ; at infinity
+principal_point_x_mm: 6.6065
+principal_point_y_mm: 4.3763
+distortion_model: brown
+k1: -0.1131
+"""
+
+
+def read(text: str, *, image_size: tuple[int, int] | None = None, **options: str) -> Calibration:
+    [calibration] = parsers.decode(text.encode(), name="x.cal", image_size=image_size, options=options)
+    return calibration
+
+
+def test_pixels_project_as_opencv_does() -> None:
+    calibration = read(PIXELS)
+    u, v = np.meshgrid(np.linspace(-0.6, 0.6, 15), np.linspace(-0.4, 0.4, 15))
+    rays = np.column_stack([u.ravel(), v.ravel(), np.ones(u.size)])
+    K = np.array([[3650.1, 0, 2741.3], [0, 3648.7, 1815.9], [0, 0, 1]])
+    D = np.array([-0.1131, 0.0247, -0.00037, 0.00081, -0.0062])
+    seen = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
+    np.testing.assert_allclose(calibration.project(rays), seen, rtol=0, atol=1e-9)
+    assert calibration.grade is Grade.CALIBRATED
+    assert any("outer corner" in item for item in calibration.provenance.assumptions)
+
+
+def test_millimetres_become_pixels_through_the_pitch() -> None:
+    calibration = read(METRIC)
+    K = calibration.intrinsics
+    assert K.fx == K.fy == pytest.approx(8.7969 / 0.00241, rel=1e-15)
+    assert (K.cx, K.cy) == pytest.approx((6.6065 / 0.00241, 4.3763 / 0.00241), rel=1e-15)
+    assert calibration.distortion == BrownConrady(k1=-0.1131, k2=0, p1=0, p2=0)
+    assert calibration.camera.model == "X-20"
+    assert calibration.extras == (("keyed_text/camera.Serial number", "0042"),)
+
+
+def test_or_through_the_sensors_size() -> None:
+    text = METRIC.replace("Pixel pitch [µm]: 2.41", "sensor_width_mm = 13.18752")
+    assert read(text).intrinsics.fx == pytest.approx(8.7969 / 0.00241, rel=1e-12)
+    both = METRIC.replace("Pixel pitch [µm]: 2.41", "sensor size = 13.2 mm x 8.9 mm")
+    assert read(both).intrinsics.fy == pytest.approx(8.7969 * 3648 / 8.9, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "focal_length_mm = 8.7969", "Focal Length (mm): 8.7969", "focalLength [mm] = 8.7969",
+        "calibrated focal length = 8.7969mm", "camera constant = 8796.9 um", "focal-length-mm: 8.7969  # fixed",
+    ],
+)  # fmt: skip
+def test_a_key_may_be_spelt_in_many_ways(line: str) -> None:
+    text = METRIC.replace("Focal length: 8.7969 mm   ; at infinity", line)
+    assert read(text).intrinsics.fx == pytest.approx(8.7969 / 0.00241, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("was", "is_now", "message"),
+    [
+        ("fx_px", "fx", "no unit"),
+        ("fx_px = 3650.1\n", "", "no fx"),
+        ("fx_px = 3650.1\nfy_px = 3648.7\n", "", "no focal length"),
+        ("cy_px = 1815.9\n", "", "no whole principal point"),
+        ("fx_px = 3650.1\nfy_px = 3648.7", "focal_length_mm = 8.8", "pixel_pitch_um"),
+        ("fx_px = 3650.1", "fx_px = 3650,1", "decimal point"),
+        ("fx_px = 3650.1", "fx_px = 3.6501 mm", "in px and in mm"),
+        ("fx_px = 3650.1", "fx [furlong] = 3.6501", "furlong"),
+        ("fx_px = 3650.1", "fx_px = nan", "not finite"),
+        ("image_height = 3648\n", "", "only one"),
+        ("image_width = 5472", "image_width = 13.2 mm", "sensor_width_mm"),
+        ("k1 = -0.1131", "k1 = -0.1131\nK1 = 0.2", "means the same"),
+        ("k1 = -0.1131", "k4 = -0.1131", "distortion_model"),
+        ("k1 = -0.1131", "and so on", "neither key"),
+        ("cx_px = 2741.3", "cx_px = 5.3", "principal_point_origin"),
+        ("k3 = -0.0062\n", "k3 = -0.0062", "not ended"),
+        ("k3", "grade = superb\nk3", "no grade"),
+        ("k3", "cameras = 2\nk3", "cut short"),
+        ("k3", "y_axis = sideways\nk3", "down or up"),
+        ("k3", "image_size = 4000x3000\nk3", "two image sizes"),
+        ("k3", 'maker = "Acme\nk3', "closing quote"),
+    ],
+)
+def test_what_is_missing_or_wrong_is_named(was: str, is_now: str, message: str) -> None:
+    with pytest.raises(ParseError, match=message):
+        parsers.decode(PIXELS.replace(was, is_now, 1).encode(), name="x.cal", format="keyed_text")
+
+
+def test_the_image_size_is_asked_for() -> None:
+    text = PIXELS.replace("image_width = 5472\nimage_height = 3648\n", "")
+    with pytest.raises(MissingTagError, match="image_size"):
+        read(text)
+    assert read(text, image_size=SIZE).intrinsics == read(PIXELS).intrinsics
+
+
+def test_a_pitch_and_a_sensor_that_disagree_are_refused() -> None:
+    with pytest.raises(ParseError, match="contradict"):
+        read(METRIC + "sensor_width_mm = 17.3\n")
+
+
+def test_coefficients_beside_millimetres_need_their_model() -> None:
+    text = METRIC.replace("distortion_model: brown\n", "")
+    with pytest.raises(ParseError, match="per mm²"):
+        read(text)
+    assert read(text, distortion="brown").distortion == read(METRIC).distortion
+
+
+def test_coefficients_with_a_unit_are_refused() -> None:
+    with pytest.raises(UnsupportedModelError, match="lengths of the sensor"):
+        read(METRIC.replace("k1: -0.1131", "k1 [mm^-2]: -0.00113"))
+
+
+def test_a_term_that_nobody_knows_is_not_lost() -> None:
+    with pytest.raises(UnsupportedModelError, match="b1"):
+        read(PIXELS + "b1 = 0.0002\n")
+    assert read(PIXELS + "b1 = 0.000\n").distortion == BROWN
+
+
+def test_a_unit_may_be_given_by_the_caller() -> None:
+    text = "".join(row.replace("_px", "") + "\n" for row in PIXELS.splitlines())
+    with pytest.raises(ParseError, match="unit"):
+        read(text)
+    assert read(text, unit="px").intrinsics == read(PIXELS).intrinsics
+
+
+def test_an_offset_needs_to_know_which_way_y_grows() -> None:
+    text = PIXELS.replace("cx_px = 2741.3", "principal_point_offset_x_px = 5.3").replace(
+        "cy_px = 1815.9", "principal_point_offset_y_px = 8.1"
+    )
+    with pytest.raises(ParseError, match="y_axis"):
+        read(text)
+    assert read(text + "y_axis = down\n").intrinsics.cy == 1824 + 8.1
+    up = read(text, y_axis="up")
+    assert (up.intrinsics.cx, up.intrinsics.cy) == (2736 + 5.3, 1824 - 8.1)
+    assert up.distortion == replace(BROWN, p1=0.00037)
+
+
+@pytest.mark.parametrize(
+    ("origin", "centre"),
+    [("corner", (2741.3, 1815.9)), ("pixel-centre", (2741.8, 1816.4)), ("Pixel center", (2741.8, 1816.4))],
+)
+def test_the_origin_is_taken_at_the_sheets_word(origin: str, centre: tuple[float, float]) -> None:
+    K = read(PIXELS + f"principal_point_origin = {origin}\n").intrinsics
+    assert (K.cx, K.cy) == centre
+
+
+@pytest.mark.parametrize(
+    ("lines", "lens"),
+    [
+        ("", None),
+        ("distortion_model = none\n", NoDistortion()),
+        ("k1 = 0\nk2 = 0\n", NoDistortion()),
+        ("k1 = 0.01\nk2 = 0.02\n", BrownConrady(k1=0.01, k2=0.02, p1=0, p2=0)),
+        ("model = fisheye\nk1 = 0.1\nk2 = 0.01\n", KannalaBrandt(k1=0.1, k2=0.01, k3=0, k4=0)),
+        ("k1=.3\nk2=0\np1=0\np2=0\nk3=0\nk4=.4\nk5=.02\nk6=0\n",
+         Rational(k1=0.3, k2=0, p1=0, p2=0, k3=0, k4=0.4, k5=0.02, k6=0)),
+    ],
+    ids=["unknown", "none", "zeros", "brown", "fisheye", "rational"],
+)  # fmt: skip
+def test_the_model_is_the_stated_one_or_beyond_doubt(lines: str, lens: Distortion | None) -> None:
+    assert read(PIXELS.partition("k1")[0] + lines).distortion == lens
+
+
+def test_a_model_that_has_no_such_coefficient_is_refused() -> None:
+    with pytest.raises(UnsupportedModelError, match="s1"):
+        read(PIXELS + "s1 = 0.1\ndistortion_model = brown\n")
+    with pytest.raises(UnsupportedModelError, match="splines"):
+        read(PIXELS + "distortion_model = splines\n")
+
+
+def test_every_section_with_a_focal_length_is_a_camera() -> None:
+    head = "maker = Acme\n[common]\nimage size = 5472 x 3648\n"
+    own = PIXELS.partition("image_height = 3648\n")[2]
+    text = f"{head}[wide]\n{own}[tele]\n{own.replace('3650.1', '9650.1')}"
+    wide, tele = parsers.decode(text.encode(), name="x.cal")
+    assert (wide.camera.sub_camera, tele.camera.sub_camera) == ("wide", "tele")
+    assert (wide.intrinsics.fx, tele.intrinsics.fx) == (3650.1, 9650.1)
+    assert tele.provenance.tag == "tele"
+    with pytest.raises(ParseError, match="before the first section"):
+        parsers.decode((own + text).encode(), name="x.cal")
+
+
+def test_what_is_known_of_the_camera_goes_there_and_back() -> None:
+    key = CameraKey(make="Acme", model='X "20" # 3', lens="f/2; 8.8 mm", firmware="01.02", sub_camera="wide",
+                    image_size=SIZE)  # fmt: skip
+    original = replace(
+        camera(skew=-2.3), camera=key, grade=Grade.ADJUSTED, quality=Quality(rms_px=0.31, points=812, views=21),
+        extras=(("keyed_text/lens.Serial number", "0042"), ("keyed_text/note", " a\nb ")),
+    )  # fmt: skip
+    data, verdict = parsers.encode([original], "keyed_text")
+    copy = read(data.decode())
+    assert str(verdict) == "exact"
+    assert (copy.camera, copy.quality, copy.grade, copy.extras) == (
+        key, original.quality, original.grade, original.extras,
+    )  # fmt: skip
+    assert (copy.intrinsics, copy.distortion) == (original.intrinsics, original.distortion)
+
+
+def test_a_unit_makes_it_sure_and_none_makes_it_weak() -> None:
+    sure, weak = (sniff(Content(t.encode(), "x")) for t in (PIXELS, "fx: 1\nfy: 1\ncx: 1\ncy: 1\n"))
+    assert sure is not None
+    assert sure.sure is Sure.SHAPE
+    assert weak is not None
+    assert weak.sure is Sure.WEAK
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "%YAML:1.0\n---\nfx: 1.0\n",
+        "cam0:\n  fx: 3650.1 px\n",
+        "The focal length is given below.\nfocal_length_mm = 8.8\n",
+        "name = x\nvalue = 3\n",
+    ],
+)
+def test_other_texts_are_not_claimed(text: str) -> None:
+    with pytest.raises(UnknownFormatError):
+        parsers.decode(text.encode(), name="x.cal")
