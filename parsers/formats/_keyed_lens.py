@@ -38,7 +38,7 @@ def read(
     model, assumed = _model(sheet, given, metric=metric, asked=asked, source=source)
     if model is None:
         return (NoDistortion() if values else None), ()
-    if not given:
+    if not given and model != "kannala-brandt":  # whose zeros are a lens, the equidistant one
         return NoDistortion(), ()
     if convention.y_axis is YAxis.UP:
         given = _turned(given, model, convention, source)

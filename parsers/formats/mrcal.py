@@ -57,6 +57,7 @@ EXTRINSICS = ("rt_cam_ref", "extrinsics")
 BOUND = ("valid_intrinsics_region", "optimization_inputs", "icam_intrinsics")
 PREFIX = "mrcal/"
 DEEPEST = 8
+MOST_VALUES = 100_000
 
 _SPACE = r"(?:[\s]++|#[^\n]*+)*+"
 _TOKEN = re.compile(
@@ -113,7 +114,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
-    """mrcal's layout; what was solved goes back beside the intrinsics it was solved with, or not at all."""
+    """The layout mrcal writes; what was solved goes back beside the intrinsics it was solved with, or not at all."""
     [calibration] = calibrations
     K, distortion = calibration.intrinsics, calibration.distortion
     values = list(distortion.coefficients.values()) if distortion is not None else []
@@ -152,6 +153,7 @@ class _Dictionary:
         self.text = text
         self.source = source
         self.position = 0
+        self.values = 0
 
     def read(self) -> dict[str, Span]:
         """The whole file's dictionary."""
@@ -173,12 +175,18 @@ class _Dictionary:
     def value(self, depth: int) -> Span:
         """One value, and how it was written."""
         token = self.token()
+        self.values += 1
+        if self.values > MOST_VALUES:
+            self.fail(f"more than {MOST_VALUES} values")
         if token["text"] is not None:
             written = token["text"]
             return written.removeprefix("b")[1:-1], written
         if token["word"] is not None:
             word = token["word"]
-            return strict.number(word, source=self.source, place=self.place()), word
+            try:
+                return strict.number(word), word
+            except ParseError as error:
+                raise ParseError(error.message, source=self.source, place=self.place()) from None
         if token["mark"] not in _CLOSING:
             self.fail(
                 "wanted a text, a number or a list" if token["end"] is None else "the file ends too early"

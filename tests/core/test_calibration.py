@@ -213,6 +213,15 @@ def test_a_fisheye_sees_its_axis_at_the_principal_point_and_nothing_straight_bac
     assert camera.unproject(np.array([[K.cx, K.cy]])).tolist() == [[0.0, 0.0, 1.0]]
 
 
+@pytest.mark.parametrize("lens", [None, NoDistortion(), LENS])
+def test_the_callers_points_are_never_written_to(lens: BrownConrady | None) -> None:
+    points, pixels = np.array([[0.1, 0.2, -1.0]]), np.array([[math.inf, 5.0]])
+    calibration(K, lens).project(points)
+    calibration(K, lens).unproject(pixels)
+    assert points.tolist() == [[0.1, 0.2, -1.0]]
+    assert pixels.tolist() == [[math.inf, 5.0]]
+
+
 def test_lists_of_points_will_do() -> None:
     assert calibration(K, None).project([[0, 0, 1]]).tolist() == [[K.cx, K.cy]]
 

@@ -9,6 +9,7 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from calibrary.distortion import (
     MODELS,
@@ -139,13 +140,18 @@ def test_the_axis_is_not_moved(lens: Distortion) -> None:
 
 
 @settings(max_examples=40)
-@given(any_distortions())
-def test_points_given_are_left_as_they_were(lens: Distortion) -> None:
-    points = np.array([[0.1, 0.2], [math.nan, 0.0]])
-    kept = points.copy()
+@given(any_distortions(), st.integers(1, 2))
+def test_points_given_are_left_as_they_were(lens: Distortion, count: int) -> None:
+    # One row transposed is contiguous as it is, so that a careless copy is none.
+    points = np.array([[math.inf, 0.2], [math.nan, 0.0]])[:count]
+    rays = np.array([[0.1, 0.2, -1.0], [math.nan, 0.0, 1.0]])[:count]
+    kept = points.copy(), rays.copy()
     lens.distort(points)
     lens.undistort(points)
-    assert np.array_equal(points, kept, equal_nan=True)
+    lens.rays(points)
+    lens.observe(rays)
+    assert np.array_equal(points, kept[0], equal_nan=True)
+    assert np.array_equal(rays, kept[1], equal_nan=True)
 
 
 def test_an_array_of_another_shape_is_named() -> None:

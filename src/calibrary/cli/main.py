@@ -7,12 +7,12 @@ import os
 import sys
 from collections.abc import Sequence
 
-from calibrary.cli import catalogue, extract
+from calibrary.cli import catalogue, convert, extract, formats, inspect
 from calibrary.errors import CalibraryError, CalibrationError, RegistryError, ValidationError
 
 __all__ = ["build_parser", "main"]
 
-COMMANDS = (extract, catalogue)
+COMMANDS = (extract, inspect, convert, catalogue, formats)
 
 EXIT_POLICY = 1
 EXIT_INPUT = 3

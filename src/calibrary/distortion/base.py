@@ -87,7 +87,7 @@ def perspective(rays: FloatArray) -> FloatArray:
     xy = np.empty((len(rays), 2))
     with np.errstate(all="ignore"):
         for rows in blocks(len(rays)):
-            x, y, z = np.ascontiguousarray(rays[rows].T)
+            x, y, z = rays[rows].T.copy()
             z[~(z > 0)] = math.nan
             xy[rows, 0], xy[rows, 1] = finite_pair(x / z, y / z)
     return xy
@@ -98,7 +98,7 @@ def unit_rays(xy: FloatArray) -> FloatArray:
     rays = np.empty((len(xy), 3))
     with np.errstate(all="ignore"):
         for rows in blocks(len(xy)):
-            x, y = finite_pair(*np.ascontiguousarray(xy[rows].T))
+            x, y = finite_pair(*xy[rows].T.copy())
             # hypot does not overflow where the sum of squares would.
             depth = 1.0 / np.hypot(np.hypot(x, y), 1.0)
             rays[rows, 0], rays[rows, 1], rays[rows, 2] = x * depth, y * depth, depth

@@ -40,7 +40,7 @@ class Division(Omnidirectional):
         out = np.empty((len(rays), 2))
         with np.errstate(all="ignore"):
             for rows in blocks(len(rays)):
-                x, y, z = np.ascontiguousarray(rays[rows].T)
+                x, y, z = rays[rows].T.copy()
                 # hypot does not overflow where the sum of squares would.
                 shrink = 1.0 / np.hypot(np.hypot(x, y), z)
                 x, y, z = x * shrink, y * shrink, z * shrink
@@ -59,7 +59,7 @@ class Division(Omnidirectional):
         out = np.empty((len(xy), 3))
         with np.errstate(all="ignore"):
             for rows in blocks(len(xy)):
-                x, y = np.ascontiguousarray(xy[rows].T)
+                x, y = xy[rows].T.copy()
                 r = np.hypot(x, y)
                 bend = self.k * r * r
                 bend[~(bend < 1.0)] = math.nan

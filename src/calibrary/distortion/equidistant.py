@@ -102,7 +102,7 @@ def _equidistant(rays: FloatArray) -> FloatArray:
     out = np.empty((len(rays), 2))
     with np.errstate(all="ignore"):
         for rows in blocks(len(rays)):
-            x, y, z = np.ascontiguousarray(rays[rows].T)
+            x, y, z = rays[rows].T.copy()
             r = np.hypot(x, y)
             stretch = np.arctan2(r, z) / r
             stretch[(r == 0) & (z > 0)] = 0.0
@@ -115,7 +115,7 @@ def _directions(points: FloatArray) -> FloatArray:
     out = np.empty((len(points), 3))
     with np.errstate(all="ignore"):
         for rows in blocks(len(points)):
-            u, v = np.ascontiguousarray(points[rows].T)
+            u, v = points[rows].T.copy()
             theta = np.hypot(u, v)
             theta[~(theta < math.pi)] = math.nan
             # sin θ / θ without a division by zero on the axis; numpy's sinc counts in π.

@@ -56,7 +56,7 @@ class FisheyePolynomial(Omnidirectional):
         fold = self.max_angle_rad()
         with np.errstate(all="ignore"):
             for rows in blocks(len(rays)):
-                x, y, z = np.ascontiguousarray(rays[rows].T)
+                x, y, z = rays[rows].T.copy()
                 r = np.hypot(x, y)
                 theta = np.arctan2(r, z)
                 stretch = self._image(theta) / r
@@ -73,7 +73,7 @@ class FisheyePolynomial(Omnidirectional):
         with np.errstate(all="ignore"):
             image = np.maximum.accumulate(self._image(nodes))
             for rows in blocks(len(xy)):
-                x, y = np.ascontiguousarray(xy[rows].T)
+                x, y = xy[rows].T.copy()
                 rho = np.hypot(x, y)
                 theta = self._angle(rho, nodes, image)
                 rho[rho == 0] = 1.0

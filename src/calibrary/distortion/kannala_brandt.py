@@ -62,7 +62,7 @@ class KannalaBrandt(Distortion):
         fold = self.max_angle_rad()
         with np.errstate(all="ignore"):
             for rows in blocks(len(rays)):
-                x, y, z = np.ascontiguousarray(rays[rows].T)
+                x, y, z = rays[rows].T.copy()
                 out[rows, 0], out[rows, 1] = self._observed(x, y, z, fold)
         return out
 
@@ -73,7 +73,7 @@ class KannalaBrandt(Distortion):
         fold = self.max_angle_rad()
         with np.errstate(all="ignore"):
             for rows in blocks(len(xy)):
-                x, y = np.ascontiguousarray(xy[rows].T)
+                x, y = xy[rows].T.copy()
                 out[rows, 0], out[rows, 1] = self._observed(x, y, np.ones_like(x), fold)
         return out
 
@@ -121,7 +121,7 @@ class KannalaBrandt(Distortion):
 
     def _polar(self, xy: FloatArray, angles: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """θ of every observed point, and the unit vector towards it in the image."""
-        x, y = np.ascontiguousarray(xy.T)
+        x, y = xy.T.copy()
         rho = np.hypot(x, y)
         theta = self._angle(rho, angles)
         centre = rho == 0

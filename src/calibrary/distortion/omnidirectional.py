@@ -53,7 +53,7 @@ class Omnidirectional(Distortion):
         out = np.empty((len(rays), 2))
         with np.errstate(all="ignore"):
             for rows in blocks(len(rays)):
-                x, y, z = np.ascontiguousarray(rays[rows].T)
+                x, y, z = rays[rows].T.copy()
                 z[~(z > 0)] = math.nan
                 out[rows, 0], out[rows, 1] = finite_pair(x / z, y / z)
         return out
@@ -70,7 +70,7 @@ def lifted(rays: FloatArray, xi: float) -> FloatArray:
         return out
     with np.errstate(all="ignore"):
         for rows in blocks(len(rays)):
-            x, y, z = np.ascontiguousarray(rays[rows].T)
+            x, y, z = rays[rows].T.copy()
             # hypot does not overflow where the sum of squares would.
             shrink = 1.0 / np.hypot(np.hypot(x, y), z)
             x, y, z = x * shrink, y * shrink, z * shrink
@@ -86,7 +86,7 @@ def lowered(rays: FloatArray, xi: float) -> FloatArray:
         return out
     with np.errstate(all="ignore"):
         for rows in blocks(len(rays)):
-            x, y, z = np.ascontiguousarray(rays[rows].T)
+            x, y, z = rays[rows].T.copy()
             inside = 1.0 - xi * xi * (x * x + y * y)
             inside[~(inside > 0)] = math.nan
             reach = xi * z + np.sqrt(inside)
@@ -115,7 +115,7 @@ def divided(rays: FloatArray, alpha: float, beta: float) -> FloatArray:
         return out
     with np.errstate(all="ignore"):
         for rows in blocks(len(rays)):
-            x, y, z = np.ascontiguousarray(rays[rows].T)
+            x, y, z = rays[rows].T.copy()
             shrink = 1.0 / np.hypot(np.hypot(x, y), z)
             x, y, z = x * shrink, y * shrink, z * shrink
             d = np.sqrt(beta * (x * x + y * y) + z * z)

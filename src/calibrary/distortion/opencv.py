@@ -43,7 +43,7 @@ class OpenCVDistortion(Distortion):
         lens, sensor, radius = self._lens(), self._sensor(), self.valid_radius()
         with np.errstate(all="ignore"):
             for rows in blocks(len(xy)):
-                x, y = np.ascontiguousarray(xy[rows].T)
+                x, y = xy[rows].T.copy()
                 u, v = lens.image(x, y)
                 if sensor is not None:
                     u, v = _through(sensor, u, v)
@@ -60,7 +60,7 @@ class OpenCVDistortion(Distortion):
         upright: FloatArray | None = None if sensor is None else np.asarray(np.linalg.inv(sensor))
 
         def image(rows: slice | NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-            u, v = np.ascontiguousarray(xy[rows].T)
+            u, v = xy[rows].T.copy()
             return (u, v) if upright is None else _through(upright, u, v)
 
         with np.errstate(all="ignore"):

@@ -188,12 +188,13 @@ def test_the_origin_is_taken_at_the_sheets_word(origin: str, centre: tuple[float
         ("", None),
         ("distortion_model = none\n", NoDistortion()),
         ("k1 = 0\nk2 = 0\n", NoDistortion()),
+        ("distortion_model = equidistant\n", KannalaBrandt(k1=0, k2=0, k3=0, k4=0)),
         ("k1 = 0.01\nk2 = 0.02\n", BrownConrady(k1=0.01, k2=0.02, p1=0, p2=0)),
         ("model = fisheye\nk1 = 0.1\nk2 = 0.01\n", KannalaBrandt(k1=0.1, k2=0.01, k3=0, k4=0)),
         ("k1=.3\nk2=0\np1=0\np2=0\nk3=0\nk4=.4\nk5=.02\nk6=0\n",
          Rational(k1=0.3, k2=0, p1=0, p2=0, k3=0, k4=0.4, k5=0.02, k6=0)),
     ],
-    ids=["unknown", "none", "zeros", "brown", "fisheye", "rational"],
+    ids=["unknown", "none", "zeros", "equidistant", "brown", "fisheye", "rational"],
 )  # fmt: skip
 def test_the_model_is_the_stated_one_or_beyond_doubt(lines: str, lens: Distortion | None) -> None:
     assert read(PIXELS.partition("k1")[0] + lines).distortion == lens

@@ -61,11 +61,14 @@ def micmac(
     """The polynomial in pixels, from the point it takes to the point it gives."""
     u, v = (px - centre).T
     r2 = u**2 + v**2
-    growth = sum(c * r2**i for i, c in enumerate(radial, start=1))
+    growth = np.zeros_like(r2)
+    for i, c in enumerate(radial, start=1):
+        growth += c * r2**i
     p1, p2, b1, b2 = (fraser.get(name, 0.0) for name in ("P1", "P2", "b1", "b2"))
     du = u * growth + p1 * (2 * u**2 + r2) + 2 * p2 * u * v + b1 * u + b2 * v
     dv = v * growth + p2 * (2 * v**2 + r2) + 2 * p1 * u * v
-    return px + np.column_stack([du, dv])
+    moved: NDArray[np.float64] = px + np.column_stack([du, dv])
+    return moved
 
 
 def grid() -> NDArray[np.float64]:

@@ -18,8 +18,8 @@ FIELDS = {
 }  # fmt: skip
 
 
-def xmp(*, elements: bool = False, **changes: str | None) -> bytes:
-    fields = {name: value for name, value in (FIELDS | changes).items() if value is not None}
+def xmp(changes: dict[str, str | None] | None = None, *, elements: bool = False) -> bytes:
+    fields = {name: value for name, value in (FIELDS | (changes or {})).items() if value is not None}
     inside = fields if elements else {"DistortionCoeficients": fields.pop("DistortionCoeficients", "")}
     attributes = "" if elements else " ".join(f'xcr:{name}="{value}"' for name, value in fields.items())
     children = "".join(f"<xcr:{name}>{value}</xcr:{name}>" for name, value in inside.items() if value)
@@ -37,7 +37,7 @@ def read(data: bytes, **options: str) -> Calibration:
 
 @pytest.mark.parametrize("elements", [False, True])
 def test_a_camera_projects_by_its_own_formula(elements: bool) -> None:
-    calibration = read(xmp(elements=elements, DistortionModel="brown4"))
+    calibration = read(xmp({"DistortionModel": "brown4"}, elements=elements))
     x, y = (c.ravel() for c in np.meshgrid(np.linspace(-0.7, 0.7, 15), np.linspace(-0.48, 0.48, 15)))
     r2 = x**2 + y**2
     radial = 1 - 0.0123 * r2 + 0.0155 * r2**2 - 0.0174 * r2**3 + 0.0031 * r2**4
@@ -56,12 +56,12 @@ def test_an_upright_image_counts_by_its_longer_side_too() -> None:
 
 def test_a_model_uses_its_own_coefficients_only() -> None:
     assert read(xmp()).distortion == BrownConrady(k1=-0.0123, k2=0.0155, p1=0.0, p2=0.0, k3=-0.0174)
-    assert read(xmp(DistortionModel="perspective")).distortion == NoDistortion()
-    assert read(xmp(DistortionModel=None)).distortion is None
+    assert read(xmp({"DistortionModel": "perspective"})).distortion == NoDistortion()
+    assert read(xmp({"DistortionModel": None})).distortion is None
 
 
 def test_tangential_terms_ask_for_their_order() -> None:
-    data = xmp(DistortionModel="brown3t2", DistortionCoeficients="-0.01 0.02 0 0 0.0008 -0.0003")
+    data = xmp({"DistortionModel": "brown3t2", "DistortionCoeficients": "-0.01 0.02 0 0 0.0008 -0.0003"})
     with pytest.raises(UnsupportedModelError, match="tangential"):
         read(data)
     assert read(data, tangential="opencv").distortion == BrownConrady(
@@ -73,7 +73,7 @@ def test_tangential_terms_ask_for_their_order() -> None:
 
 
 def test_metashapes_model_takes_the_fourth_radial_term_and_its_own_order() -> None:
-    data = xmp(DistortionModel="brown4t2", DistortionCoeficients="-0.01 0.02 0 0.003 0.0008 -0.0003")
+    data = xmp({"DistortionModel": "brown4t2", "DistortionCoeficients": "-0.01 0.02 0 0.003 0.0008 -0.0003"})
     assert read(data, tangential="opencv").distortion == MetashapeFrame(
         k1=-0.01, k2=0.02, k3=0.0, k4=0.003, p1=-0.0003, p2=0.0008, p3=0.0, p4=0.0
     )
@@ -85,7 +85,7 @@ def test_the_size_is_asked_for() -> None:
 
 
 def test_what_was_taken_for_granted_is_said() -> None:
-    calibration = read(xmp(AspectRatio="1.001"))
+    calibration = read(xmp({"AspectRatio": "1.001"}))
     assert calibration.intrinsics.fy == pytest.approx(1.001 * calibration.intrinsics.fx)
     assert len(calibration.provenance.assumptions) == 2
     assert ("realitycapture_xmp/CalibrationPrior", "exact") in calibration.extras
@@ -94,9 +94,9 @@ def test_what_was_taken_for_granted_is_said() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"), [({"DistortionModel": "division"}, "division"), ({"Skew": "0.1"}, "Skew")]
 )
-def test_what_has_no_counterpart_is_refused_by_name(changes: dict[str, str], message: str) -> None:
+def test_what_has_no_counterpart_is_refused_by_name(changes: dict[str, str | None], message: str) -> None:
     with pytest.raises(UnsupportedModelError, match=message):
-        read(xmp(**changes))
+        read(xmp(changes))
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_what_has_no_counterpart_is_refused_by_name(changes: dict[str, str], mes
 )
 def test_a_broken_file_names_what_is_wrong(changes: dict[str, str | None], message: str) -> None:
     with pytest.raises(ParseError, match=message):
-        read(xmp(**changes))
+        read(xmp(changes))
 
 
 def test_a_field_that_stands_twice_is_refused() -> None:

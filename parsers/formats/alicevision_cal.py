@@ -1,0 +1,93 @@
+"""AliceVision's (POPART's) ``.cal``: eight bare numbers of a camera.
+
+In the format's own words::
+
+    W H f ppx ppy k1 k2 k3
+
+parted by white space. ``f`` is the mean of fx and fy, the principal point is taken from OpenCV's matrix as it
+stands there, and of OpenCV's five coefficients the tangential two have been left out by whoever wrote the file.
+Nothing in it says that it is one: it is read as such where nobody else claims it.
+
+(Meshroom's CameraCalibration node writes OpenCV's own storage format under the same ending.)
+
+Source: AliceVision, ``dataio/IFeed.cpp``, readCalibrationFromFile, and the calibration's ``exportData``.
+"""
+
+from __future__ import annotations
+
+import re
+
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.conventions import Origin
+from calibrary.distortion import BrownConrady, Distortion, NoDistortion
+from calibrary.errors import ParseError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Tangential
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+
+__all__ = ["FORMAT"]
+
+COUNT = 8
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    tangential=Tangential.NONE,
+    coefficients=("k1", "k2", "k3"),
+    remarks=("one focal length, the mean of fx and fy",),
+)
+LONGEST = 2000
+NOTE = "the format leaves tangential terms and the difference of fx and fy out, whatever they were"
+
+_WHOLE = re.compile(r"\d{1,7}(?:\.0*)?", re.ASCII)
+_NUMBER = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?", re.ASCII)
+
+
+def sniff(content: Content) -> Sniff | None:
+    """Eight numbers, the first two of them whole."""
+    if len(content.data) > LONGEST or content.text is None:
+        return None
+    parts = content.text.split()
+    if len(parts) != COUNT or not all(_NUMBER.fullmatch(part) for part in parts):
+        return None
+    if not all(_WHOLE.fullmatch(part) for part in parts[:2]):
+        return None
+    return Sniff(Sure.WEAK, "it is eight numbers, of which the first two could be an image size")
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The one camera of the file."""
+    width, height, f, cx, cy, k1, k2, k3 = strict.numbers(
+        strict.decode(data, source=context.name), count=COUNT, source=context.name
+    )
+    size = context.size(strict.image_size(width, height, source=context.name))
+    K = CONVENTION.intrinsics(Native(fx=f, fy=f, cx=cx, cy=cy), size, source=context.name)
+    if not (0 <= K.cx <= width and 0 <= K.cy <= height):
+        raise ParseError(
+            f"the principal point ({cx:g}, {cy:g}) lies outside the {size[0]}×{size[1]} image, so these are not the "
+            "eight numbers W H f ppx ppy k1 k2 k3",
+            source=context.name,
+        )
+    lens: Distortion = NoDistortion()
+    if k1 or k2 or k3:
+        lens = BrownConrady(k1=k1, k2=k2, p1=0.0, p2=0.0, k3=k3)
+    return [
+        Calibration(
+            camera=CameraKey(image_size=size),
+            intrinsics=K,
+            distortion=lens,
+            grade=Grade.CALIBRATED,
+            provenance=context.provenance(),
+            notes=(NOTE,),
+        )
+    ]
+
+
+FORMAT = Format(
+    name="alicevision_cal",
+    title="AliceVision (POPART) calibration of eight numbers",
+    suffixes=(".cal", ".txt"),
+    reference="https://github.com/alicevision/AliceVision",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+)

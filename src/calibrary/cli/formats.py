@@ -1,0 +1,121 @@
+"""``calibrary formats``: every calibration file that is read or written, printed from the formats' own records."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from calibrary.parsers.format import Format
+
+__all__ = ["add_parser", "markdown"]
+
+EXAMPLES = """\
+examples:
+  calibrary formats              the table
+  calibrary formats colmap       those whose name or title holds a word, with their conventions
+  calibrary formats --markdown   the table as documentation
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "formats",
+        help="list the calibration files that are read and written",
+        description="List the calibration files that are read and written.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("name", nargs="?", metavar="NAME", help="part of a format's name or title")
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.parsers import formats
+
+    wanted = (arguments.name or "").casefold()
+    records = [r for r in formats() if wanted in r.name.casefold() or wanted in r.title.casefold()]
+    if not records:
+        sys.stderr.write(
+            f"calibrary: no format is called {arguments.name!r}; 'calibrary formats' lists them all\n"
+        )
+        return 1
+    if arguments.json:
+        document = {"schema": "calibrary/formats-1", "formats": [_json(record) for record in records]}
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+    elif arguments.markdown:
+        sys.stdout.write(markdown(records))
+    else:
+        _show(records, details=bool(wanted))
+    return 0
+
+
+def markdown(records: Sequence[Format]) -> str:
+    """The documentation's table: one row a format."""
+    rows = [f"| `{r.name}` | {r.title} | {_abilities(r)} | {_counts(r)} |" for r in records]
+    head = ["| name | what it is | read, write | how it counts |", "| --- | --- | --- | --- |"]
+    return "\n".join([*head, *rows]) + "\n"
+
+
+def _abilities(record: Format) -> str:
+    if record.refuses is not None:
+        return "refused"
+    return "read, write" if record.write is not None else "read"
+
+
+def _counts(record: Format) -> str:
+    if record.convention is None:
+        return record.refuses or ""
+    sentences = list(record.convention.sentences())
+    if record.needs_image_size:
+        sentences.append("the file does not say the image size: give --image-size")
+    return "; ".join(sentences)
+
+
+def _show(records: Sequence[Format], *, details: bool) -> None:
+    from rich.table import Table
+
+    from calibrary.cli.console import make_console, plain
+
+    console = make_console(stderr=False)
+    table = Table(title=f"{len(records)} formats", title_justify="left")
+    table.add_column("name", no_wrap=True)
+    table.add_column("what it is", ratio=3)
+    table.add_column("", no_wrap=True)
+    table.add_column("usual names", ratio=1)
+    for record in records:
+        table.add_row(record.name, plain(record.title), _abilities(record), plain(" ".join(record.suffixes)))
+    console.print(table)
+    if not details:
+        return
+    for record in records:
+        console.print(
+            f"\n[bold]{record.name}[/] — {plain(record.title)}\n  [dim]{plain(record.reference)}[/]"
+        )
+        for sentence in _counts(record).split("; "):
+            console.print(f"  {plain(sentence)}", highlight=False)
+        for option in record.options:
+            values = "|".join(option.values)
+            console.print(f"  --set {option.name}={values}: {plain(option.meaning)}", highlight=False)
+
+
+def _json(record: Format) -> dict[str, object]:
+    return {
+        "name": record.name,
+        "title": record.title,
+        "suffixes": list(record.suffixes),
+        "reads": record.read is not None,
+        "writes": record.write is not None,
+        "refuses": record.refuses,
+        "needs_image_size": record.needs_image_size,
+        "convention": list(record.convention.sentences()) if record.convention is not None else None,
+        "options": {option.name: list(option.values) for option in record.options},
+        "reference": record.reference,
+    }

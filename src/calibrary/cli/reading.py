@@ -1,0 +1,72 @@
+"""The flags by which a user answers what a calibration file leaves open, shared by every command that reads one."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calibrary.calibration import Calibration, ImageSize
+
+__all__ = ["Answers", "add_reading_flags", "image_size"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers:
+    """What the user said about a file."""
+
+    format: str | None
+    image_size: ImageSize | None
+    options: Mapping[str, str]
+
+    @classmethod
+    def of(cls, arguments: argparse.Namespace) -> Answers:
+        """Out of the flags that :func:`add_reading_flags` added."""
+        return cls(
+            format=arguments.format, image_size=arguments.image_size, options=dict(arguments.set or ())
+        )
+
+    def read(self, path: Path) -> list[Calibration]:
+        """Every camera in a file.
+
+        Raises:
+            InputError: the kinds :func:`calibrary.parsers.read` lists.
+        """
+        from calibrary import parsers
+
+        return parsers.read(path, format=self.format, image_size=self.image_size, options=self.options)
+
+
+def add_reading_flags(parser: argparse.ArgumentParser) -> None:
+    """Add ``--format``, ``--image-size`` and ``--set``."""
+    parser.add_argument(
+        "--format", metavar="NAME", help="the file's format, where the file itself does not settle it"
+    )
+    parser.add_argument(
+        "--image-size", type=image_size, metavar="WxH", help="image size in px, for files that do not say it"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        type=_option,
+        metavar="NAME=VALUE",
+        help="an answer to what only the file's owner knows, as the error message asks for it",
+    )
+
+
+def image_size(text: str) -> ImageSize:
+    """(width, height) out of "5472x3648"."""
+    width, _, height = text.lower().replace("×", "x").partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) > 0 and int(height) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted WxH in whole pixels, such as 5472x3648")
+    return int(width), int(height)
+
+
+def _option(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted NAME=VALUE")
+    return name, value

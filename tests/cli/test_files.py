@@ -1,0 +1,124 @@
+"""``inspect``, ``convert`` and ``formats``: calibration files from the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibrary import parsers
+from calibrary.cli.main import main
+from tests.extract.fleet import DEWARP, P4R, picture
+
+AGISOFT = (
+    "<calibration><projection>frame</projection><width>5472</width><height>3648</height>"
+    "<f>3660.5</f><cx>-4.5</cx><cy>22.75</cy><k1>-0.1</k1><p1>0.001</p1></calibration>"
+)
+
+
+@pytest.fixture
+def xml(tmp_path: Path) -> Path:
+    path = tmp_path / "camera.xml"
+    path.write_text(AGISOFT)
+    return path
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+    code = main([str(argument) for argument in arguments])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+def test_inspect_tells_what_a_file_is_why_and_how_it_counts(
+    xml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, _ = run(capsys, "inspect", xml)
+    assert code == 0
+    assert "Agisoft Metashape camera calibration" in out
+    assert "fx 3660.5000" in out
+    assert "cx 2731.5000" in out
+    assert "the principal point counts from the middle of the image" in out
+
+
+def test_inspect_prints_one_document_for_machines(xml: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "inspect", "--json", xml)
+    document = json.loads(out)
+    assert (code, document["format"], document["warnings"]) == (0, "agisoft_xml", [])
+    assert document["calibrations"][0]["intrinsics"]["cx"] == 2731.5
+
+
+def test_inspect_reads_an_image_by_its_metadata(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    image = picture(tmp_path / "a.jpg", **P4R, dewarp=DEWARP)
+    _, out, _ = run(capsys, "inspect", "--json", image)
+    document = json.loads(out)
+    assert document["format"] == "image"
+    assert document["calibrations"][0]["grade"] == "calibrated"
+
+
+def test_inspect_walks_a_folder_and_a_file_that_is_none_does_not_stop_it(
+    xml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (xml.parent / "notes.txt").write_text("nothing to see")
+    code, out, _ = run(capsys, "inspect", "--json", xml.parent)
+    files = {one["file"]: one for one in json.loads(out)["files"]}
+    assert code == 3
+    assert files["camera.xml"]["error"] is None
+    assert files["notes.txt"]["calibrations"] == []
+    assert "notes.txt" in files["notes.txt"]["error"]
+
+
+def test_an_answer_is_given_with_a_flag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    np.save(tmp_path / "K.npy", np.array([[3660.5, 0, 2731.5], [0, 3655.25, 1846.75], [0, 0, 1]]))
+    assert run(capsys, "inspect", tmp_path / "K.npy")[0] == 3
+    code, out, _ = run(capsys, "inspect", "--image-size", "5472x3648", tmp_path / "K.npy")
+    assert code == 0
+    assert "5472×3648" in out
+
+
+def test_convert_writes_the_other_format_and_says_what_survived(
+    xml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, _ = run(capsys, "convert", xml, xml.with_name("camera.yml"), "--to", "opencv_storage")
+    [before], [after] = parsers.read(xml), parsers.read(xml.with_name("camera.yml"))
+    assert code == 0
+    assert "exact" in out
+    assert after.intrinsics == before.intrinsics
+    assert after.distortion == before.distortion
+
+
+def test_convert_asks_for_the_format_when_the_name_does_not_tell(
+    xml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = run(capsys, "convert", xml, xml.with_name("camera.unheard"))
+    assert code == 3
+    assert "--to" in err
+    assert not xml.with_name("camera.unheard").exists()
+
+
+def test_convert_refuses_a_camera_the_file_has_not(xml: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = xml.with_name("camera.yml")
+    code, _, err = run(capsys, "convert", xml, out, "--to", "opencv_storage", "--camera", "2")
+    assert code == 3
+    assert "--camera" in err
+    assert not out.exists()
+
+
+def test_formats_lists_every_format_by_its_own_record(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "formats", "--json")
+    listed = json.loads(out)["formats"]
+    assert code == 0
+    assert [one["name"] for one in listed] == [record.name for record in parsers.formats()]
+
+
+def test_formats_prints_the_documentations_table(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "formats", "--markdown", "agisoft_xml")
+    assert "| `agisoft_xml` |" in out
+    assert "read, write" in out
+
+
+def test_a_format_nobody_knows_is_said_so(capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = run(capsys, "formats", "no-such-format")
+    assert code == 1
+    assert "'calibrary formats' lists them all" in err
