@@ -56,9 +56,8 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    width, height, f, cx, cy, k1, k2, k3 = strict.numbers(
-        strict.decode(data, source=context.name), count=COUNT, source=context.name
-    )
+    rows = strict.lines(strict.decode(data, source=context.name), source=context.name)
+    width, height, f, cx, cy, k1, k2, k3 = strict.numbers(" ".join(rows), count=COUNT, source=context.name)
     size = context.size(strict.image_size(width, height, source=context.name))
     K = CONVENTION.intrinsics(Native(fx=f, fy=f, cx=cx, cy=cy), size, source=context.name)
     if not (0 <= K.cx <= width and 0 <= K.cy <= height):

@@ -37,7 +37,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bentley import CONVENTION, perspective_camera
-from calibrary.parsers.xml import MAX_BYTES, parse_xml
+from calibrary.parsers.xml import parse_xml
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 __all__ = ["FORMAT"]
 
 ROOTS = ("BlocksExchange", "Photogroups", "Photogroup")
+MAX_BYTES = 12 * 1024 * 1024
+"""Some fifteen thousand photos; tie points, which a block may hold as well, are better left out."""
 MAX_PHOTOGROUPS = 10_000
 KEPT = ("Description", "CameraModelBand")
 PREFIX = "blocksexchange_xml/"

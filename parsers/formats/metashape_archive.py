@@ -24,11 +24,11 @@ from calibrary.parsers.content import HEAD_BYTES, Content
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import metashape_document
 from calibrary.parsers.text import shown
-from calibrary.parsers.xml import MAX_BYTES
 
 __all__ = ["FORMAT"]
 
 DOCUMENT = "doc.xml"
+MAX_BYTES = metashape_document.MAX_BYTES
 LOCAL_HEADER = b"PK\x03\x04"
 CENTRAL_HEADER = b"PK\x01\x02"
 MAX_MEMBERS = 50_000

@@ -31,6 +31,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +43,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import agisoft_xml
-from calibrary.parsers.xml import MAX_BYTES, parse_xml
+from calibrary.parsers.xml import parse_xml
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -50,7 +51,11 @@ if TYPE_CHECKING:
 __all__ = ["FORMAT"]
 
 ROOTS = ("document", "chunk", "sensor")
+MAX_BYTES = 12 * 1024 * 1024
+"""Some fifteen thousand photos."""
 MAX_SENSORS = 1000
+MAX_ELEMENTS = 256
+"""In one calibration; Metashape writes twenty."""
 COVARIANCE = "covariance"
 PREFIX = "metashape_document/"
 HELD = "the calibration that the project was given and held fixed"
@@ -153,6 +158,8 @@ class _Sensor:
         """The calibration as a file of its own, without its covariance."""
         from lxml import etree
 
+        if sum(1 for _ in islice(calibration.iter(), MAX_ELEMENTS + 1)) > MAX_ELEMENTS:
+            raise ParseError(f"its calibration holds over {MAX_ELEMENTS} elements")
         root = etree.Element("calibration")
         etree.SubElement(root, "projection").text = calibration.get("type") or self.element.get(
             "type", "frame"

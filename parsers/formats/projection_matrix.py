@@ -104,9 +104,9 @@ def _upper_triangle(M: NDArray[np.float64], source: str) -> NDArray[np.float64]:
             "its left 3×3 part has no inverse, so it is no camera at a finite place", source=source
         )
     reversed_rows = np.linalg.qr((M / scale)[::-1].T)[1]
-    upper: NDArray[np.float64] = reversed_rows.T[::-1, ::-1]
+    upper = reversed_rows.T[::-1, ::-1]
     upper = upper * np.sign(np.diag(upper))
-    return upper / upper[2, 2]
+    return np.asarray(upper / upper[2, 2], dtype=np.float64)
 
 
 FORMAT = Format(

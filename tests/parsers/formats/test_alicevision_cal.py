@@ -38,14 +38,14 @@ def test_that_nothing_proves_the_format_is_told() -> None:
 
 
 def test_zeros_are_no_distortion() -> None:
-    assert read("640 480 500 320 240 0 0 0").distortion == NoDistortion()
+    assert read("640 480 500 320 240 0 0 0\n").distortion == NoDistortion()
 
 
 def test_eight_numbers_of_another_kind_are_refused() -> None:
     with pytest.raises(ParseError, match="outside"):
-        read("1 2 3 4 5 6 7 8")
+        read("1 2 3 4 5 6 7 8\n")
     with pytest.raises(UnknownFormatError):
-        read("1.5 2 3 4 5 6 7 8")
+        read("1.5 2 3 4 5 6 7 8\n")
 
 
 @pytest.mark.parametrize(
@@ -55,6 +55,7 @@ def test_eight_numbers_of_another_kind_are_refused() -> None:
         (CAL.replace("1604.3", "1604,3"), "decimal point"),
         (CAL.replace("1604.3", "-1604.3"), "focal lengths"),
         (CAL.replace("1920", "1920.5"), "image size"),
+        (CAL.replace("062\n", ""), "not ended"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(text: str, message: str) -> None:

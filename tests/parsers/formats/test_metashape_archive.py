@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from calibrary import parsers
 from calibrary.errors import ParseError, UnknownFormatError
-from calibrary.parsers.xml import MAX_BYTES
+from calibrary.parsers.formats.metashape_archive import MAX_BYTES
 from tests.parsers.cameras import numbers
 
 DOCUMENT = b"""<document version="1.4.0"><chunk label="c"><sensors><sensor id="0" label="FC6310" type="frame">

@@ -225,6 +225,7 @@ def test_a_table_of_contents_points_to_its_chunks() -> None:
         (document(sensor(calibration("<f>0</f>"))), "sensor '0'.*focal lengths"),
         (document(sensor(calibration("<cx>1</cx>"))), "sensor '0'.*no <f>"),
         (document(sensor(calibration(), calibration())), "two calibrations"),
+        (document(sensor(calibration(ADJUSTED + "<a/>" * 256))), "sensor '0'.*over 256 elements"),
         (document(*[sensor() for _ in range(1001)]), "1001 sensors"),
         (b"<calibration><sensor/></calibration>", "XML root"),
     ],

@@ -1,0 +1,174 @@
+"""``Calib_Results.m`` of Bouguet's Camera Calibration Toolbox for MATLAB.
+
+In the format's own words::
+
+    %-- Focal length:
+    fc = [ 3650.1 ; 3648.7 ];
+    %-- Principal point:
+    cc = [ 2740.8 ; 1815.4 ];
+    %-- Skew coefficient:
+    alpha_c = 0.0;
+    %-- Distortion coefficients:
+    kc = [ -0.11 ; 0.02 ; -0.0004 ; 0.0008 ; -0.006 ];      % k1 k2 p1 p2 k3
+    fc_error = [ 1.8 ; 1.8 ];                               % three standard deviations
+    nx = 5472;
+    ny = 3648;
+
+with u = fc1·(x' + alpha_c·y') + cc1, so that K's skew is fc1·alpha_c; pixels count from 0 at the centre of the
+first one. It is a script, but only assignments of numbers are read of it; nothing is run. The toolbox's
+fisheye calibration fills the same file with four coefficients of another model, as its oldest versions did
+with k1 k2 p1 p2: nothing tells them apart, so four that are not zero are asked about.
+
+Source: J.-Y. Bouguet, "Camera Calibration Toolbox for Matlab", Description of the calibration parameters.
+"""
+
+from __future__ import annotations
+
+import re
+
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
+from calibrary.conventions import Origin
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
+from calibrary.errors import ParseError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native
+from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    coefficients=("k1", "k2", "p1", "p2", "k3"),
+    remarks=("the skew is alpha_c·fx", "uncertainties are three standard deviations"),
+)
+DISTORTION = Option(
+    name="distortion",
+    values=("brown", "fisheye"),
+    meaning="whether four coefficients are Brown's k1 k2 p1 p2 or the fisheye calibration's k1 k2 k3 k4",
+)
+MAX_BYTES = 8 * 1024 * 1024
+"""The poses of a thousand photographs stand in the file as well."""
+SIGMAS = 3.0
+WANTED = frozenset(("fc", "cc", "alpha_c", "kc", "fc_error", "cc_error", "nx", "ny", "n_ima"))
+
+_ASSIGNMENT = re.compile(
+    r"([A-Za-z]\w{0,60})[ \t]{0,8}=[ \t]{0,8}(\[[^\[\]=]{0,2000}\]|[^\s;=\[\]]{1,100})[ \t]{0,8};"
+)
+_BETWEEN = re.compile(r"[\s;,]+")
+_FC = re.compile(r"^[ \t]{0,8}fc\s{0,8}=\s{0,8}\[", re.MULTILINE)
+_KC = re.compile(r"^[ \t]{0,8}kc\s{0,8}=\s{0,8}\[", re.MULTILINE)
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The toolbox's own names, assigned as vectors."""
+    text = content.text or ""
+    if _FC.search(text) and _KC.search(text):
+        return Sniff(Sure.MAGIC, "it assigns fc = [ … ] and kc = [ … ], as Bouguet's toolbox does")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The one camera of the script."""
+    values = _values(data, context.name)
+    fx, fy = _vector(values, "fc", 2, context.name)
+    cx, cy = _vector(values, "cc", 2, context.name)
+    [alpha] = _vector(values, "alpha_c", 1, context.name) if "alpha_c" in values else (0.0,)
+    distortion = _lens(_vector(values, "kc", (4, 5, 6), context.name), context)
+    size = context.size(_size(values, context.name))
+    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=fx * alpha)
+    return [
+        Calibration(
+            camera=CameraKey(image_size=size),
+            intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+            distortion=distortion,
+            grade=Grade.CALIBRATED,
+            quality=_quality(values),
+            provenance=context.provenance(),
+        )
+    ]
+
+
+def _values(data: bytes, source: str) -> dict[str, str]:
+    """What the script assigns to the names that matter; a closing semicolon proves each complete."""
+    if len(data) > MAX_BYTES:
+        raise ParseError(f"{len(data)} bytes are too many, at most {MAX_BYTES}", source=source)
+    text = "\n".join(row.partition("%")[0] for row in strict.decode(data, source=source).splitlines())
+    values: dict[str, str] = {}
+    for found in _ASSIGNMENT.finditer(text):
+        name = found[1]
+        if name not in WANTED:
+            continue
+        if name in values:
+            raise ParseError("it is assigned twice", source=source, place=name)
+        values[name] = _BETWEEN.sub(" ", found[2].strip("[]")).strip()
+    return values
+
+
+def _vector(
+    values: dict[str, str], name: str, count: int | tuple[int, ...], source: str
+) -> tuple[float, ...]:
+    if name not in values:
+        raise ParseError(f"it does not assign {name}, or the file is cut short there", source=source)
+    return strict.numbers(values[name], count=count, source=source, place=name)
+
+
+def _lens(kc: tuple[float, ...], context: ReadContext) -> Distortion:
+    if len(kc) == 6:
+        if kc[5]:
+            raise ParseError(
+                f"a sixth coefficient, {kc[5]:g}, is none of the toolbox's", source=context.name, place="kc"
+            )
+        kc = kc[:5]
+    asked = context.option(DISTORTION.name)
+    if asked == "fisheye":
+        if len(kc) != 4:
+            raise ParseError(
+                f"{len(kc)} coefficients are no fisheye's, wanted 4", source=context.name, place="kc"
+            )
+        return KannalaBrandt(k1=kc[0], k2=kc[1], k3=kc[2], k4=kc[3])
+    if len(kc) == 4 and asked is None:
+        raise ParseError(
+            "four coefficients are k1 k2 p1 p2 of an old version or k1 k2 k3 k4 of a fisheye calibration; say which "
+            "with options={'distortion': 'brown'} or 'fisheye' (--set distortion=brown)",
+            source=context.name,
+            place="kc",
+        )
+    if not any(kc):
+        return NoDistortion()
+    return BrownConrady(**dict(zip(("k1", "k2", "p1", "p2", "k3"), kc, strict=False)))
+
+
+def _size(values: dict[str, str], source: str) -> ImageSize | None:
+    if "nx" not in values and "ny" not in values:
+        return None
+    [width], [height] = (_vector(values, name, 1, source) for name in ("nx", "ny"))
+    return strict.image_size(width, height, source=source, place="nx, ny")
+
+
+def _quality(values: dict[str, str]) -> Quality | None:
+    """One standard deviation of each; where something was held fixed, MATLAB writes NaN or nothing."""
+    std: dict[str, float] = {}
+    for key, names in (("fc_error", ("fx", "fy")), ("cc_error", ("cx", "cy"))):
+        try:
+            errors = strict.numbers(values.get(key, ""), count=2)
+        except ParseError:
+            continue
+        std |= {name: error / SIGMAS for name, error in zip(names, errors, strict=True) if error > 0}
+    try:
+        views = strict.whole(values.get("n_ima", ""))
+    except ParseError:
+        views = None
+    return Quality(std=std, views=views) if std or views else None
+
+
+FORMAT = Format(
+    name="bouguet_m",
+    title="Calib_Results.m of Bouguet's toolbox",
+    suffixes=(".m",),
+    reference="https://data.caltech.edu/records/jx9cx-fdh55",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    options=(DISTORTION,),
+)

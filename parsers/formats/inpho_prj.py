@@ -1,0 +1,230 @@
+"""The cameras in a project of Inpho (Trimble), as Phase One and others deliver it (``.prj``).
+
+In the format's own words, a block for each camera, among much else::
+
+    $CAMERA                                     or $CAMERA_DEFINITION, with $ID, $ACTIVE_CALIBRATION and
+      $TYPE : iXU-RS1000_(50mm)                 several $CALIBRATION_SET … $END
+      $KIND : CCDFrame
+      $CCD_INTERIOR_ORIENTATION :
+         217.39     0.00    5798.57             column = a11·x + a12·y + a13, x and y in mm, y up
+           0.00  -217.39    4358.13             row    = a21·x + a22·y + a23
+      $CCD_COLUMNS : 11608
+      $CCD_ROWS : 8708
+      $PIXEL_REFERENCE : CenterTopLeft          (0, 0) is the centre of the top-left pixel
+      $FOCAL_LENGTH : 51.68                     mm
+      $PRINCIPAL_POINT_PPA : 0.0 0.0            mm
+      $DISTORTION_TYPE : Polynomial
+      $RADIAL_COEFFS : a0 … a7                  per mm; a0 is linear
+      $DECENTRE_COEFFS : …
+    $END
+
+K follows exactly. Which way the polynomial maps, and with which sign, is published nowhere; readings differ by
+whole pixels, so the terms are kept as they stand and the distortion is unknown.
+
+Sources: projects that Phase One's and other cameras came with.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.distortion import NoDistortion
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+
+__all__ = ["FORMAT"]
+
+BLOCKS = ("$CAMERA", "$CAMERA_DEFINITION")
+SET = "$CALIBRATION_SET"
+END = "$END"
+LENS = ("DISTORTION_TYPE", "RADIAL_COEFFS", "DECENTRE_COEFFS")
+PREFIX = "inpho_prj/"
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    remarks=(
+        "CCD_INTERIOR_ORIENTATION takes mm, y up, to columns and rows",
+        "which way the distortion polynomial maps is not published, so it is kept but not used",
+    ),
+)
+STRAIGHT = 1e-6
+"""px over the whole sensor: a rotation this small is rounding."""
+
+NOTE = (
+    "the lens terms were kept as they stand but not used: which way they map, and with which sign, Inpho does not "
+    "publish; have the images undistorted, or the calibration exported in another format"
+)
+
+_ROW = re.compile(r"\$(\w{1,60})\s*:\s*(.*)")
+
+
+@dataclass(slots=True)
+class _Rows:
+    """What stands under each key of a block, lines joined."""
+
+    source: str
+    place: str
+    values: dict[str, str] = field(default_factory=dict)
+
+    def text(self, key: str) -> str:
+        if key not in self.values:
+            raise ParseError(f"there is no ${key}", source=self.source, place=self.place)
+        return self.values[key].strip()
+
+    def numbers(self, key: str, count: int) -> tuple[float, ...]:
+        place = f"{self.place}, ${key}"
+        return strict.numbers(self.text(key), count=count, source=self.source, place=place)
+
+
+def sniff(content: Content) -> Sniff | None:
+    """A camera's block, or the project's own first line."""
+    if re.match(r"\$PROJECT\b", content.first_line):
+        return Sniff(Sure.MAGIC, "the first line is $PROJECT")
+    if any(line in BLOCKS for line in content.lines):
+        return Sniff(Sure.MAGIC, "there is a $CAMERA")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera, in order."""
+    rows = strict.lines(strict.decode(data, source=context.name), source=context.name)
+    cameras = list(_cameras(rows, context.name))
+    if not cameras:
+        raise ParseError(f"there is no {' or '.join(BLOCKS)}", source=context.name)
+    several = len(cameras) > 1
+    return [_calibration(camera, context, several=several) for camera in cameras]
+
+
+def _cameras(rows: tuple[str, ...], source: str) -> Iterator[_Rows]:
+    """Every camera's keys, those of its active calibration set among them."""
+    index = 0
+    while index < len(rows):
+        if rows[index].strip() in BLOCKS:
+            camera, sets, index = _block(rows, index + 1, source)
+            yield _with_active_set(camera, sets)
+        else:
+            index += 1
+
+
+def _block(rows: tuple[str, ...], start: int, source: str) -> tuple[_Rows, list[_Rows], int]:
+    """A camera's own keys, its calibration sets, and the line after its end."""
+    camera = current = _Rows(source, f"line {start}")
+    sets: list[_Rows] = []
+    key = ""
+    for index in range(start, len(rows)):
+        line = rows[index].strip()
+        if line == END and current is camera:
+            return camera, sets, index + 1
+        if line == END:
+            current, key = camera, ""
+        elif line.startswith(SET):
+            current, key = _Rows(source, f"line {index + 1}"), ""
+            sets.append(current)
+        elif found := _ROW.fullmatch(line):
+            key = found.group(1)
+            if key in current.values:
+                raise ParseError(f"${key} stands twice", source=source, place=f"line {index + 1}")
+            current.values[key] = found.group(2)
+        elif key and line and not line.startswith("$"):
+            current.values[key] += f" {line}"
+    raise ParseError(f"there is no {END}", source=source, place=camera.place)
+
+
+def _with_active_set(camera: _Rows, sets: list[_Rows]) -> _Rows:
+    if not sets:
+        return camera
+    active = camera.values.get("ACTIVE_CALIBRATION", "").strip()
+    chosen = [item for item in sets if item.values.get("ID", "").strip() == active]
+    if len(sets) > 1 and len(chosen) != 1:
+        raise ParseError(
+            f"$ACTIVE_CALIBRATION is {strict.shown(active)}, which is none of its {len(sets)} calibration sets",
+            source=camera.source,
+            place=camera.place,
+        )
+    [used] = chosen or sets
+    own = {key: value for key, value in used.values.items() if key != "ID"}
+    return _Rows(camera.source, camera.place, camera.values | own)
+
+
+def _calibration(camera: _Rows, context: ReadContext, *, several: bool) -> Calibration:
+    kind = camera.values.get("KIND", "CCDFrame").strip()
+    if kind != "CCDFrame":
+        raise UnsupportedModelError(
+            f"the camera's $KIND is {strict.shown(kind)}, wanted CCDFrame: a film or line camera has no K of its "
+            "own",
+            source=context.name,
+            place=camera.place,
+        )
+    reference = camera.text("PIXEL_REFERENCE")
+    if reference != "CenterTopLeft":
+        raise UnsupportedModelError(
+            f"$PIXEL_REFERENCE is {strict.shown(reference)}; only CenterTopLeft is known",
+            source=context.name,
+            place=camera.place,
+        )
+    columns, rows = camera.numbers("CCD_COLUMNS", 1) + camera.numbers("CCD_ROWS", 1)
+    size = context.size(strict.image_size(columns, rows, source=context.name, place=camera.place))
+    native = _native(camera, columns)
+    name = camera.values.get("ID") or camera.values.get("TYPE") or camera.place
+    known = _has_lens(camera)
+    return Calibration(
+        camera=CameraKey(image_size=size, sub_camera=name.strip() if several else None),
+        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        distortion=NoDistortion() if known is False else None,
+        grade=Grade.CALIBRATED,
+        provenance=context.provenance(tag=name.strip()),
+        notes=(NOTE,) if known else (),
+        extras=tuple(
+            (PREFIX + key, " ".join(camera.values[key].split())) for key in LENS if key in camera.values
+        ),
+    )
+
+
+def _native(camera: _Rows, columns: float) -> Native:
+    """K's numbers from the affine map of mm to columns and rows."""
+    a11, a12, a13, a21, a22, a23 = camera.numbers("CCD_INTERIOR_ORIENTATION", 6)
+    [focal] = camera.numbers("FOCAL_LENGTH", 1)
+    x, y = camera.numbers("PRINCIPAL_POINT_PPA", 2)
+    if not (a11 > 0 and a22 < 0 and abs(a21) * columns <= STRAIGHT * a11):
+        raise UnsupportedModelError(
+            "$CCD_INTERIOR_ORIENTATION turns or mirrors the image against the camera "
+            f"({a11:g} {a12:g} / {a21:g} {a22:g}), which K has no place for; export the project for upright images",
+            source=camera.source,
+            place=camera.place,
+        )
+    return Native(
+        fx=a11 * focal,
+        fy=-a22 * focal,
+        cx=a11 * x + a12 * y + a13,
+        cy=a21 * x + a22 * y + a23,
+        skew=-a12 * focal,
+    )
+
+
+def _has_lens(camera: _Rows) -> bool | None:
+    """Whether it has lens terms; None where it says nothing of a lens."""
+    terms = [
+        strict.numbers(camera.values[key], source=camera.source, place=f"{camera.place}, ${key}")
+        for key in LENS[1:]
+        if key in camera.values
+    ]
+    if not terms:
+        return True if camera.values.get("DISTORTION_TYPE", "").strip() else None
+    return any(any(numbers) for numbers in terms)
+
+
+FORMAT = Format(
+    name="inpho_prj",
+    title="Inpho project (.prj)",
+    suffixes=(".prj",),
+    reference="https://geospatial.trimble.com",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+)

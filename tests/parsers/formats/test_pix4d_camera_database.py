@@ -1,0 +1,14 @@
+"""Pix4D's camera database is recognised, and refused with the way out."""
+
+from __future__ import annotations
+
+import pytest
+
+from calibrary import parsers
+from calibrary.errors import UnsupportedModelError
+
+
+def test_it_is_refused_by_name_with_the_way_out() -> None:
+    data = b'<cameraModelDB><version>19</version><cameras><camera name="A_8.8_5472x3648"/></cameras></cameraModelDB>'
+    with pytest.raises(UnsupportedModelError, match=r"Pix4D camera database.*\.cam"):
+        parsers.decode(data, name="cameras.xml")
