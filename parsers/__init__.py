@@ -21,7 +21,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.discovery import format_named, known_formats
 from calibrary.parsers.files import MAX_BYTES, companions, display_name, read_regular_file
 from calibrary.parsers.format import Format, Verdict
-from calibrary.parsers.images import is_image, read_image
+from calibrary.parsers.image_names import is_image
 from calibrary.parsers.reading import Identity, identified, read_content
 from calibrary.parsers.writing import encoded
 
@@ -84,6 +84,8 @@ def read(
     """
     path = Path(path)
     if format is None and is_image(path):
+        from calibrary.parsers.images import read_image  # noqa: PLC0415  loads the catalogue, which files do not need
+
         return read_image(path)
     data = read_regular_file(path, max_bytes=max_bytes)
     beside = companions(path, max_bytes=max_bytes)

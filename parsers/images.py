@@ -10,15 +10,10 @@ from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
 from calibrary.parsers.files import display_name
-from calibrary.parsers.imagery import IMAGE_SUFFIXES, read_metadata
+from calibrary.parsers.imagery import read_metadata
 from calibrary.registry.catalogue import load_catalogue, match_image
 
-__all__ = ["image_evidence", "is_image", "read_image"]
-
-
-def is_image(path: Path) -> bool:
-    """Whether a file's name is an image's; what is in it decides how it is read, not whether it is one."""
-    return path.suffix.lower() in IMAGE_SUFFIXES
+__all__ = ["image_evidence", "read_image"]
 
 
 def image_evidence(path: Path) -> Evidence:

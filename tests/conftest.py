@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+
 from hypothesis import settings
 
-# A machine busy with something else is no failure; examples that hang are caught by the suite's own time.
-settings.register_profile("calibrary", deadline=None)
-settings.load_profile("calibrary")
+# The same examples in every run, so that a change is judged by what it changed; HYPOTHESIS_PROFILE=explore
+# looks for new ones. A machine busy with something else is no failure: hangs are caught by the suite's own time.
+settings.register_profile("steady", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, max_examples=1000)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.formats._keyed_terms import Value, term, value
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["Line", "Sheet", "as_line", "is_apart", "matched", "sheets"]
 
-MAX_BYTES = 1024 * 1024
-"""A sheet is a page; this is a few hundred."""
+MAX_BYTES = 256 * 1024
+"""A sheet is a page; this is a hundred."""
 LONGEST_ROW = 2000
 FOCAL = frozenset({"f", "fx", "fy"})
 
@@ -66,9 +67,7 @@ def sheets(data: bytes, *, source: str) -> list[Sheet]:
     Raises:
         ParseError: a line is something else, a key stands twice, or cameras are missing.
     """
-    if len(data) > MAX_BYTES:
-        raise ParseError(f"{len(data)} bytes are too many for a sheet, at most {MAX_BYTES}", source=source)
-    lines = list(_lines(strict.decode(data, source=source), source))
+    lines = list(_lines(short_text(data, source=source, max_bytes=MAX_BYTES), source))
     focal = (line.section for line in lines if (known := term(line.key)) and known[0] in FOCAL)
     sections = list(dict.fromkeys(focal))
     if len(sections) > 1 and "" in sections:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping
 
 from calibrary.calibration import ImageSize, Intrinsics
@@ -93,8 +94,9 @@ def labels(items: tuple[Node, ...], names: Mapping[int, str]) -> list[str | None
         return [None]
     ids = [identity(item) for item in items]
     called = [names.get(number, "") for number in ids]
+    bearers = Counter(called)
     return [
-        name if name and called.count(name) == 1 else f"{name or 'sensor'} {number}"
+        name if name and bearers[name] == 1 else f"{name or 'sensor'} {number}"
         for name, number in zip(called, ids, strict=True)
     ]
 

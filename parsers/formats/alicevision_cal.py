@@ -25,6 +25,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -56,7 +57,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    rows = strict.lines(strict.decode(data, source=context.name), source=context.name)
+    rows = strict.lines(short_text(data, source=context.name, max_bytes=LONGEST), source=context.name)
     width, height, f, cx, cy, k1, k2, k3 = strict.numbers(" ".join(rows), count=COUNT, source=context.name)
     size = context.size(strict.image_size(width, height, source=context.name))
     K = CONVENTION.intrinsics(Native(fx=f, fy=f, cx=cx, cy=cy), size, source=context.name)

@@ -25,6 +25,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -36,6 +37,8 @@ CONVENTION = Convention(
     remarks=("the principal point stands before the focal lengths", "a sixth coefficient is not used"),
 )
 COUNT = 13
+MAX_BYTES = 64 * 1024
+"""A hundred times what such a file holds."""
 ITERATIONS = "artoolkitplus_cal/undist_iterations"
 MOST_ITERATIONS = 20
 """What the program allows itself at most."""
@@ -54,7 +57,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    values = _numbers(strict.decode(data, source=context.name), context.name)
+    values = _numbers(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name)
     width, height, cx, cy, fx, fy, k1, k2, p1, p2, k3, sixth, iterations = values
     size = context.size(strict.image_size(width, height, source=context.name))
     K = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name)

@@ -54,6 +54,7 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._metric_lens import normalised
+from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
 
@@ -183,7 +184,7 @@ def _lens_rows(distortion: Distortion) -> tuple[str, dict[str, float]]:
 
 def _taken_apart(data: bytes, source: str) -> _Rows:
     """The rows by name, checked to be a pinhole camera's."""
-    lines = strict.lines(strict.decode(data, source=source), source=source)
+    lines = rows_of(data, source=source)
     filled = [(index, line.strip()) for index, line in enumerate(lines, start=1) if line.strip()]
     rows = _Rows(source)
     version = 1

@@ -22,7 +22,8 @@ mm⁶, P per mm. With x = xd − XP and y = yd − YP measured, the corrected po
     x + x·(K1·r² + K2·r⁴ + K3·r⁶) + P1·(r² + 2x²) + 2·P2·x·y + B1·x + B2·y
     y + y·(K1·r² + K2·r⁴ + K3·r⁶) + P2·(r² + 2y²) + 2·P1·x·y
 
-so a barrel has K1 > 0. The unit of length cancels: without a known pixel size a nominal one is written.
+so a barrel has K1 > 0. The unit of length cancels: where nothing tells the size of a pixel, a camera is written in
+units of its focal length.
 
 Sources: C. S. Fraser, "Digital camera self-calibration", 1997; Ames Stereo Pipeline, "Photometrix".
 """
@@ -33,7 +34,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Quality
+from calibrary.calibration import Calibration, CameraKey, Grade, Quality
 from calibrary.distortion import Australis, Distortion, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
@@ -42,6 +43,7 @@ from calibrary.parsers.convention import Convention, Direction, Native, Origin, 
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._metric_lens import normalised, per_length
+from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
 
@@ -61,7 +63,6 @@ CONVENTION = Convention(
     remarks=("B1·x + B2·y is added to x",),
 )
 PIXEL = "australis_report/pixel_mm"
-NOMINAL_WIDTH_MM = 36.0
 AXES_NOTE = "YP was read with y pointing up, as photogrammetry counts; the report does not say"
 
 _CAMERA = re.compile(r"Results for Camera\s+(\d+)\s*(.*)")
@@ -99,16 +100,15 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     [calibration] = calibrations
     K = calibration.intrinsics
     width, height = K.image_size
-    pitch = _pitch(calibration)
-    focal = K.fx * pitch
-    pixels = (pitch, focal / K.fy)
+    focal, pixel_width = _scale(calibration)
+    pixels = (pixel_width, focal / K.fy)
     native = CONVENTION.native(K, sensor_mm=(width * pixels[0], height * pixels[1]))
     final = {"C": focal, "XP": native.cx, "YP": native.cy, **_lens_rows(calibration.distortion, focal)}
     quality = calibration.quality or Quality()
     facts = (
         ("Number of Points", quality.points, ""),
         ("Number of Images", quality.views, ""),
-        ("RMS of Image coords", quality.rms_px and quality.rms_px * 1e3 * pitch, " (um)"),
+        ("RMS of Image coords", quality.rms_px and quality.rms_px * 1e3 * pixel_width, " (um)"),
     )
     errors = {
         key: quality.std.get(name, 0.0) * pixel
@@ -139,7 +139,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
 
 def _tables(data: bytes, source: str) -> tuple[list[_Camera], dict[str, float]]:
     """Every camera's table, and the facts about the whole adjustment."""
-    rows = strict.lines(strict.decode(data, source=source), source=source)
+    rows = rows_of(data, source=source)
     if not any(row.strip().startswith(TITLE) for row in rows):
         raise ParseError(f"there is no line '{TITLE}'", source=source)
     cameras: list[_Camera] = []
@@ -241,14 +241,15 @@ def _quality(camera: _Camera, facts: dict[str, float], pitch: tuple[float, float
     )
 
 
-def _pitch(calibration: Calibration) -> float:
-    """The width of a pixel in mm: as read, else from the nominal focal length, else a nominal one."""
-    K: Intrinsics = calibration.intrinsics
+def _scale(calibration: Calibration) -> tuple[float, float]:
+    """Focal length and width of a pixel in mm: as read, else by the nominal focal length, else in units of it."""
+    K = calibration.intrinsics
     for key, value in calibration.extras:
         if key == PIXEL:
-            return strict.number(value)
-    focal_mm = calibration.camera.focal_mm
-    return focal_mm / K.fx if focal_mm else NOMINAL_WIDTH_MM / K.image_size[0]
+            pixel = strict.number(value)
+            return K.fx * pixel, pixel
+    focal = calibration.camera.focal_mm or 1.0
+    return focal, focal / K.fx
 
 
 FORMAT = Format(

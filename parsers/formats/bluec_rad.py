@@ -36,12 +36,15 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
 MATRIX = tuple(f"K{row}{column}" for row in "123" for column in "123")
 COEFFICIENTS = ("kc1", "kc2", "kc3", "kc4")
 SKEW = "alpha_c"
+MAX_BYTES = 64 * 1024
+"""A hundred times what such a file holds."""
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2"),
@@ -88,7 +91,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file; its size comes from the caller."""
-    values = _values(strict.decode(data, source=context.name), context.name)
+    values = _values(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name)
     _check_matrix(values, context.name)
     skew = values["K12"]
     if SKEW in values:

@@ -34,6 +34,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -47,13 +48,13 @@ DISTORTION = Option(
     values=("brown", "fisheye"),
     meaning="whether four coefficients are Brown's k1 k2 p1 p2 or the fisheye calibration's k1 k2 k3 k4",
 )
-MAX_BYTES = 8 * 1024 * 1024
+MAX_BYTES = 2 * 1024 * 1024
 """The poses of a thousand photographs stand in the file as well."""
 SIGMAS = 3.0
 WANTED = frozenset(("fc", "cc", "alpha_c", "kc", "fc_error", "cc_error", "nx", "ny", "n_ima"))
 
 _ASSIGNMENT = re.compile(
-    r"([A-Za-z]\w{0,60})[ \t]{0,8}=[ \t]{0,8}(\[[^\[\]=]{0,2000}\]|[^\s;=\[\]]{1,100})[ \t]{0,8};"
+    r"(?<!\w)([A-Za-z]\w{0,60})[ \t]{0,8}=[ \t]{0,8}(\[[^\[\]=]{0,2000}\]|[^\s;=\[\]]{1,100})[ \t]{0,8};"
 )
 _BETWEEN = re.compile(r"[\s;,]+")
 _FC = re.compile(r"^[ \t]{0,8}fc\s{0,8}=\s{0,8}\[", re.MULTILINE)
@@ -91,9 +92,8 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 def _values(data: bytes, source: str) -> dict[str, str]:
     """What the script assigns to the names that matter; a closing semicolon proves each complete."""
-    if len(data) > MAX_BYTES:
-        raise ParseError(f"{len(data)} bytes are too many, at most {MAX_BYTES}", source=source)
-    text = "\n".join(row.partition("%")[0] for row in strict.decode(data, source=source).splitlines())
+    script = short_text(data, source=source, max_bytes=MAX_BYTES)
+    text = "\n".join(row.partition("%")[0] for row in script.splitlines())
     values: dict[str, str] = {}
     for found in _ASSIGNMENT.finditer(text):
         name = found[1]

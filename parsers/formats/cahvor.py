@@ -22,12 +22,14 @@ from calibrary.parsers.format import Format, Sniff, Sure
 
 __all__ = ["FORMAT"]
 
+NEAR_TOP = 100
+
 _MODEL = re.compile(r"Model\s*=\s*(CAHV(?:OR)?E?)\b")
 
 
 def sniff(content: Content) -> Sniff | None:
     """The line that names the model."""
-    found = next((match for line in content.lines if (match := _MODEL.match(line))), None)
+    found = next((match for line in content.lines[:NEAR_TOP] if (match := _MODEL.match(line))), None)
     return Sniff(Sure.MAGIC, f"it holds Model = {found[1]}") if found else None
 
 

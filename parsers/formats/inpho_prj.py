@@ -37,8 +37,12 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
+
+MAX_BYTES = 16 * 1024 * 1024
+"""Some thirty thousand images."""
 
 BLOCKS = ("$CAMERA", "$CAMERA_DEFINITION")
 SET = "$CALIBRATION_SET"
@@ -70,12 +74,14 @@ class _Rows:
 
     source: str
     place: str
-    values: dict[str, str] = field(default_factory=dict)
+    values: dict[str, list[str]] = field(default_factory=dict)
 
-    def text(self, key: str) -> str:
+    def text(self, key: str, default: str | None = None) -> str:
         if key not in self.values:
+            if default is not None:
+                return default
             raise ParseError(f"there is no ${key}", source=self.source, place=self.place)
-        return self.values[key].strip()
+        return " ".join(self.values[key]).strip()
 
     def numbers(self, key: str, count: int) -> tuple[float, ...]:
         place = f"{self.place}, ${key}"
@@ -93,7 +99,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in order."""
-    rows = strict.lines(strict.decode(data, source=context.name), source=context.name)
+    rows = rows_of(data, source=context.name, most=MAX_BYTES)
     cameras = list(_cameras(rows, context.name))
     if not cameras:
         raise ParseError(f"there is no {' or '.join(BLOCKS)}", source=context.name)
@@ -130,17 +136,17 @@ def _block(rows: tuple[str, ...], start: int, source: str) -> tuple[_Rows, list[
             key = found.group(1)
             if key in current.values:
                 raise ParseError(f"${key} stands twice", source=source, place=f"line {index + 1}")
-            current.values[key] = found.group(2)
+            current.values[key] = [found.group(2)]
         elif key and line and not line.startswith("$"):
-            current.values[key] += f" {line}"
+            current.values[key].append(line)
     raise ParseError(f"there is no {END}", source=source, place=camera.place)
 
 
 def _with_active_set(camera: _Rows, sets: list[_Rows]) -> _Rows:
     if not sets:
         return camera
-    active = camera.values.get("ACTIVE_CALIBRATION", "").strip()
-    chosen = [item for item in sets if item.values.get("ID", "").strip() == active]
+    active = camera.text("ACTIVE_CALIBRATION", "")
+    chosen = [item for item in sets if item.text("ID", "") == active]
     if len(sets) > 1 and len(chosen) != 1:
         raise ParseError(
             f"$ACTIVE_CALIBRATION is {strict.shown(active)}, which is none of its {len(sets)} calibration sets",
@@ -153,7 +159,7 @@ def _with_active_set(camera: _Rows, sets: list[_Rows]) -> _Rows:
 
 
 def _calibration(camera: _Rows, context: ReadContext, *, several: bool) -> Calibration:
-    kind = camera.values.get("KIND", "CCDFrame").strip()
+    kind = camera.text("KIND", "CCDFrame")
     if kind != "CCDFrame":
         raise UnsupportedModelError(
             f"the camera's $KIND is {strict.shown(kind)}, wanted CCDFrame: a film or line camera has no K of its "
@@ -171,17 +177,17 @@ def _calibration(camera: _Rows, context: ReadContext, *, several: bool) -> Calib
     columns, rows = camera.numbers("CCD_COLUMNS", 1) + camera.numbers("CCD_ROWS", 1)
     size = context.size(strict.image_size(columns, rows, source=context.name, place=camera.place))
     native = _native(camera, columns)
-    name = camera.values.get("ID") or camera.values.get("TYPE") or camera.place
+    name = camera.text("ID", "") or camera.text("TYPE", "") or camera.place
     known = _has_lens(camera)
     return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name.strip() if several else None),
+        camera=CameraKey(image_size=size, sub_camera=name if several else None),
         intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
         distortion=NoDistortion() if known is False else None,
         grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=name.strip()),
+        provenance=context.provenance(tag=name),
         notes=(NOTE,) if known else (),
         extras=tuple(
-            (PREFIX + key, " ".join(camera.values[key].split())) for key in LENS if key in camera.values
+            (PREFIX + key, " ".join(camera.text(key).split())) for key in LENS if key in camera.values
         ),
     )
 
@@ -210,12 +216,12 @@ def _native(camera: _Rows, columns: float) -> Native:
 def _has_lens(camera: _Rows) -> bool | None:
     """Whether it has lens terms; None where it says nothing of a lens."""
     terms = [
-        strict.numbers(camera.values[key], source=camera.source, place=f"{camera.place}, ${key}")
+        strict.numbers(camera.text(key), source=camera.source, place=f"{camera.place}, ${key}")
         for key in LENS[1:]
         if key in camera.values
     ]
     if not terms:
-        return True if camera.values.get("DISTORTION_TYPE", "").strip() else None
+        return True if camera.text("DISTORTION_TYPE", "") else None
     return any(any(numbers) for numbers in terms)
 
 

@@ -61,6 +61,8 @@ CONVENTION = Convention(
 )
 PREFIX = "keyed_text/"
 NAMES = ("make", "camera", "lens", "sub_camera", "firmware", "capture_mode")
+STEREOLABS = ("[LEFT_CAM_", "[RIGHT_CAM_")
+"""Sections of a ZED camera's file, which has keys of its own."""
 FARTHEST = 0.25
 """A principal point farther off the middle than this share of a side was counted from elsewhere."""
 UNPROVEN = "the sheet does not say how its numbers came about; taken as calibrated"
@@ -69,6 +71,8 @@ UNPROVEN = "the sheet does not say how its numbers came about; taken as calibrat
 def sniff(content: Content) -> Sniff | None:
     """Keys and values to the end, among them a focal length; with its unit, few others can mean it."""
     if content.xml_tags or content.json is not None or content.first_line.startswith(("%YAML", "---")):
+        return None
+    if any(row.startswith(STEREOLABS) for row in content.lines):
         return None
     claim = None
     for row in content.lines:

@@ -27,8 +27,12 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _photomodeler
 from calibrary.parsers.formats._photomodeler import PARAMETERS
+from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
+
+MAX_BYTES = 16 * 1024 * 1024
+"""Some thirty thousand images."""
 
 TITLE = "Bundle Soln PhotoModeler"
 HEAD = 5
@@ -56,7 +60,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The project's camera, or its photos' cameras where they are not all that one."""
-    rows = strict.lines(strict.decode(data, source=context.name), source=context.name)
+    rows = rows_of(data, source=context.name, most=MAX_BYTES)
     if not rows or not rows[0].strip().startswith(TITLE) or len(rows) < HEAD:
         raise ParseError(f"this is no head of {HEAD} lines that begins with '{TITLE}'", source=context.name)
     fields = strict.numbers(rows[1], count=4, source=context.name, place="line 2")

@@ -34,8 +34,12 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _photomodeler
 from calibrary.parsers.formats._photomodeler import PARAMETERS
+from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
+
+MAX_BYTES = 8 * 1024 * 1024
+"""Every photo has its own lines."""
 
 TITLE = "Status Report Tree"
 SECTION = "Camera Calibration Standard Deviations"
@@ -109,7 +113,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 def _taken_apart(data: bytes, source: str) -> _Report:
     """The cameras of the calibration section, and two numbers of the quality section."""
-    rows = strict.lines(strict.decode(data, source=source), source=source)
+    rows = rows_of(data, source=source, most=MAX_BYTES)
     if not any(row.strip() == TITLE for row in rows[:10]):
         raise ParseError(f"there is no line '{TITLE}'", source=source)
     report = _Report()

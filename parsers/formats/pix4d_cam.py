@@ -35,6 +35,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin, SizeMm, Unit
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
 
@@ -117,7 +118,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
 
 def _parsed(data: bytes, source: str) -> tuple[dict[str, float], SizeMm]:
     """The numbers by key, and the sensor's size in mm."""
-    rows = strict.lines(strict.decode(data, source=source), source=source)
+    rows = rows_of(data, source=source)
     text = [(index, row.strip()) for index, row in enumerate(rows, start=1) if row.strip()]
     if not text or not _FIRST_LINE.match(text[0][1]):
         raise ParseError("the first line is not 'Pix4D camera calibration file'", source=source)

@@ -29,8 +29,12 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
+
+MAX_BYTES = 16 * 1024 * 1024
+"""Some thirty thousand images."""
 
 HEADING = (
     "fileName imageWidth imageHeight",
@@ -41,8 +45,10 @@ HEADING = (
     "camera rotation R [3x3]",
     "camera model m = K [R|-Rt] X",
 )
-ROWS = (3, 3, 3, 3, 2, 3, 3, 3, 3)
-"""How many numbers stand on the lines after an image's name: K, radial, tangential, t, R."""
+CAMERA_ROWS = (3, 3, 3, 3, 2)
+"""How many numbers stand on the lines after an image's name: K, radial, tangential."""
+IMAGE_ROWS = 10
+"""Of an image: its name, its camera, its position and its rotation."""
 
 CONVENTION = Convention(
     origin=Origin.CORNER,
@@ -89,47 +95,53 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 
 def _images(data: bytes, source: str) -> Iterator[tuple[str, _Camera]]:
-    """Every image's name and camera."""
-    rows = strict.lines(strict.decode(data, source=source), source=source)
+    """Every image's name and camera; what is written alike is looked at once."""
+    rows = rows_of(data, source=source, most=MAX_BYTES)
     heading = tuple(row.strip() for row in rows[: len(HEADING)])
     if heading != HEADING:
-        odd = next(row for row in (*heading, "an end") if row not in HEADING)
+        odd = next((row for row in heading if row not in HEADING), "nothing")
         raise UnsupportedModelError(
             f"its heading has {strict.shown(odd)} where a perspective camera's has {', '.join(HEADING)}; "
             "export the project as OPF instead",
             source=source,
         )
     filled = [(index, row) for index, row in enumerate(rows, start=1) if row.strip()][len(HEADING) :]
-    for start in range(0, len(filled), 1 + len(ROWS)):
-        block = filled[start : start + 1 + len(ROWS)]
-        index, title = block[0]
-        if len(block) <= len(ROWS):
+    known: dict[tuple[str, ...], _Camera] = {}
+    for start in range(0, len(filled), IMAGE_ROWS):
+        block = filled[start : start + IMAGE_ROWS]
+        index = block[0][0]
+        if len(block) < IMAGE_ROWS:
             raise ParseError(
-                f"{len(block)} lines of an image, wanted {1 + len(ROWS)}; the file is cut short",
+                f"{len(block)} lines of an image, wanted {IMAGE_ROWS}; the file is cut short",
                 source=source,
                 place=f"line {index}",
             )
-        numbers = [
-            strict.numbers(row, count=count, source=source, place=f"line {at}")
-            for (at, row), count in zip(block[1:], ROWS, strict=True)
-        ]
-        yield _image(title, numbers, source=source, place=f"line {index}")
+        name, *size = block[0][1].rsplit(maxsplit=2)
+        if len(size) != 2:
+            raise ParseError(
+                f"{strict.shown(name)} is no file name with a width and a height",
+                source=source,
+                place=f"line {index}",
+            )
+        own = (*size, *(row for _, row in block[1 : 1 + len(CAMERA_ROWS)]))
+        if own not in known:
+            known[own] = _camera(own, source=source, first_line=index)
+        yield name.strip(), known[own]
 
 
-def _image(title: str, numbers: list[tuple[float, ...]], *, source: str, place: str) -> tuple[str, _Camera]:
-    """An image's name, which may hold spaces, and its camera."""
-    parts = title.rsplit(maxsplit=2)
-    if len(parts) != 3:
-        raise ParseError(
-            f"{strict.shown(title)} is no file name with a width and a height", source=source, place=place
-        )
-    width, height = (strict.number(side, source=source, place=place) for side in parts[1:])
-    (fx, skew, cx), (zero, fy, cy), bottom = numbers[:3]
+def _camera(own: tuple[str, ...], *, source: str, first_line: int) -> _Camera:
+    """The camera of an image: its width, its height, and the lines of K and of the lens."""
+    place = f"line {first_line}"
+    width, height = (strict.number(side, source=source, place=place) for side in own[:2])
+    numbers = [
+        strict.numbers(row, count=count, source=source, place=f"line {first_line + offset}")
+        for offset, (row, count) in enumerate(zip(own[2:], CAMERA_ROWS, strict=True), start=1)
+    ]
+    (fx, skew, cx), (zero, fy, cy), bottom, (k1, k2, k3), (p1, p2) = numbers
     if zero or bottom != (0.0, 0.0, 1.0):
         raise ParseError("the three lines after it are no camera matrix", source=source, place=place)
-    (k1, k2, k3), (p1, p2) = numbers[3:5]
     straight = not any((k1, k2, k3, p1, p2))
-    return parts[0].strip(), _Camera(
+    return _Camera(
         size=strict.image_size(width, height, source=source, place=place),
         native=Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew),
         distortion=NoDistortion() if straight else BrownConrady(k1=k1, k2=k2, p1=p1, p2=p2, k3=k3),

@@ -28,6 +28,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Tangential
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -61,7 +62,9 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """K of the one camera; its pose is left alone."""
-    rows = [row for row in strict.decode(data, source=context.name).splitlines() if row.strip()]
+    rows = [
+        row for row in short_text(data, source=context.name, max_bytes=LONGEST).splitlines() if row.strip()
+    ]
     if len(rows) != 3:
         raise ParseError(f"{len(rows)} rows of numbers, wanted 3", source=context.name)
     P = np.array([strict.numbers(row, count=4, source=context.name) for row in rows])

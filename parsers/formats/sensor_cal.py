@@ -27,6 +27,7 @@ _RADIOMETRIC = re.compile(
 )
 _PARTS = re.compile(r"[^a-z]+")
 _LENS = re.compile(r"focal|principal|distort|\bf[xy]\b|\bc[xy]\b|fc\b|camera_matrix|intrinsic", re.IGNORECASE)
+NEAR_TOP = 200
 FEWEST = 2
 """One such word may stand anywhere; two at the head of lines make the subject."""
 
@@ -39,7 +40,7 @@ def sniff(content: Content) -> Sniff | None:
         return None
     words = [
         word
-        for line in content.lines
+        for line in content.lines[:NEAR_TOP]
         if (key := _KEY.match(line))
         for word in _PARTS.split(key[1].lower())
         if _INERTIAL.fullmatch(word) or _RADIOMETRIC.fullmatch(word)

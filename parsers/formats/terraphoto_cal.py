@@ -32,6 +32,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Tangential, YAxis
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -49,7 +50,7 @@ Y_AXIS = Option(
 )
 PRINCIPAL_POINT = "PrincipalPoint(XoYoZo)"
 PREFIX = "terraphoto_cal/"
-MAX_BYTES = 1024 * 1024
+MAX_BYTES = 64 * 1024
 UNCONVERTED = (
     "the lens terms ({}) are kept as they stand and marked unconverted: Terrasolid does not publish their "
     "formula, so the distortion is unknown"
@@ -96,22 +97,21 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 
 def _values(data: bytes, source: str) -> dict[str, str]:
-    if len(data) > MAX_BYTES:
-        raise ParseError(f"{len(data)} bytes are too many, at most {MAX_BYTES}", source=source)
-    rows = [row.strip() for row in strict.lines(strict.decode(data, source=source), source=source)]
+    text = short_text(data, source=source, max_bytes=MAX_BYTES)
+    rows = [row.strip() for row in strict.lines(text, source=source)]
     if not rows or rows[0] != HEADING:
         raise ParseError(f"the first line is not {HEADING}", source=source)
     values: dict[str, str] = {}
     for index, row in enumerate(rows[1:], start=2):
         if not row:
             continue
-        key, mark, text = row.partition("=")
+        key, mark, value = row.partition("=")
         key = key.replace(" ", "")
         if not mark or not key:
             raise ParseError(f"{strict.shown(row)} is no Key= value", source=source, place=f"line {index}")
         if key in values:
             raise ParseError(f"{strict.shown(key)} stands twice", source=source, place=f"line {index}")
-        values[key] = text.strip()
+        values[key] = value.strip()
     return values
 
 

@@ -35,6 +35,7 @@ from calibrary.parsers.convention import Convention, Direction, Native, Origin, 
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._metric_lens import normalised
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -61,14 +62,18 @@ ASSUMPTION = (
 )
 
 _TIDY = str.maketrans("−–—×⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "---x0123456789-")
-_FOCAL = re.compile(r"Calibrated\s+Focal\s+Length\s*:?\s*(\S+)\s*mm", re.IGNORECASE)
-_POINT = re.compile(r"\b([xy]p)\s*=\s*(\S+)\s*mm")
+# Spaces are counted and words are bounded, so that a long line of either costs no more than its length.
+_FOCAL = re.compile(
+    r"Calibrated\s{1,20}Focal\s{1,20}Length\s{0,20}:?\s{0,20}(\S{1,60})\s{0,20}mm", re.IGNORECASE
+)
+_POINT = re.compile(r"\b([xy]p)\s{0,20}=\s{0,20}(\S{1,60})\s{0,20}mm")
 # A zero is often read as a letter.
 _TERM = re.compile(
-    r"\b([KP])\s?([0-4oO])\s*=\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)(?:\s*x\s*10[\s^*]*([-+]?\s?\d+))?"
+    r"\b([KP])\s?([0-4oO])\s{0,20}=\s{0,20}([-+]?[\d.]{1,60}(?:[eE][-+]?\d{1,4})?)"
+    r"(?:\s{0,20}x\s{0,20}10[\s^*]{0,20}([-+]?\s?\d{1,4}))?"
 )
-_CAMERA = re.compile(r"Camera type\s*:\s*(.+?)\s*(?:Camera serial|$)", re.IGNORECASE | re.MULTILINE)
-_LENS = re.compile(r"Lens type\s*:\s*(.+?)\s*(?:Lens serial|$)", re.IGNORECASE | re.MULTILINE)
+_CAMERA = re.compile(r"Camera type\s{0,20}:\s{0,20}(\S[^\n]{0,120}?)\s*(?:Camera serial|\n)", re.IGNORECASE)
+_LENS = re.compile(r"Lens type\s{0,20}:\s{0,20}(\S[^\n]{0,120}?)\s*(?:Lens serial|\n)", re.IGNORECASE)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -81,7 +86,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the report, for scans of the given pixel size."""
-    text = strict.decode(data, source=context.name).translate(_TIDY)
+    text = text_of(data, source=context.name).translate(_TIDY)
     focal, values = _values(text, context.name)
     scale = 1.0 + values["K0"]
     if not scale > 0:

@@ -35,6 +35,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential, Unit
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
 
@@ -102,7 +103,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def _blocks(data: bytes, source: str) -> list[_Camera]:
     cameras: list[_Camera] = []
     inside = False
-    for index, line in enumerate(strict.lines(strict.decode(data, source=source), source=source), start=1):
+    for index, line in enumerate(rows_of(data, source=source), start=1):
         row = line.strip()
         if row.startswith(BEGIN):
             cameras.append(_Camera(row.removeprefix(BEGIN).strip(), source, f"line {index}"))

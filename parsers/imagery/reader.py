@@ -17,10 +17,7 @@ from calibrary.parsers.imagery.source import Source, open_source
 from calibrary.parsers.imagery.xmp import XmpFacts, read_xmp
 from calibrary.parsers.imagery.xmp_exif import mirrored_exif
 
-__all__ = ["IMAGE_SUFFIXES", "read_metadata", "read_source"]
-
-IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".tif", ".tiff", ".dng", ".heic", ".heif", ".png"})
-"""What a directory scan takes, in lower case. How a file is read is decided by its first bytes."""
+__all__ = ["read_metadata", "read_source"]
 
 _PLACEHOLDERS = {
     b"version https://git-lfs.github.com/spec/": "Git LFS pointer; run `git lfs pull`",

@@ -27,7 +27,7 @@ examples:
   calibrary inspect camera.xml                          what it is, K, distortion, conventions
   calibrary inspect flight/DJI_0001.JPG                 what an image says of its camera
   calibrary inspect K.npy --image-size 5472x3648
-  calibrary inspect handed-over/ --json > report.json   every file of a folder
+  calibrary inspect handed-over/ --json                 every file of a folder, for machines
 
 exit code 0: every file was read; 3: at least one was not.
 """
@@ -111,7 +111,8 @@ def _described(path: Path, answers: Answers) -> Inspected:
     """What the file is and how it counts."""
     from calibrary import parsers
     from calibrary.parsers.discovery import format_named
-    from calibrary.parsers.images import image_evidence, is_image
+    from calibrary.parsers.image_names import is_image
+    from calibrary.parsers.images import image_evidence
 
     if answers.format is None and is_image(path):
         evidence = image_evidence(path)

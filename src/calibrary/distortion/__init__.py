@@ -27,6 +27,7 @@ from calibrary.distortion.observed_polynomial import ObservedPolynomial
 from calibrary.distortion.off_centre import OffCentreBrown
 from calibrary.distortion.rad_tan_thin_prism_fisheye import RadTanThinPrismFisheye
 from calibrary.distortion.rational import Rational
+from calibrary.distortion.scaramuzza import Scaramuzza
 from calibrary.distortion.thin_prism import ThinPrism
 from calibrary.distortion.thin_prism_fisheye import ThinPrismFisheye
 from calibrary.distortion.tilted import Tilted
@@ -52,6 +53,7 @@ __all__ = [
     "OffCentreBrown",
     "RadTanThinPrismFisheye",
     "Rational",
+    "Scaramuzza",
     "ThinPrism",
     "ThinPrismFisheye",
     "Tilted",
@@ -83,6 +85,7 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
             Fisheye624,
             RadTanThinPrismFisheye,
             ThinPrismFisheye,
+            Scaramuzza,
         )
     }
 )

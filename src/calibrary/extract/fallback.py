@@ -18,7 +18,7 @@ from calibrary.errors import CalibraryError, InputError, UnknownFormatError
 from calibrary.extract.cameras import Camera, circumstances
 from calibrary.extract.gather import find_files
 from calibrary.extract.knowledge import Knowledge
-from calibrary.parsers.imagery import IMAGE_SUFFIXES
+from calibrary.parsers.image_names import is_image
 from calibrary.policy import Policy
 from calibrary.validation import Report, Verdict, validate
 
@@ -126,7 +126,7 @@ def find_calibrations(
     unreadable: list[tuple[str, str]] = []
     for path in find_files(directory, recursive=recursive):
         suffix = path.suffix.lower()
-        if suffix in IMAGE_SUFFIXES or suffix not in CALIBRATION_SUFFIXES:
+        if is_image(path) or suffix not in CALIBRATION_SUFFIXES:
             continue
         name = path.relative_to(directory).as_posix()
         try:

@@ -18,7 +18,8 @@ from pathlib import Path
 
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.parsers.imagery import IMAGE_SUFFIXES, read_metadata
+from calibrary.parsers.image_names import is_image
+from calibrary.parsers.imagery import read_metadata
 
 __all__ = ["Gathered", "Rejected", "find_files", "find_images", "gather"]
 
@@ -91,7 +92,7 @@ def _entries(directory: Path) -> list[os.DirEntry[str]]:
 def find_images(directory: Path, *, recursive: bool) -> list[Path]:
     """The files of a directory that are images by their suffix."""
     files = find_files(directory, recursive=recursive)
-    return [path for path in files if path.suffix.lower() in IMAGE_SUFFIXES]
+    return [path for path in files if is_image(path)]
 
 
 def gather(

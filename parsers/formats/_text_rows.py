@@ -1,0 +1,31 @@
+"""The text of a file that has no business being long, and its lines."""
+
+from __future__ import annotations
+
+from calibrary.errors import ParseError
+from calibrary.parsers import text as strict
+
+__all__ = ["rows_of", "text_of"]
+
+MAX_BYTES = 1024 * 1024
+"""A thousand times what holds a camera."""
+
+
+def text_of(data: bytes, *, source: str, most: int = MAX_BYTES) -> str:
+    """The file as text.
+
+    Raises:
+        ParseError: it is none, or longer than ``most`` bytes.
+    """
+    if len(data) > most:
+        raise ParseError(f"{len(data)} bytes are too many for such a file, at most {most}", source=source)
+    return strict.decode(data, source=source)
+
+
+def rows_of(data: bytes, *, source: str, most: int = MAX_BYTES) -> tuple[str, ...]:
+    """The file's lines, the last of which must be ended.
+
+    Raises:
+        ParseError: it is no text, too long, or cut short.
+    """
+    return strict.lines(text_of(data, source=source, most=most), source=source)

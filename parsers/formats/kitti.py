@@ -1,0 +1,182 @@
+"""KITTI's calibration files: ``calib_cam_to_cam.txt`` of the raw recordings, ``calib.txt`` of the benchmarks.
+
+In the format's own words::
+
+    calib_time: 09-Jan-2012 13:57:47
+    S_00: 1392 512                    size of the images as they were taken
+    K_00: 984.2 0 690.0 0 980.8 233.2 0 0 1
+    D_00: -0.3728 0.2037 0.0022 0.0014 -0.0723        k1 k2 p1 p2 k3
+    R_00: … T_00: …
+    S_rect_00: 1242 375               size after rectification
+    R_rect_00: …
+    P_rect_00: 721.5 0 609.6 0 0 721.5 172.9 0 0 0 1 0
+
+The benchmarks' images are rectified, and their ``calib.txt`` has the projection matrices P0 … P3 alone, without
+the size of the images. In a rectified camera's P, K is the left 3×3.
+
+The pixel origin is not documented; OpenCV's is taken, whose distortion model it is.
+
+Source: A. Geiger et al., "Vision meets robotics: the KITTI dataset", 2013, and the development kit's readme.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.distortion import Distortion, NoDistortion
+from calibrary.errors import InputError, ParseError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin
+from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._opencv_lens import lens
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    coefficients=("k1", "k2", "p1", "p2", "k3"),
+    remarks=("the origin is not documented; OpenCV's was taken",),
+)
+IMAGES = Option(
+    name="images",
+    values=("raw", "rectified"),
+    meaning="whether the images are as they were taken (K and D) or rectified (P_rect)",
+)
+NOTE = "KITTI does not document its pixel origin; OpenCV's was taken"
+
+_LINE = re.compile(r"(\w+):[ \t]*(.*)")
+_RAW = re.compile(r"K_(\d\d)")
+_PROJECTION = re.compile(r"P(\d)")
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The line K_00, or the lines P0 and P1 with twelve numbers each."""
+    names = {match[1]: len(match[2].split()) for line in content.lines if (match := _LINE.fullmatch(line))}
+    raw = next((name for name in names if _RAW.fullmatch(name)), None)
+    if raw is not None and {f"S_{raw[2:]}", f"D_{raw[2:]}"} <= names.keys():
+        return Sniff(Sure.MAGIC, f"the lines S_{raw[2:]}, {raw} and D_{raw[2:]}")
+    if names.get("P0") == names.get("P1") == 12:
+        return Sniff(Sure.SHAPE, "the lines P0 and P1 with twelve numbers each")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera of the file, named by its number."""
+    table = _Table(strict.decode(data, source=context.name), context.name)
+    rectified = context.option(IMAGES.name) == "rectified"
+    raw = [match[1] for name in table.values if (match := _RAW.fullmatch(name))]
+    if raw:
+        cameras = [
+            _rectified(f"P_rect_{n}", n, table, context) if rectified else _raw(n, table, context)
+            for n in raw
+        ]
+    else:
+        numbers = [match[1] for name in table.values if (match := _PROJECTION.fullmatch(name))]
+        if not numbers:
+            raise ParseError("there is neither a K_00 nor a P0", source=context.name)
+        if context.option(IMAGES.name) == "raw":
+            raise InputError(
+                "the file knows the rectified images only; the raw ones are in calib_cam_to_cam.txt",
+                source=context.name,
+            )
+        cameras = [_rectified(f"P{n}", n, table, context) for n in numbers]
+    return cameras
+
+
+class _Table:
+    """The file's lines by name; only those that are asked for need be numbers."""
+
+    def __init__(self, text: str, source: str) -> None:
+        self.source = source
+        self.values: dict[str, str] = {}
+        for number, line in enumerate(_ended(text, source), start=1):
+            match = _LINE.fullmatch(line.strip())
+            if match is None:
+                if line.strip():
+                    raise ParseError(
+                        f"{strict.shown(line.strip())}, wanted a name, a colon and numbers",
+                        source=source,
+                        place=f"line {number}",
+                    )
+                continue
+            if match[1] in self.values:
+                raise ParseError("it stands twice", source=source, place=match[1])
+            self.values[match[1]] = match[2]
+
+    def numbers(self, name: str, count: int) -> tuple[float, ...]:
+        if name not in self.values:
+            raise ParseError(f"there is no {name}", source=self.source)
+        return strict.numbers(self.values[name], count=count, source=self.source, place=name)
+
+    def size(self, name: str) -> ImageSize:
+        width, height = self.numbers(name, 2)
+        return strict.image_size(width, height, source=self.source, place=name)
+
+
+def _ended(text: str, source: str) -> Iterator[str]:
+    """Devkit files end with their last number; when that is a line nothing is read from, no harm is done."""
+    last = text.rpartition("\n")[2]
+    harmless = last.startswith(("R", "T", "calib_time", "corner_dist"))
+    yield from strict.lines(text + "\n" if harmless else text, source=source)
+
+
+def _raw(number: str, table: _Table, context: ReadContext) -> Calibration:
+    fx, skew, cx, below, fy, cy, *last = table.numbers(f"K_{number}", 9)
+    if below != 0 or last != [0, 0, 1]:
+        raise ParseError("this is no camera matrix", source=context.name, place=f"K_{number}")
+    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    distortion = lens(table.numbers(f"D_{number}", 5))
+    notes = [NOTE]
+    if f"P_rect_{number}" in table.values:
+        notes.append(
+            "this is the camera of the raw images; options={'images': 'rectified'} for the rectified ones"
+        )
+    size = context.size(table.size(f"S_{number}"))
+    return _camera(number, native, size, distortion, context, tag=f"K_{number}", notes=notes)
+
+
+def _rectified(name: str, number: str, table: _Table, context: ReadContext) -> Calibration:
+    fx, skew, cx, _, below, fy, cy, _, *last = table.numbers(name, 12)
+    if below != 0 or last[:3] != [0, 0, 1]:
+        raise ParseError(
+            "this is no projection matrix of a rectified camera", source=context.name, place=name
+        )
+    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    stated = table.size(f"S_rect_{number}") if name.startswith("P_rect") else None
+    size = context.size(stated)
+    return _camera(number, native, size, NoDistortion(), context, tag=name, notes=[NOTE])
+
+
+def _camera(
+    number: str,
+    native: Native,
+    size: ImageSize,
+    distortion: Distortion,
+    context: ReadContext,
+    *,
+    tag: str,
+    notes: list[str],
+) -> Calibration:
+    return Calibration(
+        camera=CameraKey(image_size=size, sub_camera=number),
+        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        distortion=distortion,
+        grade=Grade.CALIBRATED,
+        provenance=context.provenance(tag=tag),
+        notes=tuple(notes),
+    )
+
+
+FORMAT = Format(
+    name="kitti",
+    title="KITTI calibration",
+    suffixes=(".txt",),
+    reference="https://www.cvlibs.net/datasets/kitti/raw_data.php",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    options=(IMAGES,),
+)

@@ -1,0 +1,147 @@
+"""``calib_results.txt`` of OCamCalib, D. Scaramuzza's toolbox for omnidirectional cameras.
+
+In the format's own words, headings beginning with ``#`` in between::
+
+    5 -3.2e+02 0.0 8.6e-04 -3.5e-08 6.7e-09        the DIRECT mapping function, a0 a1 a2 a3 a4
+    11 407.2 159.7 …                                the inverse mapping function
+    261.7 326.9                                     center: "row" and "column", from 0
+    1.0020 0.0014 0.0001                            affine parameters "c", "d", "e"
+    480 640                                         image size: "height" and "width"
+
+A ray is (x, y, a0 + a2·ρ² + …) of the sensor's x (down) and y (right), with row = c·x + d·y + centre and
+column = e·x + y + centre. The third axis points backwards, so a0 is negative, and −a0 is the focal length on
+the axis. K is f·(1 e; d c) brought to its upper triangle; where d is not zero that turns the camera about its
+axis, by as much as the notes say. The inverse function is a fit to the direct one, which is therefore the one
+that is read.
+
+Sources: OCamCalib, ``ocam_functions.cpp``; D. Scaramuzza and others, IROS 2006.
+"""
+
+from __future__ import annotations
+
+import math
+
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.conventions import Origin
+from calibrary.distortion import Distortion
+from calibrary.distortion.scaramuzza import Scaramuzza
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Direction, Native, Tangential
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._short_text import short_text
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    direction=Direction.OBSERVED_TO_IDEAL,
+    tangential=Tangential.NONE,
+    coefficients=("a0", "a1", "a2", "a3", "a4"),
+    remarks=(
+        "rows stand before columns",
+        "the polynomial takes a radius in px to the ray's third component",
+    ),
+)
+HEADING = "#polynomial coefficients for the DIRECT mapping function"
+MAX_BYTES = 64 * 1024
+"""A hundred times what such a file holds."""
+MOST = 64
+"""Coefficients in either function, as in the toolbox's own reader."""
+MOST_READ = 5
+PREFIX = "ocamcalib/"
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The first heading is the same in every file."""
+    if content.first_line.replace("# ", "#", 1).startswith(HEADING):
+        return Sniff(Sure.MAGIC, "the first line is OCamCalib's heading of the direct mapping function")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The one camera of the file."""
+    direct, inverse, centre, affine, size = _rows(data, context.name)
+    coefficients = _counted(direct, "direct mapping function", context.name)
+    lens, f = _lens(coefficients, context.name)
+    row, column = strict.numbers(centre, count=2, source=context.name, place="center")
+    c, d, e = strict.numbers(affine, count=3, source=context.name, place="affine parameters")
+    height, width = strict.numbers(size, count=2, source=context.name, place="image size")
+    image_size = context.size(strict.image_size(width, height, source=context.name, place="image size"))
+    fx, skew, fy, turn = _upper_triangle(f, c, d, e, context.name)
+    native = Native(fx=fx, fy=fy, cx=column, cy=row, skew=skew)
+    turned = f"the camera's frame is turned about its axis by {math.degrees(turn):.4f}° against OCamCalib's"
+    return [
+        Calibration(
+            camera=CameraKey(image_size=image_size),
+            intrinsics=CONVENTION.intrinsics(native, image_size, source=context.name),
+            distortion=lens,
+            grade=Grade.CALIBRATED,
+            provenance=context.provenance(),
+            notes=(turned,) if turn else (),
+            extras=((PREFIX + "invpol", " ".join(inverse.split())),),
+        )
+    ]
+
+
+def _rows(data: bytes, source: str) -> tuple[str, str, str, str, str]:
+    """The five rows of numbers."""
+    text = short_text(data, source=source, max_bytes=MAX_BYTES)
+    if not text.lstrip().startswith("#"):
+        raise ParseError(f"it does not begin with {HEADING}", source=source)
+    rows = [
+        row for raw in strict.lines(text, source=source) if (row := raw.strip()) and not row.startswith("#")
+    ]
+    if len(rows) != 5:
+        raise ParseError(f"{len(rows)} rows of numbers, wanted 5", source=source)
+    return rows[0], rows[1], rows[2], rows[3], rows[4]
+
+
+def _counted(row: str, place: str, source: str) -> tuple[float, ...]:
+    """The numbers of a row that begins with their count."""
+    count, *rest = row.split()
+    promised = strict.whole(count, source=source, place=place)
+    if not 1 <= promised <= MOST:
+        raise ParseError(f"{promised} coefficients, wanted 1 to {MOST}", source=source, place=place)
+    return strict.numbers(" ".join(rest), count=promised, source=source, place=place)
+
+
+def _lens(a: tuple[float, ...], source: str) -> tuple[Distortion, float]:
+    """The lens and its focal length in px."""
+    a0, a1, a2, a3, a4 = (*a, 0.0, 0.0, 0.0, 0.0)[:MOST_READ]
+    place = "direct mapping function"
+    if not a0 < 0:
+        raise ParseError(
+            f"a0 is {a0:g}, wanted a negative one: the axis points backwards", source=source, place=place
+        )
+    if a1 or any(a[MOST_READ:]):
+        raise UnsupportedModelError(
+            "it has a linear term or terms above the fourth power, which are not known here; calibrate with a "
+            "polynomial of order 4, the toolbox's own proposal, or with OpenCV's fisheye model",
+            source=source,
+            place=place,
+        )
+    f = -a0
+    return Scaramuzza(c2=-a2 * f, c3=-a3 * f**2, c4=-a4 * f**3), f
+
+
+def _upper_triangle(f: float, c: float, d: float, e: float, source: str) -> tuple[float, float, float, float]:
+    """fx, skew, fy and the angle of the rotation Q in f·(1 e; d c) = (fx skew; 0 fy)·Q."""
+    length = math.hypot(d, c)
+    determinant = c - d * e
+    if not (length > 0 and determinant > 0):
+        raise ParseError("the affine parameters make no image", source=source, place="affine parameters")
+    sine, cosine = d / length, c / length
+    return f * determinant / length, f * (sine + e * cosine), f * length, math.atan2(sine, cosine)
+
+
+FORMAT = Format(
+    name="ocamcalib",
+    title="OCamCalib (Scaramuzza) calib_results.txt",
+    suffixes=(".txt",),
+    reference="https://sites.google.com/site/scarabotix/ocamcalib-omnidirectional-camera-calibration-toolbox-for-matlab",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+)

@@ -1,0 +1,312 @@
+"""``transforms.json`` of instant-ngp and nerfstudio: the cameras of a radiance field.
+
+In the format's own words::
+
+    {"camera_model": "OPENCV", "w": 1920, "h": 1080, "fl_x": 1375.5, "fl_y": 1374.5, "cx": 960.1, "cy": 540.3,
+     "k1": 0.05, "k2": -0.08, "p1": -0.001, "p2": 0.0002,
+     "frames": [{"file_path": "images/0001.jpg", "transform_matrix": […]}, …]}
+
+Each frame may have these keys itself instead. Pixels count from the outer corner of the top-left one: nerfstudio
+takes half a pixel off before it calls OpenCV. Frames with the same numbers are one camera. A coefficient that is left out is zero, a principal point that is
+left out is in the middle, and ``camera_angle_x``, the field of view in radians, stands for ``fl_x`` in Blender's
+files, which say no size either. ``camera_model`` OPENCV_FISHEYE, or ``is_fisheye``, makes k1 to k4 those of
+OpenCV's fisheye. In a perspective camera k4 means two things: nerfstudio projects with it as a factor of r⁸ and
+undistorts with it as OpenCV's k4, so a file that has one is refused.
+
+Sources: instant-ngp, ``src/nerf_loader.cu``; nerfstudio, ``data/dataparsers/nerfstudio_dataparser.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
+from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin
+from calibrary.parsers.document import Node
+from calibrary.parsers.fit import exact
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._json_text import Writable, dumped, extra, loaded, restored
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.CORNER,
+    coefficients=("k1", "k2", "p1", "p2", "k3", "k4"),
+    remarks=("every number has its name, and a coefficient that is left out is zero",),
+)
+PLACE = ("fl_x", "fl_y", "cx", "cy")
+ANGLES = ("camera_angle_x", "camera_angle_y")
+SIZE = ("w", "h")
+LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
+NUMBERS = (*SIZE, *PLACE, *ANGLES, *LENS)
+PERSPECTIVE = frozenset({"PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"})
+FISHEYE = "OPENCV_FISHEYE"
+OTHER_LENSES = ("is_latlong", "latlong", "equirectangular", "orthographic", "ftheta_p0")
+"""instant-ngp's keys for cameras that have no K."""
+MAX_FRAMES = 100_000
+MAX_CAMERAS = 10_000
+PREFIX = "transforms_json/"
+KNOWN = frozenset({*NUMBERS, "camera_model", "is_fisheye", "frames"})
+AGREEMENT = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class _Images:
+    """A camera's numbers, and the names of the images that it took."""
+
+    numbers: dict[str, float]
+    names: list[str]
+
+
+def sniff(content: Content) -> Sniff | None:
+    """Frames with a transform, or a focal length under instant-ngp's name."""
+    document = content.json
+    if not isinstance(document, dict):
+        return None
+    frames = document.get("frames")
+    first = frames[0] if isinstance(frames, list) and frames else None
+    posed = isinstance(first, dict) and ("transform_matrix" in first or "fl_x" in first)
+    camera = next((key for key in ("fl_x", "camera_angle_x") if key in document), None)
+    if posed or (camera and isinstance(frames, list)):
+        return Sniff(Sure.MAGIC, f"JSON with frames and {camera or 'their transforms'}")
+    return Sniff(Sure.SHAPE, "JSON with fl_x") if camera == "fl_x" else None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera that differs, in the order of the frames, by the name of its first image."""
+    document = loaded(data, source=context.name)
+    fisheye = _is_fisheye(document)
+    shared = _numbers(document)
+    images: dict[object, _Images] = {}
+    for index, frame in enumerate(_frames(document.get("frames"))):
+        numbers = _merged(shared, frame)
+        # A frame without a pose is no image of a scene: it is there for its camera.
+        own = None if "transform_matrix" in frame else index
+        one = images.setdefault((own, *sorted(numbers.items())), _Images(numbers, []))
+        path = frame.get("file_path")
+        one.names.append("" if path is None else path.text())
+    if not images:
+        images[None] = _Images(shared, [])
+    if len(images) > MAX_CAMERAS:
+        raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=context.name)
+    extras = tuple(_extras(document))
+    return [
+        _calibration(one, context, fisheye=fisheye, several=len(images) > 1, extras=extras)
+        for one in images.values()
+    ]
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """One camera beside an empty list of frames, several in a frame each; nerfstudio needs the poses too.
+
+    Raises:
+        UnsupportedModelError: the file can say only of all cameras together whether they are fisheyes.
+    """
+    kinds = {_kind(item.distortion) for item in calibrations}
+    if FISHEYE in kinds and len(kinds) > 1:
+        raise UnsupportedModelError(
+            "fisheye and other cameras cannot share a transforms.json; write two files"
+        )
+    [kind] = kinds if len(kinds) == 1 else {"OPENCV"}
+    head: dict[str, Writable] = {"camera_model": kind}
+    if kind == FISHEYE:
+        head["is_fisheye"] = True
+    for key, text in calibrations[0].extras:
+        if key.startswith(PREFIX) and key.removeprefix(PREFIX) not in KNOWN:
+            head[key.removeprefix(PREFIX)] = restored(text)
+    if len(calibrations) == 1:
+        return dumped({**head, **_written(calibrations[0]), "frames": []})
+    frames: list[Writable] = [
+        {"file_path": item.camera.sub_camera or f"camera {index}", **_written(item)}
+        for index, item in enumerate(calibrations, start=1)
+    ]
+    return dumped({**head, "frames": frames})
+
+
+def _frames(frames: Node | None) -> tuple[Node, ...]:
+    found = () if frames is None else frames.items()
+    if len(found) > MAX_FRAMES and frames is not None:
+        frames.fail(f"{len(found)} frames; at most {MAX_FRAMES} are read")
+    return found
+
+
+def _is_fisheye(document: Node) -> bool:
+    """Whether k1 to k4 are OpenCV's fisheye's.
+
+    Raises:
+        UnsupportedModelError: the cameras have no K, or none that is known here.
+        ParseError: the two keys that say it contradict one another.
+    """
+    other = next((key for key in OTHER_LENSES if key in document and document[key].value), None)
+    node = document.get("camera_model")
+    model = None if node is None else node.text()
+    if other or (model is not None and model != FISHEYE and model not in PERSPECTIVE):
+        raise UnsupportedModelError(
+            f"the cameras are {strict.shown(other or model or '')}, which has no counterpart here; wanted "
+            f"{', '.join(sorted(PERSPECTIVE))} or {FISHEYE}",
+            source=document.source,
+        )
+    mark = document.get("is_fisheye")
+    if model is None or mark is None:
+        return model == FISHEYE or (mark is not None and bool(mark.value))
+    if bool(mark.value) != (model == FISHEYE):
+        document.fail(f"camera_model is {model} and is_fisheye is {mark.value!r}; remove the wrong one")
+    return model == FISHEYE
+
+
+def _numbers(node: Node) -> dict[str, float]:
+    return {key: node[key].number() for key in NUMBERS if key in node}
+
+
+def _merged(shared: Mapping[str, float], frame: Node) -> dict[str, float]:
+    """A frame's numbers; where the file says them twice they must agree.
+
+    nerfstudio takes those above the frames, instant-ngp those of the frame.
+    """
+    own = _numbers(frame)
+    clash = next((key for key, value in own.items() if shared.get(key, value) != value), None)
+    if clash is not None:
+        frame.fail(
+            f"{clash} is {own[clash]:g} here and {shared[clash]:g} above the frames; nerfstudio takes that one, "
+            "instant-ngp this one: remove one of them"
+        )
+    return {**shared, **own}
+
+
+def _calibration(
+    images: _Images,
+    context: ReadContext,
+    *,
+    fisheye: bool,
+    several: bool,
+    extras: tuple[tuple[str, str], ...],
+) -> Calibration:
+    numbers, names = images.numbers, images.names
+    size = context.size(_size(numbers, context.name))
+    native, assumptions = _native(numbers, size, context.name)
+    name = names[0] if names else None
+    calibration = Calibration(
+        camera=CameraKey(image_size=size, sub_camera=name if several else None),
+        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        distortion=_lens(numbers, fisheye=fisheye, source=context.name),
+        grade=Grade.ADJUSTED if "fl_x" in numbers else Grade.DESIGN,
+        quality=Quality(views=len(names)) if names else None,
+        provenance=context.provenance(tag=name, assumptions=assumptions),
+        notes=_contradiction(numbers, size),
+    )
+    return replace(calibration, extras=extras)
+
+
+def _size(numbers: Mapping[str, float], source: str) -> ImageSize | None:
+    if not any(key in numbers for key in SIZE):
+        return None
+    return strict.image_size(numbers.get("w", 0), numbers.get("h", 0), source=source)
+
+
+def _native(numbers: Mapping[str, float], size: ImageSize, source: str) -> tuple[Native, tuple[str, ...]]:
+    """K, and what had to be taken for granted."""
+    width, height = size
+    assumptions: list[str] = []
+    if "fl_x" in numbers:
+        fx = numbers["fl_x"]
+    elif "camera_angle_x" in numbers:
+        fx = _focal(numbers["camera_angle_x"], width, source)
+        assumptions.append("fl_x was taken from camera_angle_x")
+    else:
+        raise MissingTagError("there is neither fl_x nor camera_angle_x, so no focal length", source=source)
+    if "fl_y" in numbers:
+        fy = numbers["fl_y"]
+    elif "camera_angle_y" in numbers:
+        fy = _focal(numbers["camera_angle_y"], height, source)
+        assumptions.append("fl_y was taken from camera_angle_y")
+    else:
+        fy = fx
+        assumptions.append("pixels are square")
+    if not ("cx" in numbers and "cy" in numbers):
+        assumptions.append("the principal point is in the middle of the image")
+    cx, cy = numbers.get("cx", width / 2), numbers.get("cy", height / 2)
+    return Native(fx=fx, fy=fy, cx=cx, cy=cy), tuple(assumptions)
+
+
+def _focal(angle_rad: float, side_px: int, source: str) -> float:
+    """The focal length of a pinhole that sees the whole side under an angle."""
+    if not 0 < angle_rad < math.pi:
+        raise ParseError(
+            f"the field of view is {angle_rad:g}, wanted radians between 0 and 3.1416", source=source
+        )
+    return 0.5 * side_px / math.tan(0.5 * angle_rad)
+
+
+def _lens(numbers: Mapping[str, float], *, fisheye: bool, source: str) -> Distortion:
+    c = {key: numbers.get(key, 0.0) for key in LENS}
+    odd = next((key for key in (("p1", "p2") if fisheye else ("k4",)) if c[key]), None)
+    if odd is not None:
+        meaning = "a fisheye has no tangential terms" if fisheye else "nerfstudio uses it in two meanings"
+        raise UnsupportedModelError(
+            f"{odd} is {c[odd]:g} and {meaning}; undistort the images first, or fit the camera without it",
+            source=source,
+            place=odd,
+        )
+    if fisheye:
+        return KannalaBrandt(k1=c["k1"], k2=c["k2"], k3=c["k3"], k4=c["k4"])
+    if not any(c.values()):
+        return NoDistortion()
+    return BrownConrady(k1=c["k1"], k2=c["k2"], p1=c["p1"], p2=c["p2"], k3=c["k3"])
+
+
+def _contradiction(numbers: Mapping[str, float], size: ImageSize) -> tuple[str, ...]:
+    """A field of view that is not the focal length's own; both programs take the focal length."""
+    notes: list[str] = []
+    for angle, focal, side in zip(ANGLES, ("fl_x", "fl_y"), size, strict=True):
+        if angle in numbers and focal in numbers and numbers[focal] > 0:
+            own = 2.0 * math.atan(0.5 * side / numbers[focal])
+            if abs(own - numbers[angle]) > AGREEMENT * own:
+                notes.append(
+                    f"{angle} is {numbers[angle]:.4g} rad, {focal} means {own:.4g}; {focal} was taken"
+                )
+    return tuple(notes)
+
+
+def _extras(document: Node) -> list[tuple[str, str]]:
+    kept = ((key, extra(node.value)) for key, node in document.entries() if key not in KNOWN)
+    return [(PREFIX + key, text) for key, text in kept if text is not None]
+
+
+def _kind(distortion: Distortion | None) -> str:
+    if isinstance(distortion, KannalaBrandt):
+        return FISHEYE
+    return "PINHOLE" if distortion is None or isinstance(distortion, NoDistortion) else "OPENCV"
+
+
+def _written(calibration: Calibration) -> dict[str, Writable]:
+    native = CONVENTION.native(calibration.intrinsics)
+    width, height = calibration.intrinsics.image_size
+    numbers: dict[str, Writable] = {
+        "w": width, "h": height, "fl_x": native.fx, "fl_y": native.fy, "cx": native.cx, "cy": native.cy,
+    }  # fmt: skip
+    lens = calibration.distortion
+    if isinstance(lens, KannalaBrandt):
+        return {**numbers, **lens.coefficients}
+    brown = exact(lens or NoDistortion(), BrownConrady)
+    assert brown is not None  # noqa: S101  the capacity lets nothing else through
+    coefficients = {name: value for name, value in brown.coefficients.items() if value or name != "k3"}
+    return {**numbers, **coefficients}
+
+
+FORMAT = Format(
+    name="transforms_json",
+    title="nerfstudio and instant-ngp transforms.json",
+    suffixes=(".json",),
+    reference="https://docs.nerf.studio/quickstart/data_conventions.html",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=Capacity(models=(NoDistortion, BrownConrady, KannalaBrandt), several_cameras=True),
+)

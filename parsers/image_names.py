@@ -1,0 +1,15 @@
+"""Which files are images by their names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+__all__ = ["IMAGE_SUFFIXES", "is_image"]
+
+IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".tif", ".tiff", ".dng", ".heic", ".heif", ".png"})
+"""What a directory scan takes, in lower case. How a file is read is decided by its first bytes."""
+
+
+def is_image(path: Path) -> bool:
+    """Whether a file's name is an image's."""
+    return path.suffix.lower() in IMAGE_SUFFIXES

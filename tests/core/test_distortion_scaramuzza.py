@@ -1,0 +1,64 @@
+"""Scaramuzza's model, against the toolbox's cam2world written out, and its own inverse."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from calibrary.distortion.scaramuzza import Scaramuzza
+
+LENSES = st.builds(Scaramuzza, c2=st.floats(-0.6, 0.3), c3=st.floats(-0.1, 0.1), c4=st.floats(-0.3, 0.05))
+
+
+def image_to(radius: float, count: int = 400) -> NDArray[np.float64]:
+    s, around = np.linspace(0.0, radius, count), np.linspace(0.0, 40.0, count)
+    return np.column_stack([s * np.cos(around), s * np.sin(around)])
+
+
+def test_it_is_the_toolboxs_cam2world_in_units_of_the_focal_length() -> None:
+    a = (-325.9, 0.0, 8.6e-4, -3.5e-8, 6.7e-9)
+    f = -a[0]
+    lens = Scaramuzza(c2=-a[2] * f, c3=-a[3] * f**2, c4=-a[4] * f**3)
+    px = image_to(400.0)
+    rho = np.hypot(*px.T)
+    backwards = a[0] + a[1] * rho + a[2] * rho**2 + a[3] * rho**3 + a[4] * rho**4
+    expected = np.column_stack([px, -backwards])
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(lens.rays(px / f), expected, rtol=0, atol=1e-14)
+    assert lens.max_angle_rad() > math.pi / 2
+
+
+@settings(max_examples=50, deadline=None)
+@given(lens=LENSES)
+def test_observing_is_the_exact_inverse_up_to_the_fold(lens: Scaramuzza) -> None:
+    theta = np.linspace(0.0, 0.98 * min(lens.max_angle_rad(), 2.8), 300)
+    around = np.linspace(0.0, 40.0, 300)
+    rays = np.column_stack([np.sin(theta) * np.cos(around), np.sin(theta) * np.sin(around), np.cos(theta)])
+    np.testing.assert_allclose(lens.rays(lens.observe(rays)), rays, rtol=0, atol=1e-12)
+
+
+def test_zeros_are_a_pinhole() -> None:
+    rays = np.array([[0.3, -0.2, 1.0], [0.0, 0.0, 2.0], [5.0, 0.0, 1.0]])
+    seen = Scaramuzza(c2=0.0, c3=0.0, c4=0.0).observe(rays)
+    np.testing.assert_allclose(seen, rays[:, :2] / rays[:, 2:], rtol=1e-14, atol=0)
+
+
+def test_past_the_fold_nothing_is_seen() -> None:
+    lens = Scaramuzza(c2=0.5, c3=0.0, c4=0.0)
+    fold = math.sqrt(2.0)
+    assert lens.max_angle_rad() == pytest.approx(math.atan2(fold, 2.0))
+    assert lens.valid_radius() == pytest.approx(fold / 2)
+    assert np.isnan(lens.rays(np.array([[fold * 1.01, 0.0]]))).all()
+    assert np.isnan(lens.observe(np.array([[0.8, 0.0, 1.0], [math.nan, 0, 1], [0, 0, -1]]))).all()
+
+
+def test_rays_past_a_right_angle_are_seen() -> None:
+    lens = Scaramuzza(c2=-0.5, c3=0.0, c4=0.0)
+    [[x, y]] = lens.observe(np.array([[1.0, 0.0, -0.5]]))
+    assert x == pytest.approx(2.0, rel=1e-14)  # −s/2 = 1 − s²/2
+    assert y == 0.0

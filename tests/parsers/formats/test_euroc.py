@@ -1,0 +1,87 @@
+"""EuRoC's sensor.yaml, against OpenCV, whose two lens models it has under other names."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calibrary import parsers
+from calibrary.calibration import Calibration
+from calibrary.distortion import NoDistortion
+from calibrary.errors import ParseError, UnknownFormatError, UnsupportedModelError
+
+FILE = """# General sensor definitions.
+sensor_type: camera
+comment: front, 5 mm
+T_BS:
+  cols: 4
+  rows: 4
+  data: [1.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.2,
+         0.0, 0.0, 1.0, 0.3, 0.0, 0.0, 0.0, 1.0]
+rate_hz: 20
+resolution: [752, 480]
+camera_model: pinhole
+intrinsics: [433.2, 432.9, 371.6, 238.3] #fu, fv, cu, cv
+distortion_model: radial-tangential
+distortion_coefficients: [-0.2131, 0.0447, -0.00037, 8.1e-04]
+"""
+EQUIDISTANT = FILE.replace("radial-tangential", "equidistant").replace(
+    "-0.2131, 0.0447, -0.00037, 8.1e-04", "-0.0292, 0.0208, -0.0319, 0.0166"
+)
+K = np.array([[433.2, 0, 371.6], [0, 432.9, 238.3], [0, 0, 1]])
+
+
+def read(text: str) -> Calibration:
+    [calibration] = parsers.decode(text.encode(), name="sensor.yaml")
+    return calibration
+
+
+def rays() -> NDArray[np.float64]:
+    x, y = np.meshgrid(np.linspace(-0.8, 0.8, 25), np.linspace(-0.6, 0.6, 25))
+    return np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
+
+
+def test_radial_tangential_is_opencvs_first_four() -> None:
+    D = np.array([-0.2131, 0.0447, -0.00037, 0.00081])
+    expected = cv2.projectPoints(rays(), np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
+    np.testing.assert_allclose(read(FILE).project(rays()) - 0.5, expected, rtol=0, atol=1e-9)
+    assert read(FILE).intrinsics.image_size == (752, 480)
+
+
+def test_equidistant_is_opencvs_fisheye() -> None:
+    D = np.array([-0.0292, 0.0208, -0.0319, 0.0166])
+    points = rays().reshape(-1, 1, 3)
+    expected = cv2.fisheye.projectPoints(points, np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
+    np.testing.assert_allclose(read(EQUIDISTANT).project(rays()) - 0.5, expected, rtol=0, atol=1e-9)
+
+
+def test_none_is_no_distortion() -> None:
+    text = FILE.replace("radial-tangential", "none").replace("-0.2131, 0.0447, -0.00037, 8.1e-04", "")
+    assert read(text).distortion == NoDistortion()
+
+
+@pytest.mark.parametrize(("old", "new"), [("pinhole", "omni"), ("radial-tangential", "fov")])
+def test_another_model_is_refused_by_name(old: str, new: str) -> None:
+    with pytest.raises(UnsupportedModelError, match=new):
+        read(FILE.replace(old, new))
+
+
+def test_a_sensor_that_is_no_camera_is_not_claimed() -> None:
+    with pytest.raises(UnknownFormatError):
+        read("sensor_type: imu\nrate_hz: 200\n")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ("resolution: [752, 480]\n", "", "resolution"),
+        ("[752, 480]", "[752]", "1 numbers"),
+        ("8.1e-04]", "8.1e-04, 0.1]", "5 numbers, wanted 4"),
+        ("433.2", "-433.2", "focal"),
+    ],
+)
+def test_a_broken_file_names_what_is_wrong(old: str, new: str, match: str) -> None:
+    with pytest.raises(ParseError, match=match):
+        read(FILE.replace(old, new))
