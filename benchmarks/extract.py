@@ -86,7 +86,7 @@ class Sizes:
 
 
 QUICK = Sizes(images=100, pool=6000, many=10_000, repeats=3)
-FULL = Sizes(images=500, pool=30_000, many=100_000, repeats=3)
+FULL = Sizes(images=500, pool=40_000, many=100_000, repeats=3)
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ def sniff(content: Content) -> Sniff | None:
     """Keys of another sensor, and not a word about a lens."""
     if content.first_line.split()[:1] == ["CAL"] and "DEVICE_CLASS" in (content.text or ""):
         return Sniff(Sure.MAGIC, "it begins with CAL and holds DEVICE_CLASS, as ArgyllCMS writes displays")
-    if content.xml_tags or content.json is not None or _LENS.search(content.text or ""):
+    if content.xml_tags or content.json is not None:
         return None
     words = [
         word
@@ -45,7 +45,7 @@ def sniff(content: Content) -> Sniff | None:
         for word in _PARTS.split(key[1].lower())
         if _INERTIAL.fullmatch(word) or _RADIOMETRIC.fullmatch(word)
     ]
-    if len(words) >= FEWEST:
+    if len(words) >= FEWEST and not _LENS.search(content.text or ""):
         return Sniff(Sure.WEAK, f"its keys speak of {', '.join(dict.fromkeys(words[:4]))}, none of a lens")
     return None
 

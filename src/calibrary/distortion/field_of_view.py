@@ -15,6 +15,9 @@ from calibrary.errors import InputError
 
 __all__ = ["FieldOfView"]
 
+STRAIGHT = 1e-10
+"""Below this ω moves no point by more than rounding, and its formula divides rounding by rounding."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldOfView(Distortion):
@@ -81,7 +84,7 @@ class FieldOfView(Distortion):
         with np.errstate(all="ignore"):
             for rows in blocks(len(out)):
                 x, y = finite_pair(*np.array(out[rows].T, order="C"))
-                if self.omega:
+                if abs(self.omega) > STRAIGHT:
                     r = np.hypot(x, y)
                     scale = radius(r) / r
                     scale[r == 0] = 0.0
