@@ -38,6 +38,12 @@ def read(
     model, assumed = _model(sheet, given, metric=metric, asked=asked, source=source)
     if model is None:
         return (NoDistortion() if values else None), ()
+    if not values and model != "none":
+        raise ParseError(
+            f"it names the distortion model {model} and gives no coefficient; add them, zero where measured as zero",
+            source=source,
+            place="distortion_model",
+        )
     if not given and model != "kannala-brandt":  # whose zeros are a lens, the equidistant one
         return NoDistortion(), ()
     if convention.y_axis is YAxis.UP:
@@ -70,7 +76,7 @@ def _model(
     sheet: Sheet, given: dict[str, float], *, metric: bool, asked: str | None, source: str
 ) -> tuple[str | None, tuple[str, ...]]:
     """The model's name and what was assumed for it; None without coefficients and without a word."""
-    if asked is not None:
+    if asked is not None and any(name in sheet.values for name in COEFFICIENTS):
         return asked, ()
     stated = sheet.values.get("model")
     if stated is not None:

@@ -87,7 +87,7 @@ MODELS: Mapping[str, str] = MappingProxyType(
     {
         spelling: model
         for model, spellings in (
-            ("none", "none no nodistortion pinhole"),
+            ("none", "none no nodistortion"),
             ("brown", "brown brownconrady opencv plumbbob radtan"),
             ("rational", "rational rationalpolynomial fullopencv"),
             ("thin-prism", "thinprism"),

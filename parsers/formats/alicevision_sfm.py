@@ -199,8 +199,8 @@ def _lens(item: Node, version: Version) -> Distortion:
         )
     _refuse_undistortion(item)
     count, build = LENSES[lens]
-    node = item["distortionParams"] if "distortionParams" in item else None
-    numbers = tuple(entry.number() for entry in _items(node)) if node is not None else ()
+    node = item.get("distortionParams")
+    numbers = () if node is None else tuple(entry.number() for entry in _items(node))
     # AliceVision fills up a list that is empty.
     numbers = numbers or (0.0,) * count
     strict.check_count(len(numbers), count, source=item.source, place=item.place)

@@ -41,8 +41,8 @@ from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
 
-MAX_BYTES = 16 * 1024 * 1024
-"""Some thirty thousand images."""
+MAX_BYTES = 12 * 1024 * 1024
+"""A project of some ten thousand photos, each of which has its own block."""
 
 BLOCKS = ("$CAMERA", "$CAMERA_DEFINITION")
 SET = "$CALIBRATION_SET"
@@ -125,6 +125,8 @@ def _block(rows: tuple[str, ...], start: int, source: str) -> tuple[_Rows, list[
     key = ""
     for index in range(start, len(rows)):
         line = rows[index].strip()
+        if not line:
+            continue
         if line == END and current is camera:
             return camera, sets, index + 1
         if line == END:
@@ -137,7 +139,7 @@ def _block(rows: tuple[str, ...], start: int, source: str) -> tuple[_Rows, list[
             if key in current.values:
                 raise ParseError(f"${key} stands twice", source=source, place=f"line {index + 1}")
             current.values[key] = [found.group(2)]
-        elif key and line and not line.startswith("$"):
+        elif key and not line.startswith("$"):
             current.values[key].append(line)
     raise ParseError(f"there is no {END}", source=source, place=camera.place)
 

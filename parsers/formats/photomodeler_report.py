@@ -38,8 +38,8 @@ from calibrary.parsers.formats._text_rows import rows_of
 
 __all__ = ["FORMAT"]
 
-MAX_BYTES = 8 * 1024 * 1024
-"""Every photo has its own lines."""
+MAX_BYTES = 2 * 1024 * 1024
+"""Every photo has its own lines; this is some three thousand."""
 
 TITLE = "Status Report Tree"
 SECTION = "Camera Calibration Standard Deviations"
@@ -119,7 +119,10 @@ def _taken_apart(data: bytes, source: str) -> _Report:
     report = _Report()
     inside, parameter = False, ""
     for index, row in enumerate(rows, start=1):
-        place, line = f"line {index}", row.strip()
+        line = row.strip()
+        if not line:
+            continue
+        place = f"line {index}"
         if line == SECTION:
             inside = True
         elif line in NEXT_SECTIONS:

@@ -188,7 +188,7 @@ def test_the_origin_is_taken_at_the_sheets_word(origin: str, centre: tuple[float
         ("", None),
         ("distortion_model = none\n", NoDistortion()),
         ("k1 = 0\nk2 = 0\n", NoDistortion()),
-        ("distortion_model = equidistant\n", KannalaBrandt(k1=0, k2=0, k3=0, k4=0)),
+        ("distortion_model = equidistant\nk1 = 0\n", KannalaBrandt(k1=0, k2=0, k3=0, k4=0)),
         ("k1 = 0.01\nk2 = 0.02\n", BrownConrady(k1=0.01, k2=0.02, p1=0, p2=0)),
         ("model = fisheye\nk1 = 0.1\nk2 = 0.01\n", KannalaBrandt(k1=0.1, k2=0.01, k3=0, k4=0)),
         ("k1=.3\nk2=0\np1=0\np2=0\nk3=0\nk4=.4\nk5=.02\nk6=0\n",
@@ -198,6 +198,11 @@ def test_the_origin_is_taken_at_the_sheets_word(origin: str, centre: tuple[float
 )  # fmt: skip
 def test_the_model_is_the_stated_one_or_beyond_doubt(lines: str, lens: Distortion | None) -> None:
     assert read(PIXELS.partition("k1")[0] + lines).distortion == lens
+
+
+def test_a_model_without_coefficients_is_refused() -> None:
+    with pytest.raises(ParseError, match="gives no coefficient"):
+        read(PIXELS.partition("k1")[0] + "distortion_model = brown\n")
 
 
 def test_a_model_that_has_no_such_coefficient_is_refused() -> None:
@@ -241,6 +246,10 @@ def test_a_unit_makes_it_sure_and_none_makes_it_weak() -> None:
     assert sure.sure is Sure.SHAPE
     assert weak is not None
     assert weak.sure is Sure.WEAK
+
+
+def test_a_zed_cameras_own_sections_are_left_to_its_own_format() -> None:
+    assert sniff(Content(b"[LEFT_CAM_2K]\nfx=1057.3\nfy=1056.9\ncx=1100.1\ncy=620.3\n", "SN.conf")) is None
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,148 @@
+"""Bundler's ``bundle.out``: a focal length and two radial coefficients for each image.
+
+In the format's own words::
+
+    # Bundle file v0.3
+    <num_cameras> <num_points>
+    <f> <k1> <k2>
+    <R>    (three lines of three numbers)
+    <t>    (one line)
+    …
+
+    P = R·X + t        p = −P / P.z        p' = f·(1 + k1·|p|² + k2·|p|⁴)·p
+
+p' counts in pixels from the middle of the image with y up, and the camera looks along −z, which the minus sign
+undoes: for the lens nothing remains of either. An image that could not be placed has f = 0. Neither the size of
+the images nor their names are in the file; a ``list.txt`` beside it has the names.
+
+Source: N. Snavely, "Bundler v0.4 User's Manual".
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Quality
+from calibrary.distortion import BrownConrady, Distortion, NoDistortion
+from calibrary.errors import ParseError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin, Tangential, YAxis
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+
+__all__ = ["FORMAT"]
+
+MARK = b"# Bundle file v"
+VERSIONS = ("0.3", "0.4")
+LIST = "list.txt"
+ROWS = (3, 3, 3, 3, 3)
+"""How many numbers stand on a camera's lines."""
+LONGEST_LINE = 10_000
+MAX_IMAGES = 50_000
+CONVENTION = Convention(
+    origin=Origin.IMAGE_CENTRE,
+    y_axis=YAxis.UP,
+    tangential=Tangential.NONE,
+    coefficients=("k1", "k2"),
+    remarks=("one focal length and no principal point", "images with the same numbers are one camera"),
+)
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The comment it begins with."""
+    if content.data.startswith(MARK):
+        return Sniff(Sure.MAGIC, "the first line is '# Bundle file v…'")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera that differs, in the order of the images; its name is that of its first image."""
+    images: dict[tuple[float, ...], list[int]] = {}
+    count = 0
+    for index, numbers in enumerate(_images(data, context.name)):
+        count += 1
+        if numbers[0]:
+            images.setdefault(numbers, []).append(index)
+    if not images:
+        raise ParseError("no image of it was placed, so it holds no camera", source=context.name)
+    names = _names(context, count)
+    several = len(images) > 1
+    return [
+        _calibration(numbers, [names[i] for i in members], context, several=several)
+        for numbers, members in images.items()
+    ]
+
+
+def _calibration(
+    numbers: tuple[float, ...], names: list[str], context: ReadContext, *, several: bool
+) -> Calibration:
+    size = context.size(None)
+    f, k1, k2 = numbers
+    distortion: Distortion = NoDistortion()
+    if k1 or k2:
+        distortion = BrownConrady(k1=k1, k2=k2, p1=0.0, p2=0.0)
+    return Calibration(
+        camera=CameraKey(image_size=size, sub_camera=names[0] if several else None),
+        intrinsics=CONVENTION.intrinsics(Native(fx=f, fy=f, cx=0.0, cy=0.0), size, source=context.name),
+        distortion=distortion,
+        grade=Grade.ADJUSTED,
+        quality=Quality(views=len(names)),
+        provenance=context.provenance(
+            tag=names[0], assumptions=("the principal point is in the middle of the image",)
+        ),
+    )
+
+
+def _images(data: bytes, source: str) -> Iterator[tuple[float, ...]]:
+    """f, k1 and k2 of every image; what follows them, the points, is not looked at."""
+    rows = enumerate(io.BytesIO(data), start=1)
+    _, first = next(rows, (0, b""))
+    version = first.removeprefix(MARK).strip().decode("ascii", "replace")
+    if not first.startswith(MARK) or version not in VERSIONS:
+        raise ParseError(
+            f"it begins with {strict.shown(first[:60].decode('latin-1').strip())}, wanted "
+            f"'{MARK.decode()}' and one of {', '.join(VERSIONS)}",
+            source=source,
+        )
+    cameras, _points = _row(rows, 2, source)
+    if not (cameras == int(cameras) and 0 < cameras <= MAX_IMAGES):
+        raise ParseError(f"{cameras:g} cameras, wanted 1 to {MAX_IMAGES}", source=source, place="line 2")
+    for _ in range(int(cameras)):
+        numbers, *_pose = [_row(rows, count, source) for count in ROWS]
+        if numbers[0] < 0:
+            raise ParseError(f"a focal length is {numbers[0]:g}, wanted at least 0", source=source)
+        yield numbers
+
+
+def _row(rows: Iterator[tuple[int, bytes]], count: int, source: str) -> tuple[float, ...]:
+    index, row = next(rows, (0, b""))
+    if not row.endswith(b"\n"):
+        raise ParseError("the file ends before its last camera does", source=source)
+    if len(row) > LONGEST_LINE:
+        raise ParseError(f"a line of {len(row)} bytes", source=source, place=f"line {index}")
+    text = strict.decode(row, source=source)
+    return strict.numbers(text, count=count, source=source, place=f"line {index}")
+
+
+def _names(context: ReadContext, count: int) -> list[str]:
+    """The images' names out of the list beside the file, where it has as many; else their numbers."""
+    numbered = [f"image {index}" for index in range(count)]
+    listed = context.companion(LIST)
+    if listed is None:
+        return numbered
+    rows = [row.split() for row in strict.decode(listed, source=LIST).splitlines()]
+    names = [row[0] for row in rows if row]
+    return names if len(names) == count else numbered
+
+
+FORMAT = Format(
+    name="bundler",
+    title="Bundler bundle.out",
+    suffixes=(".out",),
+    reference="https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    needs_image_size=True,
+)

@@ -1,0 +1,123 @@
+"""Gyroflow's lens profiles: fisheye calibrations of video modes, made by whoever had such a camera.
+
+In the format's own words::
+
+    {"camera_brand": "DJI", "camera_model": "Air 3", "lens_model": "24 mm", "camera_setting": "4k",
+     "calib_dimension": {"w": 3840, "h": 2160}, "num_images": 12, "input_horizontal_stretch": 1.0,
+     "fisheye_params": {"RMS_error": 0.97, "camera_matrix": [[2801.4, 0.0, 1926.4], …],
+                        "distortion_coeffs": [0.62, -1.83, 6.82, -8.05]}}
+
+K is OpenCV's, in pixels of ``calib_dimension``, and the coefficients are ``cv2.fisheye``'s. Profiles of one model
+and mode differ by several percent, for a video's frame is cropped and stabilised in ways the profile does not
+say: so this is a start for a camera of the kind and never the calibration of one, and it cannot be written on.
+A ``distortion_model`` of another kind and a ``digital_lens`` have no counterpart here.
+
+Source: Gyroflow, ``src/core/lens_profile.rs``.
+"""
+
+from __future__ import annotations
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Quality
+from calibrary.distortion import KannalaBrandt
+from calibrary.errors import UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin, Tangential
+from calibrary.parsers.document import Node
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._json_text import loaded
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    tangential=Tangential.NONE,
+    coefficients=("k1", "k2", "k3", "k4"),
+    remarks=("a profile of a kind of camera: never more than a prior",),
+)
+FISHEYE = "opencv_fisheye"
+STRETCHES = ("input_horizontal_stretch", "input_vertical_stretch")
+NOTE = "a profile of this kind of camera and mode, not of one camera; such profiles differ by several percent"
+
+
+def sniff(content: Content) -> Sniff | None:
+    """Two keys that nobody else pairs."""
+    if {"fisheye_params", "calib_dimension"} <= set(content.json_keys):
+        return Sniff(Sure.MAGIC, "JSON with fisheye_params and calib_dimension")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The one camera of the profile."""
+    document = loaded(data, source=context.name)
+    _refuse(document)
+    size = context.size(document["calib_dimension"].image_size("w", "h"))
+    params = document["fisheye_params"]
+    rows = params["camera_matrix"].matrix(3, 3)
+    if rows[1][0] or rows[2] != (0.0, 0.0, 1.0):
+        params["camera_matrix"].fail("this is no camera matrix, wanted [[fx, s, cx], [0, fy, cy], [0, 0, 1]]")
+    (fx, skew, cx), (_, fy, cy), _last = rows
+    intrinsics: Intrinsics = CONVENTION.intrinsics(
+        Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew), size, source=context.name
+    )
+    k1, k2, k3, k4 = params["distortion_coeffs"].numbers(4)
+    rms = params.get("RMS_error")
+    views = document.get("num_images")
+    return [
+        Calibration(
+            camera=CameraKey(
+                make=_text(document, "camera_brand"),
+                model=_text(document, "camera_model"),
+                lens=_text(document, "lens_model"),
+                capture_mode=_text(document, "camera_setting"),
+                image_size=size,
+            ),
+            intrinsics=intrinsics,
+            distortion=KannalaBrandt(k1=k1, k2=k2, k3=k3, k4=k4),
+            grade=Grade.PRIOR,
+            quality=Quality(
+                rms_px=None if rms is None else rms.number(),
+                views=None if views is None else views.whole(),
+            ),
+            provenance=context.provenance(),
+            notes=(NOTE,),
+        )
+    ]
+
+
+def _refuse(document: Node) -> None:
+    """What makes the numbers mean something else.
+
+    Raises:
+        UnsupportedModelError: one of those things.
+    """
+    for key in ("distortion_model", "digital_lens"):
+        node = document.get(key)
+        if node is not None and node.value not in ("", FISHEYE):
+            raise UnsupportedModelError(
+                f"{key} is {strict.shown(node.text())}, which has no counterpart here; wanted {FISHEYE} alone",
+                source=document.source,
+            )
+    for key in STRETCHES:
+        node = document.get(key)
+        if node is not None and node.number() != 1.0:
+            raise UnsupportedModelError(
+                f"{key} is {node.number():g}: the profile is of an anamorphic lens, whose frame the file does not say",
+                source=document.source,
+            )
+
+
+def _text(document: Node, key: str) -> str | None:
+    node = document.get(key)
+    return None if node is None else node.text().strip() or None
+
+
+FORMAT = Format(
+    name="gyroflow",
+    title="Gyroflow lens profile",
+    suffixes=(".json",),
+    reference="https://github.com/gyroflow/lens_profiles",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+)

@@ -1,0 +1,179 @@
+"""VisualSFM's ``.nvm`` (N-View Match): a focal length and one radial coefficient for each image.
+
+In the format's own words::
+
+    NVM_V3 [FixedK fx cx fy cy [r]]
+
+    <number of cameras>
+    <file name> <focal length> <quaternion WXYZ> <camera centre> <radial distortion> 0
+    …
+
+    (1 + r·(mx² + my²)) · (mx, my) = (X/Z, Y/Z)
+
+(mx, my) is the *measured* point from the principal point, in units of the focal length: the polynomial corrects,
+so a barrel has r > 0. COLMAP, which cannot hold that, writes its own k with the sign turned, which is right to
+first order only. The principal point is in the middle of the image but with FixedK, which gives one K to all
+images. Neither says the images' size, nor from where FixedK counts: SiftGPU, which finds VisualSFM's features,
+counts from the corner. ``NVM_V3_R9T`` has a rotation matrix in place of the quaternion. A quotation mark in a
+name stands for a space. What follows the cameras, points and further models, is not looked at.
+
+Sources: C. Wu, "VisualSFM: A Visual Structure from Motion System", documentation; Multicore Bundle Adjustment,
+``util.h``.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Quality
+from calibrary.distortion import Distortion, NoDistortion, ObservedBrown
+from calibrary.errors import ParseError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Direction, Native, Origin, Tangential
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+
+__all__ = ["FORMAT"]
+
+MARK = b"NVM_V3"
+ROTATIONS = {"NVM_V3": 4, "NVM_V3_R9T": 9}
+"""How many numbers a rotation has, by the first word."""
+LONGEST_LINE = 10_000
+MAX_IMAGES = 50_000
+CONVENTION = Convention(
+    origin=Origin.IMAGE_CENTRE,
+    direction=Direction.OBSERVED_TO_IDEAL,
+    tangential=Tangential.NONE,
+    coefficients=("r",),
+    remarks=(
+        "one focal length and no principal point, but with FixedK",
+        "images with the same numbers are one camera",
+    ),
+)
+FIXED = Convention(origin=Origin.CORNER)
+FIXED_NOTE = (
+    "VisualSFM does not say from where FixedK counts: it was read as from the corner, as SiftGPU counts"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Heading:
+    """What the first line says of all images."""
+
+    rotation: int
+    fixed: Native | None = None
+
+
+@dataclass(slots=True)
+class _Camera:
+    """An image's numbers, and the names of those that share them."""
+
+    focal: float
+    radial: float
+    names: list[str] = field(default_factory=list)
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The word it begins with."""
+    if content.first_line.split(" ")[0] in ROTATIONS:
+        return Sniff(Sure.MAGIC, f"the first word is {content.first_line.split(' ')[0]}")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera that differs, in the order of the images; its name is that of its first image."""
+    rows = _rows(data, context.name)
+    heading = _heading(*next(rows, ("", 1)), source=context.name)
+    cameras: dict[tuple[float, float], _Camera] = {}
+    for name, focal, radial in _images(rows, heading, context.name):
+        # With FixedK the image's own focal length is only a copy of it.
+        key = (0.0 if heading.fixed else focal, radial)
+        cameras.setdefault(key, _Camera(focal, radial)).names.append(name)
+    several = len(cameras) > 1
+    return [_calibration(camera, heading, context, several=several) for camera in cameras.values()]
+
+
+def _calibration(camera: _Camera, heading: _Heading, context: ReadContext, *, several: bool) -> Calibration:
+    size = context.size(None)
+    f, r = camera.focal, camera.radial
+    convention = FIXED if heading.fixed else CONVENTION
+    distortion: Distortion = ObservedBrown(k1=r, k2=0.0, p1=0.0, p2=0.0) if r else NoDistortion()
+    assumptions = () if heading.fixed else ("the principal point is in the middle of the image",)
+    return Calibration(
+        camera=CameraKey(image_size=size, sub_camera=camera.names[0] if several else None),
+        intrinsics=convention.intrinsics(
+            heading.fixed or Native(fx=f, fy=f, cx=0.0, cy=0.0), size, source=context.name
+        ),
+        distortion=distortion,
+        grade=Grade.ADJUSTED,
+        quality=Quality(views=len(camera.names)),
+        provenance=context.provenance(tag=camera.names[0], assumptions=assumptions),
+        notes=(FIXED_NOTE,) if heading.fixed else (),
+    )
+
+
+def _heading(text: str, _index: int, *, source: str) -> _Heading:
+    words = text.split()
+    rotation = ROTATIONS.get(words[0]) if words else None
+    if rotation is None or (len(words) > 1 and words[1] != "FixedK"):
+        raise ParseError(
+            f"the first line is {strict.shown(text)}, wanted {' or '.join(ROTATIONS)}, and FixedK or nothing",
+            source=source,
+        )
+    if len(words) == 1:
+        return _Heading(rotation)
+    numbers = strict.numbers(" ".join(words[2:]), count=(4, 5), source=source, place="FixedK")
+    fx, cx, fy, cy = numbers[:4]
+    return _Heading(rotation, Native(fx=fx, fy=fy, cx=cx, cy=cy))
+
+
+def _images(
+    rows: Iterator[tuple[str, int]], heading: _Heading, source: str
+) -> Iterator[tuple[str, float, float]]:
+    """Name, focal length and radial coefficient of every image of the first model."""
+    text, index = next(rows, ("", 0))
+    count = strict.whole(text, source=source, place=f"line {index}")
+    if not 0 < count <= MAX_IMAGES:
+        raise ParseError(f"{count} cameras, wanted 1 to {MAX_IMAGES}", source=source, place=f"line {index}")
+    numbers_each = heading.rotation + 6
+    for done in range(count):
+        text, index = next(rows, ("", 0))
+        parts = text.rsplit(maxsplit=numbers_each)
+        if len(parts) != numbers_each + 1:
+            raise ParseError(
+                f"camera {done + 1} of {count} has {max(len(parts) - 1, 0)} numbers, wanted a name and {numbers_each}",
+                source=source,
+                place=f"line {index}",
+            )
+        numbers = strict.numbers(" ".join(parts[1:]), source=source, place=f"line {index}")
+        if not numbers[0] > 0:
+            raise ParseError(
+                f"the focal length is {numbers[0]:g}, wanted more", source=source, place=f"line {index}"
+            )
+        yield parts[0].replace('"', " "), numbers[0], numbers[-2]
+
+
+def _rows(data: bytes, source: str) -> Iterator[tuple[str, int]]:
+    """The lines that are not empty, with their numbers."""
+    for index, row in enumerate(io.BytesIO(data), start=1):
+        if not row.strip():
+            continue
+        if not row.endswith(b"\n"):
+            raise ParseError("the last line is not ended, so the file may be cut short", source=source)
+        if len(row) > LONGEST_LINE:
+            raise ParseError(f"a line of {len(row)} bytes", source=source, place=f"line {index}")
+        yield strict.decode(row, source=source).strip(), index
+
+
+FORMAT = Format(
+    name="nvm",
+    title="VisualSFM .nvm",
+    suffixes=(".nvm",),
+    reference="https://ccwu.me/vsfm/doc.html",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    needs_image_size=True,
+)

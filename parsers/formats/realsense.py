@@ -1,0 +1,258 @@
+"""Intel RealSense: the calibration table of a depth camera, and intrinsics as librealsense names them.
+
+In the formats' own words::
+
+    {"baseline": -50.06,
+     "intrinsic_left.x.x": 0.497071, …                                the raw left imager, normalised
+     "rectified.0.width": 1920, "rectified.0.height": 1080,
+     "rectified.0.fx": 957.2, "rectified.0.fy": 957.2, "rectified.0.ppx": 971.8, "rectified.0.ppy": 527.8, …}
+
+    {"width": 1280, "height": 720, "fx": 638.1, "fy": 638.1, "ppx": 647.9, "ppy": 351.9,
+     "model": "Brown Conrady", "coeffs": [0, 0, 0, 0, 0]}              k1 k2 p1 p2 k3
+
+The first is what the D400 series' tools export. The camera rectifies its images before it hands them out, so
+``rectified`` is the camera of those images at each resolution. The second is ``rs2_intrinsics``, alone, in a list, or
+several by the names of their streams. (0, 0) is the centre of the top-left pixel.
+
+``Inverse Brown Conrady`` is documented to undistort; librealsense once did that in closed form and now inverts the
+same polynomial as if it distorted, so files with coefficients other than zero leave it open which is meant.
+
+Source: librealsense, ``rs_types.h``, ``rsutil.h`` and "Projection in RealSense SDK 2.0".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    FieldOfView,
+    KannalaBrandt,
+    NoDistortion,
+    ObservedBrown,
+)
+from calibrary.errors import InputError, ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.convention import Convention, Native, Origin
+from calibrary.parsers.document import Json, Node, load_json
+from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._opencv_lens import lens
+
+__all__ = ["FORMAT"]
+
+CONVENTION = Convention(
+    origin=Origin.PIXEL_CENTRE,
+    coefficients=("k1", "k2", "p1", "p2", "k3"),
+    remarks=("of the calibration table the rectified cameras are read, which are what the images show",),
+)
+INVERSE = Option(
+    name="inverse_brown",
+    values=("observed-to-ideal", "ideal-to-observed"),
+    meaning="which way Inverse Brown Conrady maps: as it is documented, or as newer versions of rsutil.h use it",
+)
+SHAPE = frozenset({"ppx", "ppy", "fx", "fy"})
+
+_RECTIFIED = re.compile(r"rectified\.(\d+)\.fx")
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The key rectified.0.fx, or an object with fx, fy, ppx, ppy."""
+    table = next((key for key in content.json_keys if _RECTIFIED.fullmatch(key)), None)
+    if table:
+        return Sniff(Sure.MAGIC, f"the key {table}")
+    if next(_streams(content.json), None) is not None:
+        return Sniff(Sure.MAGIC, "an object with the keys fx, fy, ppx and ppy")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """The rectified camera at every resolution, or every stream."""
+    document = load_json(data, source=context.name)
+    if isinstance(document.value, dict):
+        numbers = [match[1] for key, _ in document.entries() if (match := _RECTIFIED.fullmatch(key))]
+        if numbers:
+            return _table(document, numbers, context)
+    streams = list(_streams(document.value))
+    if not streams:
+        document.fail("there is neither a rectified.0.fx nor an object with fx, fy, ppx and ppy")
+    several = len(streams) > 1
+    nodes = [(name, Node(value, source=context.name, place=name or None)) for name, value in streams]
+    return [_stream(name if several else None, node, context) for name, node in nodes]
+
+
+def _streams(value: Json) -> Iterator[tuple[str, Json]]:
+    """The objects that are intrinsics, by name: the document itself, its items, or what its keys hold."""
+    if isinstance(value, dict) and value.keys() >= SHAPE:
+        yield "", value
+    elif isinstance(value, dict):
+        yield from (
+            (key, item) for key, item in value.items() if isinstance(item, dict) and item.keys() >= SHAPE
+        )
+    elif isinstance(value, list):
+        yield from (
+            (f"[{index}]", item)
+            for index, item in enumerate(value)
+            if isinstance(item, dict) and item.keys() >= SHAPE
+        )
+
+
+def _table(document: Node, numbers: Sequence[str], context: ReadContext) -> list[Calibration]:
+    """Each resolution that is filled in; with ``image_size`` only that one."""
+    found = {number: _rectified_size(document, number) for number in numbers}
+    filled = {number: size for number, size in found.items() if size is not None}
+    wanted = {number: size for number, size in filled.items() if context.image_size in {None, size}}
+    if not wanted:
+        sizes = ", ".join(f"{w}×{h}" for w, h in dict.fromkeys(filled.values())) or "none"
+        raise InputError(
+            f"the table has no rectified camera of the size asked for; its sizes are {sizes}",
+            source=context.name,
+        )
+    notes: tuple[str, ...] = ()
+    if "intrinsic_left.x.x" in document:
+        notes = (
+            "this is the camera of the rectified images; the raw imagers (intrinsic_left, intrinsic_right) are "
+            "given in fractions of a size that the table does not state, and are left out",
+        )
+    return [
+        _camera(
+            f"rectified {size[0]}x{size[1]}" if len(wanted) > 1 else None,
+            _focal(document, f"rectified.{number}."),
+            size,
+            NoDistortion(),
+            context,
+            tag=f"rectified.{number}",
+            notes=notes,
+        )
+        for number, size in wanted.items()
+    ]
+
+
+def _rectified_size(document: Node, number: str) -> ImageSize | None:
+    width, height = (document[f"rectified.{number}.{side}"].number() for side in ("width", "height"))
+    if width == 0 or height == 0:
+        return None
+    return strict.image_size(width, height, source=document.source, place=f"rectified.{number}")
+
+
+def _stream(name: str | None, node: Node, context: ReadContext) -> Calibration:
+    stated = node.image_size("width", "height") if "width" in node or "height" in node else None
+    size = context.size(stated)
+    coefficients = node.get("coeffs") or node.get("coefficients")
+    model = node.get("model")
+    if model is None:
+        distortion = None
+    else:
+        values = coefficients.numbers() if coefficients is not None else ()
+        distortion = _distortion(model, values, context)
+    tag = node.place
+    return _camera(name, _focal(node, ""), size, distortion, context, tag=tag, notes=())
+
+
+def _focal(node: Node, prefix: str) -> Native:
+    fx, fy, cx, cy = (node[prefix + key].number() for key in ("fx", "fy", "ppx", "ppy"))
+    return Native(fx=fx, fy=fy, cx=cx, cy=cy)
+
+
+def _camera(
+    name: str | None,
+    native: Native,
+    size: ImageSize,
+    distortion: Distortion | None,
+    context: ReadContext,
+    *,
+    tag: str | None,
+    notes: tuple[str, ...],
+) -> Calibration:
+    return Calibration(
+        camera=CameraKey(image_size=size, sub_camera=name),
+        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        distortion=distortion,
+        grade=Grade.CALIBRATED,
+        provenance=context.provenance(tag=tag),
+        notes=notes,
+    )
+
+
+def _distortion(model: Node, values: tuple[float, ...], context: ReadContext) -> Distortion:
+    name = re.sub(r"rs2_distortion_|distortion\.|[^a-z0-9]", "", model.text().lower())
+    if name not in LENSES:
+        raise UnsupportedModelError(
+            f"the model is {strict.shown(model.text())}, which has no counterpart here; "
+            f"wanted {', '.join(LENSES)}",
+            source=model.source,
+            place=model.place,
+        )
+    if not any(values):
+        return NoDistortion()
+    if len(values) not in {4, 5}:
+        raise ParseError(f"{len(values)} coefficients, wanted 5", source=model.source, place="coeffs")
+    return LENSES[name](values, model, context)
+
+
+def _none(_values: Sequence[float], model: Node, _context: ReadContext) -> Distortion:
+    model.fail("there are coefficients of a model that has none")
+
+
+def _brown(values: Sequence[float], _model: Node, _context: ReadContext) -> Distortion:
+    return lens(values)
+
+
+def _modified_brown(values: Sequence[float], model: Node, _context: ReadContext) -> Distortion:
+    """Tangential terms of the point that is radially distorted already: without them, Brown's model."""
+    if values[2] or values[3]:
+        raise UnsupportedModelError(
+            "Modified Brown Conrady with tangential terms has no counterpart here; ask the camera for rectified "
+            "images, or calibrate it from photographs of a board",
+            source=model.source,
+            place=model.place,
+        )
+    return lens(values)
+
+
+def _inverse_brown(values: Sequence[float], model: Node, context: ReadContext) -> Distortion:
+    asked = context.option(INVERSE.name)
+    if asked is None:
+        model.fail(
+            "Inverse Brown Conrady is documented to map observed to ideal points, newer librealsense inverts the "
+            "same polynomial; say options={'inverse_brown': 'observed-to-ideal'} or 'ideal-to-observed' "
+            "(--set inverse_brown=…)"
+        )
+    if asked == "ideal-to-observed":
+        return lens(values)
+    brown = BrownConrady(**dict(zip(BrownConrady.names(), values, strict=False)))
+    return ObservedBrown(k1=brown.k1, k2=brown.k2, p1=brown.p1, p2=brown.p2, k3=brown.k3)
+
+
+def _fisheye(values: Sequence[float], _model: Node, _context: ReadContext) -> Distortion:
+    k1, k2, k3, k4, *_ = values
+    return KannalaBrandt(k1=k1, k2=k2, k3=k3, k4=k4)
+
+
+def _f_theta(values: Sequence[float], _model: Node, _context: ReadContext) -> Distortion:
+    return FieldOfView(omega=values[0])
+
+
+LENSES: dict[str, Callable[[Sequence[float], Node, ReadContext], Distortion]] = {
+    "none": _none,
+    "brownconrady": _brown,
+    "modifiedbrownconrady": _modified_brown,
+    "inversebrownconrady": _inverse_brown,
+    "kannalabrandt4": _fisheye,
+    "ftheta": _f_theta,
+}
+"""By librealsense's names in lower case without anything between the words."""
+
+FORMAT = Format(
+    name="realsense",
+    title="Intel RealSense intrinsics",
+    suffixes=(".json",),
+    reference="https://dev.intelrealsense.com/docs/projection-in-intel-realsense-sdk-20",
+    convention=CONVENTION,
+    sniff=sniff,
+    read=read,
+    options=(INVERSE,),
+)
