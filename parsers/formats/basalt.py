@@ -32,8 +32,9 @@ from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Node, load_json
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_lens import lens
 
 __all__ = ["FORMAT"]
@@ -63,7 +64,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the rig, in the file's order, named by its number."""
-    rig = load_json(data, source=context.name)["value0"]
+    rig = loaded(data, source=context.name)["value0"]
     cameras, sizes = rig["intrinsics"].items(), rig["resolution"].items()
     if len(cameras) != len(sizes):
         rig["resolution"].fail(f"{len(sizes)} resolutions of {len(cameras)} cameras")

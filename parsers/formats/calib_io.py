@@ -23,8 +23,9 @@ from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Node, load_json
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_lens import smallest_lens
 
 __all__ = ["FORMAT"]
@@ -47,7 +48,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in the file's order, named by its number."""
-    cameras = load_json(data, source=context.name)["Calibration"]["cameras"].items()
+    cameras = loaded(data, source=context.name)["Calibration"]["cameras"].items()
     names: dict[int, str] = {}
     return [
         _camera(f"cam{index}" if len(cameras) > 1 else None, camera["model"], names, context)

@@ -132,7 +132,8 @@ def _rows(data: bytes, source: str) -> list[Row]:
         with closing(sqlite3.connect(":memory:")) as connection:
             connection.deserialize(plain)
             rows = list(_bounded(connection))
-    except (sqlite3.Error, OverflowError, MemoryError) as error:
+    # UnicodeError: a broken name in a message of SQLite's own.
+    except (sqlite3.Error, UnicodeError, OverflowError, MemoryError) as error:
         raise ParseError(f"its cameras cannot be read as COLMAP's: {error}", source=source) from None
     if len(rows) > MAX_CAMERAS:
         raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=source)

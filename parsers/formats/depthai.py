@@ -24,8 +24,9 @@ from calibrary.distortion import Distortion, KannalaBrandt
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Node, load_json
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_lens import COUNTS, smallest_lens
 
 __all__ = ["FORMAT"]
@@ -51,7 +52,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera that has been calibrated, in the table's order, named by its socket."""
-    document = load_json(data, source=context.name)
+    document = loaded(data, source=context.name)
     if "cameraData" not in document:
         return [_camera(None, None, document, context)]
     model = document.get("productName") or document.get("boardName")

@@ -32,6 +32,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._opencv_lens import lens
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -45,6 +46,7 @@ IMAGES = Option(
     values=("raw", "rectified"),
     meaning="whether the images are as they were taken (K and D) or rectified (P_rect)",
 )
+MAX_BYTES = 256 * 1024
 NOTE = "KITTI does not document its pixel origin; OpenCV's was taken"
 
 _LINE = re.compile(r"(\w+):[ \t]*(.*)")
@@ -65,7 +67,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the file, named by its number."""
-    table = _Table(strict.decode(data, source=context.name), context.name)
+    table = _Table(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name)
     rectified = context.option(IMAGES.name) == "rectified"
     raw = [match[1] for name in table.values if (match := _RAW.fullmatch(name))]
     if raw:

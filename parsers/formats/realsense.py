@@ -38,8 +38,9 @@ from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Json, Node, load_json
+from calibrary.parsers.document import Json, Node
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_lens import lens
 
 __all__ = ["FORMAT"]
@@ -71,7 +72,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The rectified camera at every resolution, or every stream."""
-    document = load_json(data, source=context.name)
+    document = loaded(data, source=context.name)
     if isinstance(document.value, dict):
         numbers = [match[1] for key, _ in document.entries() if (match := _RECTIFIED.fullmatch(key))]
         if numbers:

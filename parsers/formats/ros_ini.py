@@ -49,6 +49,7 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -63,6 +64,7 @@ DISTORTION = Option(
     meaning="whether four coefficients are plumb_bob's k1 k2 p1 p2 or equidistant's k1 k2 k3 k4",
 )
 PREFIX = "ros_ini/"
+MAX_BYTES = 256 * 1024
 LABELS = {
     "width": (1,), "height": (1,), "translation": (3,), "rotation": (3,), "camera matrix": (9,),
     "distortion": COUNTS[1:], "rectification": (9,), "projection": (12,),
@@ -89,7 +91,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the file, in order, each in the size that the [image] before it says."""
-    sections = list(_sections(strict.decode(data, source=context.name), context.name))
+    sections = list(_sections(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name))
     cameras = list(_cameras(sections, context.name))
     several = len(cameras) > 1
     return [_camera(section, size, context, several=several) for section, size in cameras]

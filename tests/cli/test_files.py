@@ -11,6 +11,7 @@ import pytest
 from calibrary import parsers
 from calibrary.cli.main import main
 from tests.extract.fleet import DEWARP, P4R, picture
+from tests.house.project import ROOT
 
 AGISOFT = (
     "<calibration><projection>frame</projection><width>5472</width><height>3648</height>"
@@ -122,3 +123,9 @@ def test_a_format_nobody_knows_is_said_so(capsys: pytest.CaptureFixture[str]) ->
     code, _, err = run(capsys, "formats", "no-such-format")
     assert code == 1
     assert "'calibrary formats' lists them all" in err
+
+
+def test_the_documentation_lists_the_formats_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    """``calibrary formats --markdown`` makes the table in docs/formats.md."""
+    _, out, _ = run(capsys, "formats", "--markdown")
+    assert (ROOT / "docs/formats.md").read_text(encoding="utf-8").endswith(out)

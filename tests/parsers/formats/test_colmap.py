@@ -379,6 +379,12 @@ def test_a_database_cut_short_is_refused_or_reads_the_same(tmp_path: Path) -> No
         ]
 
 
+def test_a_database_whose_damaged_schema_is_no_text_is_refused(tmp_path: Path) -> None:
+    data = database(tmp_path, [(peer("OPENCV"), True)])
+    with pytest.raises(ParseError, match="cannot be read"):
+        read(data.replace(b"CREATE TABLE images", b"CREATE TA\xff\xff images"), "database.db")
+
+
 def test_a_database_of_another_program_is_not_claimed() -> None:
     with pytest.raises(UnknownFormatError):
         read(sqlite("CREATE TABLE cameras (camera_id, model)"), "database.db")

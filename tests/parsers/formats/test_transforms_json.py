@@ -31,8 +31,8 @@ ONE = {**CAMERA, "frames": FRAMES}
 ANGLES = {"camera_angle_x": 2 * math.atan(960 / 1375.52), "camera_angle_y": 2 * math.atan(540 / 1374.49)}
 
 
-def decoded(document: Document, **more: tuple[int, int]) -> list[Calibration]:
-    return parsers.decode(json.dumps(document).encode(), name="transforms.json", **more)
+def decoded(document: Document, image_size: tuple[int, int] | None = None) -> list[Calibration]:
+    return parsers.decode(json.dumps(document).encode(), name="transforms.json", image_size=image_size)
 
 
 def read(document: Document) -> Calibration:
