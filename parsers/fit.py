@@ -134,7 +134,7 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
     """The nearest calibration that a format can hold.
 
     Exactly the same where the format has a model for it; else the first of its models, in its own order of
-    preference, that stays within the limit.
+    preference, that stays within the default limit; else, where the caller allows more, the nearest of all.
 
     Raises:
         UnsupportedModelError: none does; the message says by how much the best one misses.
@@ -153,10 +153,12 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
         candidate = refit(calibration, model, intrinsics=K)
         if candidate is None:
             continue
-        if candidate[1].max_px <= max_error_px:
+        if candidate[1].max_px <= min(max_error_px, DEFAULT_MAX_ERROR_PX):
             return replace(calibration, intrinsics=K, distortion=candidate[0])
         if best is None or candidate[1].max_px < best[1].max_px:
             best = candidate
+    if best is not None and best[1].max_px <= max_error_px:
+        return replace(calibration, intrinsics=K, distortion=best[0])
     names = ", ".join(model.model for model in capacity.models)
     if best is None:
         raise UnsupportedModelError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -20,7 +20,17 @@ from calibrary.parsers.opensfm_models import (
     projection_named,
 )
 
-__all__ = ["MAX_CAMERAS", "NAME", "Named", "camera_names", "cameras", "is_full_name", "plain_name", "written"]
+__all__ = [
+    "MAX_CAMERAS",
+    "NAME",
+    "Named",
+    "camera_names",
+    "cameras",
+    "fresh",
+    "is_full_name",
+    "plain_name",
+    "written",
+]
 
 Named: TypeAlias = tuple[str, Node, int | None]
 """A camera's name, its object, and how many images it took."""
@@ -52,6 +62,14 @@ def is_full_name(name: str) -> bool:
 def plain_name(name: str) -> str:
     """Without the mark of the second version, which OpenSfM puts before its names and ODM takes off."""
     return name.removeprefix("v2 ")
+
+
+def fresh(name: str, taken: Container[str]) -> str:
+    """The name, or where it is taken, the name with a number."""
+    number, candidate = 2, name
+    while candidate in taken:
+        candidate, number = f"{name} #{number}", number + 1
+    return candidate
 
 
 def cameras(found: Sequence[Named], context: ReadContext, *, adjusted: bool) -> list[Calibration]:

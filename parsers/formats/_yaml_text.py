@@ -28,9 +28,11 @@ def flow(values: Iterable[float]) -> str:
 def scalar(value: Json) -> str:
     """Any value on one line."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(key)}: {scalar(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{scalar(key)}: {scalar(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(scalar(item) for item in value) + "]"
     if isinstance(value, float):
         return decimal(value)
-    return json.dumps(value, ensure_ascii=False)
+    # YAML takes no character that does not print, and takes JSON's pairs of \u for two characters.
+    text = json.dumps(value, ensure_ascii=False)
+    return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in text)

@@ -236,14 +236,16 @@ def _grade(item: Node, *, posed: bool) -> Grade:
 
 def _makers(document: Node) -> Mapping[str, tuple[str | None, str | None]]:
     """Make and Model out of the EXIF of the first image of each intrinsic."""
+    views = document["views"].value if "views" in document else None
     found: dict[str, tuple[str | None, str | None]] = {}
-    for view in _items(document["views"]) if "views" in document else ():
-        if "intrinsicId" not in view or _text(view, "intrinsicId") in found:
+    for view in views if isinstance(views, list) else ():
+        key = view.get("intrinsicId") if isinstance(view, dict) else None
+        if not isinstance(view, dict) or not isinstance(key, str | int) or str(key) in found:
             continue
-        metadata = view["metadata"].value if "metadata" in view else None
+        metadata = view.get("metadata")
         tags = metadata if isinstance(metadata, dict) else {}
-        make, model = (tags.get(f"Exif:{key}", tags.get(key)) for key in ("Make", "Model"))
-        found[_text(view, "intrinsicId")] = (
+        make, model = (tags.get(f"Exif:{name}", tags.get(name)) for name in ("Make", "Model"))
+        found[str(key)] = (
             make if isinstance(make, str) and make else None,
             model if isinstance(model, str) and model else None,
         )

@@ -44,9 +44,10 @@ from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Node, parse_json
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _file_storage as storage
+from calibrary.parsers.formats._json_text import restored
 from calibrary.parsers.formats._yaml_text import flow, scalar
 
 __all__ = ["FORMAT"]
@@ -221,7 +222,7 @@ def _rows(calibration: Calibration, index: int, *, in_order: bool) -> Iterator[s
     # Kalibr's own programs refuse a camera without one.
     extras.setdefault("rostopic", json.dumps(f"/cam{index}/image_raw"))
     for key, text in extras.items():
-        yield f"{json.dumps(key) if not key.isidentifier() else key}: {scalar(parse_json(text.encode(), source=key))}"
+        yield f"{key if key.isidentifier() else scalar(key)}: {scalar(restored(text))}"
     yield f"camera_model: {model}"
     yield f"distortion_model: {kind}"
     yield f"distortion_coeffs: {flow(values)}"

@@ -37,6 +37,7 @@ from calibrary.parsers.document import Json, Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
 from calibrary.parsers.formats._opencv_lens import lens
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -57,6 +58,8 @@ EXTRINSICS = ("rt_cam_ref", "extrinsics")
 BOUND = ("valid_intrinsics_region", "optimization_inputs", "icam_intrinsics")
 PREFIX = "mrcal/"
 DEEPEST = 8
+MAX_BYTES = 32 * 1024 * 1024
+"""A model carries the data it was solved from: some megabytes for a thousand images."""
 MOST_VALUES = 100_000
 
 _SPACE = r"(?:[\s]++|#[^\n]*+)*+"
@@ -81,7 +84,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    spans = _Dictionary(strict.decode(data, source=context.name), context.name).read()
+    spans = _Dictionary(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name).read()
     tree = Node({key: value for key, (value, _) in spans.items()}, source=context.name)
     model = tree["lensmodel"].text()
     if model not in MODELS:

@@ -48,10 +48,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     """The cameras under the names they came with, else under one that OpenSfM gives where EXIF has no focal length."""
     models: dict[str, Writable] = {}
-    for index, item in enumerate(calibrations):
+    for item in calibrations:
         camera = written(item)
         name = _name(item, str(camera["projection_type"]))
-        models[name if name not in models else f"{name} #{index + 1}"] = camera
+        models[fresh(name, models)] = camera
     return dumped(models)
 
 

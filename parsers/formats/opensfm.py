@@ -32,6 +32,7 @@ from calibrary.parsers.formats._opensfm import (
     Named,
     camera_names,
     cameras,
+    fresh,
     is_full_name,
     plain_name,
     written,
@@ -72,7 +73,7 @@ def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
         name = dict(item.extras).get(NAME) or item.camera.sub_camera
         name = name or (EVERY_CAMERA if len(calibrations) == 1 else f"camera {index + 1}")
         name = f"v2 {name}" if is_full_name(name) else name
-        models[name if name not in models else f"{name} #{index + 1}"] = written(item)
+        models[fresh(name, models)] = written(item)
     if context.name.lower().startswith("reconstruction"):
         return dumped([{"cameras": models, "shots": {}, "points": {}}])
     return dumped(models)
@@ -82,8 +83,7 @@ def _reconstructed(document: Node) -> Iterator[Named]:
     """The cameras of every reconstruction; one that is the same in two is given once."""
     seen: dict[str, list[Json]] = {}
     for number, reconstruction in enumerate(document.items(), start=1):
-        shots = reconstruction.get("shots")
-        views = Counter(_camera_of(shot) for _, shot in shots.entries()) if shots is not None else Counter()
+        views = _views(reconstruction.get("shots"))
         for name, node in reconstruction["cameras"].entries():
             before = seen.setdefault(name, [])
             if node.value in before:
@@ -93,9 +93,12 @@ def _reconstructed(document: Node) -> Iterator[Named]:
             yield label, node, views[name]
 
 
-def _camera_of(shot: Node) -> str | None:
-    name = shot.get("camera")
-    return None if name is None else name.text()
+def _views(shots: Node | None) -> Counter[str]:
+    """How many shots each camera has; there may be hundreds of thousands, so no path is kept to each."""
+    if shots is None or not isinstance(shots.value, dict):
+        return Counter()
+    names = (shot.get("camera") for shot in shots.value.values() if isinstance(shot, dict))
+    return Counter(name for name in names if isinstance(name, str))
 
 
 FORMAT = Format(

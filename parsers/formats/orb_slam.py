@@ -37,6 +37,7 @@ from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -46,6 +47,7 @@ CONVENTION = Convention(
 )
 TYPES = ("PinHole", "KannalaBrandt8", "Rectified")
 CAMERAS = ("Camera", "Camera1", "Camera2")
+MAX_BYTES = 1024 * 1024
 SIDES = ("LEFT", "RIGHT")
 
 _TIGHT = re.compile(r"^(\s*[A-Za-z_][\w.]*):(?=[^\s:])", re.MULTILINE)
@@ -59,7 +61,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the settings, in the file's order of generations: Camera, Camera1, Camera2, LEFT, RIGHT."""
-    text = strict.decode(data, source=context.name)
+    text = short_text(data, source=context.name, max_bytes=MAX_BYTES)
     # OpenCV needs no space after the colon; the directive's own colon stays.
     tree = storage.load(_TIGHT.sub(r"\1: ", text).encode(), source=context.name)
     if "Camera.model" in tree:

@@ -33,15 +33,17 @@ from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
-from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Node, parse_json
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
 from calibrary.parsers.formats._file_storage import YAML_TAGS
+from calibrary.parsers.formats._json_text import restored
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
+from calibrary.parsers.formats._short_text import short_text
 from calibrary.parsers.formats._yaml_text import flow, scalar
 from calibrary.strictyaml import load_yaml
 
@@ -55,7 +57,7 @@ CONVENTION = Convention(
 FISHEYES = frozenset({"equidistant", "fisheye"})
 BY_COUNT = {"plumb_bob": (0, 4, 5), "rational_polynomial": COUNTS}
 PREFIX = "ros_camera_info/"
-MAX_BYTES = 1024 * 1024
+MAX_BYTES = 256 * 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +130,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     projection = [native.fx, native.skew, native.cx, 0.0, 0.0, native.fy, native.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     model, coefficients = _model(distortion)
     called = json.dumps(calibration.camera.sub_camera or calibration.camera.model or "camera")
-    name = parse_json(extras.pop("camera_name", called).encode(), source="camera_name")
+    name = restored(extras.pop("camera_name", called))
     rows = [
         f"image_width: {K.image_size[0]}",
         f"image_height: {K.image_size[1]}",
@@ -141,16 +143,12 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     for key, trivial in (("rectification_matrix", identity), ("projection_matrix", projection)):
         kept = unbound(extras.pop(key, ""), K, calibration.distortion)
         rows += _matrix(key, 3, trivial if kept is None else _numbers(kept))
-    rows += [
-        f"{json.dumps(key)}: {scalar(parse_json(text.encode(), source=key))}" for key, text in extras.items()
-    ]
+    rows += [f"{scalar(key)}: {scalar(restored(text))}" for key, text in extras.items()]
     return "".join(f"{row}\n" for row in rows).encode()
 
 
 def _tree(data: bytes, source: str) -> Node:
-    if len(data) > MAX_BYTES:
-        raise ParseError(f"{len(data)} bytes of a camera_info; at most {MAX_BYTES} are read", source=source)
-    text = strict.decode(data, source=source)
+    text = short_text(data, source=source, max_bytes=MAX_BYTES)
     # `rostopic echo` ends every message with the mark that begins the next.
     text = re.sub(r"\n---[ \t]*(?:\r?\n)*\Z", "\n", text)
     tree = Node(load_yaml(text, source=source, ignored_tags=YAML_TAGS), source=source)
@@ -247,7 +245,7 @@ def _model(distortion: Distortion) -> tuple[str, list[float]]:
 
 
 def _numbers(text: str) -> list[float]:
-    return list(Node(parse_json(text.encode(), source="extras"), source="extras").numbers())
+    return list(Node(restored(text), source="extras").numbers())
 
 
 def _matrix(key: str, rows: int, values: Sequence[float]) -> list[str]:

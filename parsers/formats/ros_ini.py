@@ -35,7 +35,6 @@ Source: ROS ``camera_calibration_parsers``, ``parse_ini.cpp``; ``camera_calibrat
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -118,7 +117,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
         if label in extras
         for block in _block(label, strict.numbers(extras[label]), 1)
     ]
-    name = json.loads(extras.get("camera_name", "null")) or calibration.camera.sub_camera or "camera"
+    name = extras.get("camera_name") or calibration.camera.sub_camera or "camera"
     lines = ["# oST version 5.0 parameters", "", "[image]", "", "width", str(K.image_size[0]), ""]
     lines += ["height", str(K.image_size[1]), "", *(["[externals]", "", *externals] if externals else [])]
     lines += [f"[{re.sub(r'[^!-~]|[][#;]', '_', name)}]", ""]
@@ -202,7 +201,7 @@ def _camera(section: Section, size: ImageSize, context: ReadContext, *, several:
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     intrinsics = CONVENTION.intrinsics(native, context.size(size), source=context.name)
     distortion = _distortion(_needed(section, "distortion", context.name), context)
-    extras = [(PREFIX + "camera_name", json.dumps(section.name))]
+    extras = [(PREFIX + "camera_name", section.name)]
     for label in ("translation", "rotation", "rectification", "projection"):
         if label in section.blocks:
             text = " ".join(map(repr, section.blocks[label]))

@@ -34,6 +34,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._opencv_lens import smallest_lens
+from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
 
@@ -53,6 +54,7 @@ SIZES: dict[str, ImageSize] = {
 }
 """What the names of the resolutions stand for, in px."""
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+MAX_BYTES = 256 * 1024
 NOTE = (
     "this is the camera of the raw images; those that the ZED SDK hands out are rectified and need another K"
 )
@@ -80,7 +82,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera at every resolution, in the file's order; with ``image_size`` those of that size alone."""
-    sections = _sections(strict.decode(data, source=context.name), context.name)
+    sections = _sections(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name)
     found = [
         (section, match[1].upper(), SIZES.get(match[2].upper()))
         for section in sections.values()

@@ -129,10 +129,15 @@ def test_a_fisheye_that_sees_past_the_side_has_no_perspective_counterpart() -> N
         adapt(wide, Capacity(models=(BrownConrady,)), max_error_px=1e9)
 
 
-def test_the_first_model_within_the_limit_is_taken() -> None:
+def test_the_preferred_model_is_taken_where_it_is_good_enough() -> None:
+    nearly_brown = replace(FIVE_TERMS, k4=1e-5)
     capacity = Capacity(models=(BrownConrady, Rational))
-    assert isinstance(adapt(camera(FIVE_TERMS), capacity, max_error_px=10.0).distortion, BrownConrady)
-    assert isinstance(adapt(camera(FIVE_TERMS), capacity, max_error_px=0.01).distortion, Rational)
+    assert isinstance(adapt(camera(nearly_brown), capacity, max_error_px=10.0).distortion, BrownConrady)
+
+
+def test_where_more_error_is_allowed_the_nearest_model_is_taken_and_not_the_first() -> None:
+    capacity = Capacity(models=(NoDistortion, BrownConrady, Rational))
+    assert isinstance(adapt(camera(FIVE_TERMS), capacity, max_error_px=1000.0).distortion, Rational)
 
 
 def test_a_refusal_says_how_far_off_the_best_is_and_what_to_do() -> None:

@@ -159,6 +159,14 @@ def test_without_a_name_of_its_own_a_camera_gets_one_that_the_program_takes() ->
     assert list(json.loads(parsers.encode([named], "odm_cameras")[0])) == ["dji fc6310 5472 3648 brown 0.0"]
 
 
+@pytest.mark.parametrize("format_name", ["opensfm", "odm_cameras"])
+def test_cameras_of_one_name_are_numbered_and_none_is_lost(format_name: str) -> None:
+    names = ("a #2", "a", "a", "a")
+    items = [replace(camera(BROWN), camera=replace(camera().camera, sub_camera=name)) for name in names]
+    data, verdict = parsers.encode(items, format_name)
+    assert len(json.loads(data)) == len(verdict.fits) == 4
+
+
 def test_odm_would_drop_a_fourth_fisheye_coefficient_so_none_is_written() -> None:
     fisheye = camera(KannalaBrandt(k1=0.03, k2=-0.007, k3=0.004, k4=-0.001))
     with pytest.raises(UnsupportedModelError, match="kannala-brandt"):
