@@ -23,7 +23,15 @@ from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._json_text import Writable, dumped, loaded
-from calibrary.parsers.formats._opensfm import NAME, camera_names, cameras, is_full_name, plain_name, written
+from calibrary.parsers.formats._opensfm import (
+    NAME,
+    camera_names,
+    cameras,
+    fresh,
+    is_full_name,
+    plain_name,
+    written,
+)
 from calibrary.parsers.opensfm_models import CONVENTION
 
 __all__ = ["FORMAT"]

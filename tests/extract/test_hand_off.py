@@ -26,8 +26,9 @@ from calibrary.distortion import (
 )
 from calibrary.errors import UnsupportedModelError
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.extract.hand_off import Candidate, Solver, colmap_camera, hand_off, seed_command
+from calibrary.extract.hand_off import Candidate, Solver, hand_off, seed_command
 from calibrary.extract.outputs import plan
+from calibrary.parsers.colmap_models import colmap_camera
 from tests.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 
 SIZE = (5472, 3648)

@@ -16,16 +16,16 @@ from enum import StrEnum
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, ImageSize
-from calibrary.conventions import Origin, file_from_canonical
-from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational
+from calibrary.distortion import KannalaBrandt
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.parsers.colmap_models import colmap_camera
+from calibrary.parsers.opensfm_models import opensfm_camera
 
 __all__ = [
     "SOLVER_FILES",
     "Candidate",
     "Solver",
-    "colmap_camera",
     "hand_off",
     "refusal",
     "seed_command",
@@ -88,7 +88,7 @@ def hand_off(solver: Solver, cameras: Sequence[Candidate]) -> dict[str, bytes]:
         lists = {f"colmap.{camera.slug}.txt": _image_list(camera) for camera, _ in usable}
         return {"colmap.sh": _colmap_script(usable).encode(), **lists}
     if solver is Solver.OPENSFM:
-        models = {camera.slug: _opensfm(K) for camera, K in usable}
+        models = {camera.slug: opensfm_camera(K) for camera, K in usable}
         # "all" is the one name that cannot miss, and it means every image there is.
         named = {"all": next(iter(models.values()))} if len(cameras) == 1 else _named(cameras, models, solver)
         return {"camera_models_overrides.json": _json(named)}
@@ -105,7 +105,7 @@ def refusal(solver: Solver, calibration: Calibration) -> str | None:
         if solver is Solver.COLMAP:
             colmap_camera(calibration)
         elif solver in {Solver.OPENSFM, Solver.ODM}:
-            _opensfm(calibration)
+            opensfm_camera(calibration)
         elif solver is Solver.OPENCV:
             parsers.encode([calibration], "opencv_storage", name=OPENCV_SUFFIX)
     except UnsupportedModelError as error:
@@ -126,29 +126,6 @@ def _image_list(camera: Candidate) -> bytes:
             source=repr(broken),
         )
     return b"".join(os.fsencode(name) + b"\n" for name in camera.names)
-
-
-def colmap_camera(calibration: Calibration) -> tuple[str, list[float]]:
-    """COLMAP's model name and parameters, in COLMAP's order.
-
-    Raises:
-        UnsupportedModelError: COLMAP has no model that is exactly this distortion.
-    """
-    K, d = calibration.intrinsics, calibration.distortion
-    if K.skew:
-        raise UnsupportedModelError(f"COLMAP's models have no skew, this K has {K.skew:g} px")
-    pinhole = [K.fx, K.fy, K.cx, K.cy]
-    if d is None or isinstance(d, NoDistortion):
-        return "PINHOLE", pinhole
-    if isinstance(d, BrownConrady):
-        if d.k3 == 0:
-            return "OPENCV", [*pinhole, d.k1, d.k2, d.p1, d.p2]
-        return "FULL_OPENCV", [*pinhole, d.k1, d.k2, d.p1, d.p2, d.k3, 0.0, 0.0, 0.0]
-    if isinstance(d, Rational):
-        return "FULL_OPENCV", [*pinhole, d.k1, d.k2, d.p1, d.p2, d.k3, d.k4, d.k5, d.k6]
-    if isinstance(d, KannalaBrandt):
-        return "OPENCV_FISHEYE", [*pinhole, d.k1, d.k2, d.k3, d.k4]
-    raise UnsupportedModelError(f"COLMAP has no model that is exactly {d.model!r}")
 
 
 def seed_command(seed: Calibration) -> str:
@@ -194,47 +171,17 @@ def _colmap_script(cameras: Sequence[tuple[Candidate, Calibration]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _normalised(calibration: Calibration) -> dict[str, float]:
-    """Focal lengths and principal point in units of the longer side, from the middle of the image."""
-    K = calibration.intrinsics
-    if K.skew:
-        raise UnsupportedModelError(f"OpenSfM's models have no skew, this K has {K.skew:g} px")
-    longer = float(max(K.image_size))
-    cx, cy = file_from_canonical((K.cx, K.cy), Origin.IMAGE_CENTRE, K.image_size)
-    return {"focal_x": K.fx / longer, "focal_y": K.fy / longer, "c_x": cx / longer, "c_y": cy / longer}
-
-
-def _opensfm(calibration: Calibration) -> dict[str, object]:
-    width, height = calibration.intrinsics.image_size
-    d = calibration.distortion
-    if isinstance(d, KannalaBrandt):
-        kind, coefficients = "fisheye_opencv", d.coefficients
-    elif d is None or isinstance(d, NoDistortion):
-        kind, coefficients = "brown", BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0).coefficients
-    elif isinstance(d, BrownConrady):
-        kind, coefficients = "brown", d.coefficients
-    else:
-        raise UnsupportedModelError(f"OpenSfM has no model that is exactly {d.model!r}")
-    return {
-        "projection_type": kind,
-        "width": width,
-        "height": height,
-        **_normalised(calibration),
-        **coefficients,
-    }
-
-
-def _odm(calibration: Calibration) -> dict[str, object]:
+def _odm(calibration: Calibration) -> dict[str, str | int | float]:
     if isinstance(calibration.distortion, KannalaBrandt) and calibration.distortion.k4 != 0:
         raise UnsupportedModelError("ODM drops k4 of a fisheye model, and this one's is not 0")
-    model = _opensfm(calibration)
+    model = opensfm_camera(calibration)
     focal = (float(str(model["focal_x"])) + float(str(model["focal_y"]))) / 2
     return {**model, "focal": focal}
 
 
 def _named(
-    cameras: Sequence[Candidate], models: Mapping[str, dict[str, object]], solver: Solver
-) -> dict[str, dict[str, object]]:
+    cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]], solver: Solver
+) -> dict[str, Mapping[str, object]]:
     """Each model under every name the solver may give that camera; a name that is nobody's does no harm.
 
     Raises:
