@@ -23,7 +23,7 @@ from calibrary.parsers.imagery import read_metadata
 
 __all__ = ["Gathered", "Rejected", "find_files", "find_images", "gather"]
 
-CHUNK = 64
+CHUNK = 200
 WORTH_A_POOL = 400
 """Below this many images starting workers costs more than it saves."""
 

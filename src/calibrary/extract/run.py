@@ -79,13 +79,16 @@ def run(request: Request) -> Outcome:
     states = sort_cameras(gathered.states, knowledge)
     sensor, warnings = _sensor(request, states)
     cameras = [_judged(key, group, request, sensor) for key, group in states.items()]
-    files, unreadable = find_calibrations(request.image_dir, recursive=request.recursive)
+    rivals = _rivals(cameras)
+    files, unreadable = (
+        find_calibrations(request.image_dir, recursive=request.recursive) if rivals else ([], [])
+    )
     sources = Sources(
         matrix=matrix,
         files=tuple(files),
         unreadable=tuple(unreadable),
         knowledge=knowledge,
-        rivals=_rivals(cameras),
+        rivals=rivals,
     )
     names = slugs(states)
     return Outcome(
