@@ -73,6 +73,7 @@ Not ru_maxrss where there is better: Linux counts into it what the process that 
 
 POLL_S = 0.02
 DISTINCT = 2000
+SUMS = 20_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,7 @@ class Sizes:
 
 
 QUICK = Sizes(images=100, pool=6000, many=10_000, repeats=3)
-FULL = Sizes(images=500, pool=40_000, many=100_000, repeats=3)
+FULL = Sizes(images=500, pool=60_000, many=100_000, repeats=3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ class Run:
     """One run of the whole gate in a process of its own.
 
     Attributes:
-        seconds: of the command, from its arguments to its exit code; starting Python is not in them.
+        seconds: of the command, from its arguments to its exit code.
         peak_mb: of its own process.
         others_mb: peak of each process it started, largest first; empty where they cannot be seen.
     """
@@ -180,14 +181,25 @@ def bytes_read(paths: Sequence[Path]) -> None:
 
 def two_workers(folder: Path, images: int, repeats: int) -> None:
     """The whole command with one worker and with two, each time in a new process, starting them included."""
-    times: dict[int, list[float]] = {1: [], 2: []}
-    for _ in range(repeats):
-        for workers, seconds in times.items():
-            seconds.append(gate(folder, "--workers", str(workers)).seconds)
+    contestants: dict[str, Callable[[], object]] = {
+        "one": lambda: gate(folder, "--workers", "1"),
+        "two": lambda: gate(folder, "--workers", "2"),
+        "sums by one": lambda: sums(1),
+        "sums by two": lambda: sums(2),
+    }
+    times = interleaved(contestants, repeats)
     print(f"\nThe whole command on {images} images; median of {repeats} interleaved repetitions")
-    row("1 worker", f"{median(times[1]):.2f} s")
-    row("2 workers", f"{median(times[2]):.2f} s")
-    row("  two are faster by", *ratio(times[1], times[2]), at_least=1.7)
+    row("1 worker", f"{median(times['one']):.2f} s")
+    row("2 workers", f"{median(times['two']):.2f} s")
+    row("  two are faster by", *ratio(times["one"], times["two"]), at_least=1.7)
+    row("  what two processes gain here at all", ratio(times["sums by one"], times["sums by two"])[0])
+
+
+def sums(processes: int) -> None:
+    """A second of arithmetic, shared out evenly: what two cores that do nothing else do twice as fast."""
+    command = [sys.executable, "-c", f"sum(n * n for n in range({SUMS // processes}))"]
+    started = [subprocess.Popen(command) for _ in range(processes)]
+    assert not any(process.wait() for process in started)
 
 
 def memory(folders: dict[int, Path]) -> None:

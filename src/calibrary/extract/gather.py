@@ -23,7 +23,7 @@ from calibrary.parsers.imagery import read_metadata
 
 __all__ = ["Gathered", "Rejected", "find_files", "find_images", "gather"]
 
-CHUNK = 200
+CHUNK = 64
 WORTH_A_POOL = 400
 """Below this many images starting workers costs more than it saves."""
 
