@@ -39,5 +39,5 @@ FORMAT = Format(
     reference="https://helpx.adobe.com/camera-raw/digital-negative.html",
     sniff=sniff,
     refuses="a lens profile for many bodies and focal lengths, not a calibration of one camera. Calibrate the "
-    "camera (calibrary calibrate), or export the adjusted camera of a reconstruction",
+    "camera itself, or export the adjusted camera of a reconstruction",
 )

@@ -38,6 +38,6 @@ FORMAT = Format(
     reference="https://lensfun.github.io/manual/latest/dbformat.html",
     sniff=sniff,
     refuses="a lens profile of a model of lens, not a calibration: it has no focal length in pixels and no "
-    "principal point of one camera. Calibrate the camera (calibrary calibrate), or export the adjusted camera "
+    "principal point of one camera. Calibrate the camera itself, or export the adjusted camera "
     "of a reconstruction",
 )
