@@ -121,3 +121,5 @@ def _lost_quality(before: Quality, after: Quality) -> Iterator[str]:
         yield "number of views"
     if before.std and dict(after.std) != dict(before.std):
         yield "standard deviations"
+    if before.covariance is not None and after.covariance != before.covariance:
+        yield "covariance"

@@ -15,8 +15,7 @@ The canonical form, said once:
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TypeAlias
 
@@ -26,16 +25,19 @@ from numpy.typing import ArrayLike, NDArray
 from calibrary.distortion import Distortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
 from calibrary.errors import FrameError, InputError
+from calibrary.quality import Covariance, Quality
 
 __all__ = [
     "Box",
     "Calibration",
     "CameraKey",
+    "Covariance",
     "Grade",
     "ImageSize",
     "Intrinsics",
     "Provenance",
     "Quality",
+    "SourceFile",
 ]
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -206,20 +208,16 @@ class Intrinsics:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Quality:
-    """What is known of how good a calibration is.
+class SourceFile:
+    """A file that a calibration was made from.
 
     Attributes:
-        rms_px: root mean square reprojection error.
-        points: number of observations behind it.
-        views: number of images behind it.
-        std: standard deviation by parameter name, px for fx, fy, cx, cy.
+        name: without its folder.
+        sha256: of its bytes, 64 hexadecimal digits.
     """
 
-    rms_px: float | None = None
-    points: int | None = None
-    views: int | None = None
-    std: Mapping[str, float] = field(default_factory=dict)
+    name: str
+    sha256: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,6 +232,12 @@ class Provenance:
         adaptation: what brought it from there to the image's size, in words.
         assumptions: what had to be taken for granted.
         sha256: of the source's bytes, where it was a file of its own.
+        sources: the files behind it, where it was made from several: the frames of a board.
+        tool: the program that made it, with its version.
+        date: when it was made, ISO 8601.
+        operator: who made it.
+        firmware: of the camera at that time, as it writes it.
+        focus: how the lens was focused, in words: "locked at infinity", "1.5 m".
     """
 
     kind: str
@@ -243,6 +247,12 @@ class Provenance:
     adaptation: str | None = None
     assumptions: tuple[str, ...] = ()
     sha256: str | None = None
+    sources: tuple[SourceFile, ...] = ()
+    tool: str | None = None
+    date: str | None = None
+    operator: str | None = None
+    firmware: str | None = None
+    focus: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -311,9 +321,14 @@ class Calibration:
         return rays
 
     def scaled(self, size: ImageSize) -> Calibration:
-        """The same camera at another size; see :meth:`Intrinsics.scaled`."""
+        """The same camera at another size; see :meth:`Intrinsics.scaled`. What is known in px scales with it."""
+        (w0, h0), intrinsics = self.intrinsics.image_size, self.intrinsics.scaled(size)
+        w1, h1 = intrinsics.image_size
         return replace(
-            self, intrinsics=self.intrinsics.scaled(size), camera=replace(self.camera, image_size=size)
+            self,
+            intrinsics=intrinsics,
+            camera=replace(self.camera, image_size=intrinsics.image_size),
+            quality=self.quality.scaled(w1 / w0, h1 / h0) if self.quality is not None else None,
         )
 
     def cropped(self, box: Box) -> Calibration:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from calibrary.calibration import Calibration, CameraKey, Intrinsics, Provenance, Quality
+from calibrary.calibration import Calibration, CameraKey, Covariance, Intrinsics, Provenance, Quality
 from calibrary.distortion import Distortion
 
 __all__ = ["Json", "calibration_json", "camera_json", "distortion_json", "intrinsics_json"]
@@ -65,7 +65,20 @@ def _quality(quality: Quality | None) -> Json:
     if quality is None:
         return None
     std: dict[str, Json] = dict(quality.std)
-    return {"rms_px": quality.rms_px, "points": quality.points, "views": quality.views, "std": std}
+    covariance = quality.covariance
+    return {
+        "rms_px": quality.rms_px,
+        "points": quality.points,
+        "views": quality.views,
+        "std": std,
+        "covariance": _covariance(covariance) if covariance is not None else None,
+        "kappa2": quality.kappa2,
+        "coverage": quality.coverage,
+    }
+
+
+def _covariance(covariance: Covariance) -> dict[str, Json]:
+    return {"names": list(covariance.names), "upper": list(covariance.upper)}
 
 
 def _provenance(provenance: Provenance) -> dict[str, Json]:
@@ -78,4 +91,10 @@ def _provenance(provenance: Provenance) -> dict[str, Json]:
         "adaptation": provenance.adaptation,
         "assumptions": list(provenance.assumptions),
         "sha256": provenance.sha256,
+        "sources": [{"name": file.name, "sha256": file.sha256} for file in provenance.sources],
+        "tool": provenance.tool,
+        "date": provenance.date,
+        "operator": provenance.operator,
+        "firmware": provenance.firmware,
+        "focus": provenance.focus,
     }

@@ -1,0 +1,63 @@
+"""What was seen of a board: corners by view, enough to solve the calibration again without the frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.board import Board
+from calibrary.calibration import CameraKey, ImageSize
+
+__all__ = ["Observations", "View"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class View:
+    """The board in one frame.
+
+    Attributes:
+        name: the frame's file name, without its folder.
+        sha256: of the frame's bytes, None where there is no frame.
+        ids: (N,) which of the board's points were seen, indices into :attr:`Board.points`.
+        image_points: (N, 2) px in the canonical origin, where they were seen.
+        sharpness_px: width of the edges around the corners, as ``cv2.estimateChessboardSharpness`` measures.
+        spacing_px: smallest distance between neighbouring corners.
+    """
+
+    name: str
+    sha256: str | None = None
+    ids: IntArray
+    image_points: FloatArray
+    sharpness_px: float | None = None
+    spacing_px: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Observations:
+    """All views of one board by one camera at one focus.
+
+    Attributes:
+        board: which board.
+        image_size: (width, height) px of every frame.
+        views: in the order of the frames.
+        camera: which camera, as its frames say.
+        focus: how the lens was focused, in words, where the frames say it.
+        firmware: as the frames say it.
+    """
+
+    board: Board
+    image_size: ImageSize
+    views: tuple[View, ...]
+    camera: CameraKey
+    focus: str | None = None
+    firmware: str | None = None
+
+    def object_points(self, view: View) -> FloatArray:
+        """(N, 3) mm on the board, for a view's image points."""
+        return self.board.points[view.ids]
