@@ -1,0 +1,94 @@
+"""Bringing two calibrations to one frame, so that their numbers may be subtracted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from calibrary.calibration import Calibration, ImageSize, same_aspect
+from calibrary.errors import FrameError
+
+__all__ = ["CommonFrame", "common_frame"]
+
+FOCAL_SLACK = 0.2
+"""How far two focal lengths may be apart to be taken for one, seen through a crop."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommonFrame:
+    """Two calibrations in one frame.
+
+    Attributes:
+        a, b: both at one image size, ``a``'s or ``b``'s, whichever is smaller.
+        steps: what was done to which, in words; empty when the frames were the same.
+    """
+
+    a: Calibration
+    b: Calibration
+    steps: tuple[str, ...] = ()
+
+
+def common_frame(a: Calibration, b: Calibration) -> CommonFrame:
+    """Scale the larger frame down to the smaller one; where their shapes differ, crop it about its centre first.
+
+    Whether a crop is 1:1 or resampled shows in the focal lengths: a camera's do not change by themselves.
+
+    Raises:
+        FrameError: one frame was turned by 90°, or neither holds the other.
+    """
+    size_a, size_b = a.intrinsics.image_size, b.intrinsics.image_size
+    if size_a == size_b:
+        return CommonFrame(a=a, b=b)
+    if same_aspect(size_a, size_b[::-1]) and not same_aspect(size_a, size_b):
+        raise FrameError(
+            f"{_x(size_a)} and {_x(size_b)} are one frame turned by 90°, and K does not say which way; "
+            "give both as the camera wrote them"
+        )
+    zoom = b.intrinsics.fx / a.intrinsics.fx
+    if size_b[0] * size_b[1] <= size_a[0] * size_a[1]:
+        brought, steps = _brought(a, size_b, zoom, "A")
+        return CommonFrame(a=brought, b=b, steps=steps)
+    brought, steps = _brought(b, size_a, 1 / zoom, "B")
+    return CommonFrame(a=a, b=brought, steps=steps)
+
+
+def _brought(
+    larger: Calibration, target: ImageSize, zoom: float, name: str
+) -> tuple[Calibration, tuple[str, ...]]:
+    """``larger`` in the frame ``target``, whose fx is ``zoom`` times its own."""
+    size = larger.intrinsics.image_size
+    same = same_aspect(size, target)
+    if same and abs(zoom * size[0] / target[0] - 1) < abs(zoom - 1):
+        return larger.scaled(target), (f"{name} scaled {_x(size)} → {_x(target)}",)
+    by = _resampling(size, target, zoom)
+    part = (min(size[0], round(target[0] / by)), min(size[1], round(target[1] / by)))
+    box = ((size[0] - part[0]) / 2, (size[1] - part[1]) / 2, *part)
+    cropped = larger.cropped(box)
+    steps = [f"{name} cropped {_x(size)} → {_x(part)} about its centre"]
+    if part != target:
+        if not same_aspect(part, target):
+            raise FrameError(
+                f"a {_x(size)} frame holds no {_x(target)} one, whole or scaled; compare like with like"
+            )
+        cropped = cropped.scaled(target)
+        steps.append(f"scaled to {_x(target)}")
+    return cropped, tuple(steps)
+
+
+def _resampling(size: ImageSize, target: ImageSize, zoom: float) -> float:
+    """The scale from ``size`` to ``target``: 1:1, or one side kept whole, whichever the focal lengths are nearest."""
+    choices = [1.0, target[0] / size[0], target[1] / size[1]]
+    held = [
+        by
+        for by in choices
+        if abs(by / zoom - 1) <= FOCAL_SLACK
+        and all(t / by <= s * 1.01 for s, t in zip(size, target, strict=True))
+    ]
+    if not held:
+        raise FrameError(
+            f"a {_x(size)} frame holds no {_x(target)} one, whole or scaled; compare like with like"
+        )
+    return min(held, key=lambda by: abs(by / zoom - 1))
+
+
+def _x(size: ImageSize) -> str:
+    return f"{size[0]}×{size[1]}"
