@@ -69,7 +69,7 @@ bench: $(INSTALLED) ## Run every benchmark; each prints its ratios
 	done
 
 pictures: $(INSTALLED) ## Draw the pictures of the documentation from real output
-	$(BIN)/python docs/make_pictures.py
+	$(BIN)/python docs/make_pictures.py --pages
 
 dist: $(INSTALLED) ## Build sdist and wheel into dist/ and check what is in them
 	rm -rf dist

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from typing import TypeAlias
 
 import numpy as np
@@ -49,7 +50,7 @@ class Covariance:
         object.__setattr__(self, "upper", tuple(float(value) for value in self.upper))
         if not all(math.isfinite(value) for value in self.upper):
             raise InputError("a covariance holds NaN or infinity, wanted finite numbers")
-        if n and min(np.diag(self.matrix)) < 0:
+        if any(self.upper[at] < 0 for at in _diagonal(n)):
             raise InputError("a covariance holds a negative variance")
 
     @classmethod
@@ -84,7 +85,8 @@ class Covariance:
     @property
     def std(self) -> dict[str, float]:
         """Standard deviation by parameter name."""
-        return dict(zip(self.names, np.sqrt(np.diag(self.matrix)).tolist(), strict=True))
+        variances = (self.upper[at] for at in _diagonal(len(self.names)))
+        return {name: math.sqrt(value) for name, value in zip(self.names, variances, strict=True)}
 
     def of(self, names: tuple[str, ...]) -> FloatArray:
         """The part that belongs to some of the parameters, in the order asked for.
@@ -141,3 +143,8 @@ class Quality:
             std={name: value * factors.get(name, 1.0) for name, value in self.std.items()},
             covariance=self.covariance.scaled(factors) if self.covariance is not None else None,
         )
+
+
+def _diagonal(n: int) -> Iterator[int]:
+    """Where the diagonal's elements stand in the upper triangle of an n × n matrix."""
+    return accumulate(range(n, 1, -1), initial=0) if n else iter(())

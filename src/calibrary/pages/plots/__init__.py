@@ -1,0 +1,29 @@
+"""Plots for pages: plain numbers in, a :class:`~calibrary.pages.Figure` with its own description out.
+
+They are drawn by matplotlib in the palette's light colours; inside a page they follow the reader's theme.
+"""
+
+from calibrary.pages.plots.canvas import Axis
+from calibrary.pages.plots.charts import Series, bars, correlations, poses, scatter, timeline
+from calibrary.pages.plots.frames import heat_map, vector_field
+from calibrary.pages.plots.intervals import Band, Interval, Role, intervals
+from calibrary.pages.plots.lens import displacement, distortion_map, radial_curve
+
+__all__ = [
+    "Axis",
+    "Band",
+    "Interval",
+    "Role",
+    "Series",
+    "bars",
+    "correlations",
+    "displacement",
+    "distortion_map",
+    "heat_map",
+    "intervals",
+    "poses",
+    "radial_curve",
+    "scatter",
+    "timeline",
+    "vector_field",
+]

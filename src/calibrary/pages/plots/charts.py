@@ -1,0 +1,325 @@
+"""Numbers against names, numbers or time: bars, scatter, poses of a board, timelines, correlations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibrary.errors import InputError
+from calibrary.pages.content import Figure
+from calibrary.pages.palette import Colour
+from calibrary.pages.plots.canvas import Axis, FloatArray, as_points, as_values, draw, name, number, thinned
+from calibrary.quality import Covariance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["Series", "bars", "correlations", "poses", "scatter", "timeline"]
+
+MOST_NAMES = 24
+"""Names that fit below an axis."""
+
+MOST_NUMBERS = 12
+"""Rows of a matrix whose cells have room for a number."""
+
+
+def bars(
+    values: ArrayLike, *, labels: Sequence[str], axis: Axis, caption: str, limit: float | None = None
+) -> Figure:
+    """One bar for each of several things, such as the residual of each view.
+
+    Args:
+        values: (N,); NaN leaves a gap.
+        labels: N names, for the axis and for what lies above the limit.
+        axis: what the bars measure.
+        caption: what to look for.
+        limit: a line across; bars above it stand out.
+
+    Raises:
+        InputError: there are not as many labels as values.
+    """
+    heights = as_values(values, axis.quantity)
+    if len(labels) != len(heights):
+        raise InputError(f"{len(heights)} bars have {len(labels)} labels")
+    over = heights > limit if limit is not None else np.zeros(len(heights), dtype=bool)
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        at = np.arange(len(heights))
+        axes.set_xlim(-0.6, len(heights) - 0.4)
+        axes.set_ylim(0, 1.05 * float(np.nanmax(heights, initial=0.0)) or 1.0)
+        for some, colour in ((~over, Colour.ACCENT), (over, Colour.BAD)):
+            _bars(axes, at[some], np.nan_to_num(heights[some]), colour.light)
+        _name_ticks(axes, labels)
+        axes.set_ylabel(axis.label)
+        axes.grid(axis="y")
+        if limit is not None:
+            axes.axhline(limit, color=Colour.INK.light, linewidth=1.4, linestyle=(0, (5, 3)))
+            axes.annotate(
+                f"limit {axis.of(limit)}",
+                (1, limit),
+                xycoords=("axes fraction", "data"),
+                xytext=(0, 3),
+                textcoords="offset points",
+                ha="right",
+            )
+            axes.set_ylim(0, max(limit * 1.18, axes.get_ylim()[1]))
+
+    alt = f"Bar chart of {axis.quantity} for {len(heights)} items{_range(heights, axis)}."
+    if limit is not None:
+        high = [name(label) for label, above in zip(labels, over, strict=True) if above]
+        more = f" and {len(high) - 8} more" if len(high) > 8 else ""
+        found = f"{len(high)} above it: {', '.join(high[:8])}{more}" if high else "none above it"
+        alt += f" The limit is {axis.of(limit)}; {found}."
+    return Figure(svg=draw(paint, width=760, height=300), alt=alt, caption=caption)
+
+
+def scatter(points: ArrayLike, *, x: Axis, y: Axis, caption: str, equal: bool = False) -> Figure:
+    """Points in a plane.
+
+    Args:
+        points: (N, 2); rows that are not finite are left out.
+        x: what the first column measures.
+        y: what the second does.
+        caption: what to look for.
+        equal: whether both axes have one scale.
+    """
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    given = as_points(points, "points")
+    finite = given[np.isfinite(given).all(axis=1)]
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        shown = finite[thinned(len(finite))]
+        # Points as strokes without a length: a third of the size of as many circles.
+        codes = np.tile((Path.MOVETO, Path.LINETO), len(shown))
+        dots = PathPatch(
+            Path(np.repeat(shown, 2, axis=0), codes),
+            fill=False,
+            edgecolor=Colour.ACCENT.light,
+            linewidth=4.0 if len(shown) < 400 else 2.4,
+            capstyle="round",
+        )
+        axes.add_patch(dots)
+        axes.autoscale_view()
+        axes.set_xlabel(x.label)
+        axes.set_ylabel(y.label)
+        axes.grid()
+        if equal:
+            axes.set_aspect("equal", adjustable="datalim")
+
+    alt = f"Scatter plot of {y.quantity} over {x.quantity}, {len(finite)} points"
+    alt += f"{_range(finite[:, 0], x)} across{_range(finite[:, 1], y)} up."
+    return Figure(svg=draw(paint, width=520, height=400), alt=alt, caption=caption)
+
+
+def poses(normals: ArrayLike, distances: ArrayLike, *, axis: Axis, caption: str) -> Figure:
+    """How a board was held: each view by the direction its board was tilted to, as if seen from the camera.
+
+    Args:
+        normals: (N, 3) normals of the board in the camera frame (x right, y down, z forward), any length.
+        distances: (N,) from the camera; nearer boards get larger marks.
+        axis: what the distances measure, "distance" in "mm".
+        caption: what to look for.
+
+    Raises:
+        InputError: the two differ in length.
+    """
+    directions = as_points(normals, "normals", 3)
+    away = as_values(distances, axis.quantity)
+    if len(away) != len(directions):
+        raise InputError(f"{len(directions)} boards have {len(away)} distances")
+    length = np.linalg.norm(directions, axis=1)
+    usable = np.isfinite(length) & (length > 0) & np.isfinite(away) & (away > 0)
+    n, away = directions[usable] / length[usable, None], away[usable]
+    n = np.where(n[:, 2:] < 0, -n, n)
+    tilt = np.degrees(np.arccos(np.clip(n[:, 2], -1.0, 1.0)))
+    towards = np.arctan2(n[:, 1], n[:, 0])
+    reach = max(30.0, 10.0 * math.ceil(float(tilt.max(initial=0.0)) / 10.0 + 0.2))
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        axes.set_aspect("equal")
+        circle = np.linspace(0.0, 2.0 * math.pi, 73)
+        for ring in np.arange(10.0, reach + 1.0, 10.0):
+            axes.plot(ring * np.cos(circle), ring * np.sin(circle), color=Colour.LINE.light, linewidth=0.9)
+            axes.annotate(
+                f"{ring:.0f}°", (0, -ring), ha="center", va="center", color=Colour.MUTED.light, size=10
+            )
+        axes.axhline(0, color=Colour.LINE.light, linewidth=0.9)
+        axes.axvline(0, color=Colour.LINE.light, linewidth=0.9)
+        area = 60.0 * np.clip(np.median(away) / away, 0.3, 4.0) if len(away) else []
+        axes.scatter(
+            tilt * np.cos(towards),
+            tilt * np.sin(towards),
+            s=area,
+            facecolor=Colour.ACCENT.light,
+            edgecolor=Colour.SURFACE.light,
+            linewidth=0.8,
+            zorder=3,
+        )
+        axes.set_xlim(-reach, reach)
+        axes.set_ylim(reach, -reach)
+        axes.set_xlabel("tilt to the right (°)")
+        axes.set_ylabel("tilt downwards (°)")
+
+    alt = f"Tilt of the board in {len(tilt)} views{_range(tilt, Axis('tilt', '°'))}; {axis.quantity}"
+    alt += f"{_range(away, axis)}. Larger marks are nearer."
+    return Figure(svg=draw(paint, width=520, height=470), alt=alt, caption=caption)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """One quantity over time.
+
+    Attributes:
+        axis: what it measures.
+        values: (N,); NaN leaves a gap.
+        std: (N,) standard deviations, NaN where unknown; None where none is known.
+    """
+
+    axis: Axis
+    values: ArrayLike
+    std: ArrayLike | None = None
+
+
+def timeline(
+    series: Sequence[Series], *, labels: Sequence[str], caption: str, marks: Sequence[tuple[int, str]] = ()
+) -> Figure:
+    """Several quantities over the same revisions, one panel each, with ± 1 σ where it is known.
+
+    Args:
+        series: one a panel.
+        labels: the N revisions, oldest first.
+        caption: what to look for.
+        marks: (index, what happened before that revision): a change of firmware.
+
+    Raises:
+        InputError: a series has not N values.
+    """
+    columns = [
+        (one.axis, as_values(one.values, one.axis.quantity), _spread(one, len(labels))) for one in series
+    ]
+    for axis, values, _ in columns:
+        if len(values) != len(labels):
+            raise InputError(f"{axis.quantity} has {len(values)} values over {len(labels)} revisions")
+
+    def paint(canvas: Canvas) -> None:
+        panels = canvas.subplots(max(1, len(columns)), sharex=True, squeeze=False)[:, 0]
+        at = np.arange(len(labels))
+        for axes, (axis, values, std) in zip(panels, columns, strict=False):
+            known = np.isfinite(std)
+            axes.plot(at, values, "-o", color=Colour.ACCENT.light, markersize=5, linewidth=1.2)
+            axes.errorbar(
+                at[known], values[known], yerr=std[known], fmt="none", color=Colour.ACCENT.light, capsize=4
+            )
+            axes.set_ylabel(axis.label)
+            axes.grid(axis="y")
+            axes.margins(x=0.04, y=0.18)
+            for index, _ in marks:
+                axes.axvline(index - 0.5, color=Colour.SECOND.light, linewidth=1.2, linestyle=(0, (4, 3)))
+        for index, what in marks:
+            panels[0].annotate(
+                name(what),
+                (index - 0.5, 1),
+                xycoords=("data", "axes fraction"),
+                xytext=(3, 2),
+                textcoords="offset points",
+                color=Colour.SECOND.light,
+                size=10,
+            )
+        _name_ticks(panels[-1], labels)
+
+    told = "; ".join(f"{axis.quantity}{_range(values, axis)}" for axis, values, _ in columns)
+    alt = f"Timeline over {len(labels)} revisions, bars ± 1 σ: {told}."
+    if marks:
+        alt += f" Marked: {'; '.join(f'{name(what)} before {name(labels[i])}' for i, what in marks[:6])}."
+    height = 60 + 125 * max(1, len(columns))
+    return Figure(svg=draw(paint, width=760, height=height), alt=alt, caption=caption)
+
+
+def correlations(covariance: Covariance, *, caption: str) -> Figure:
+    """Which parameters moved together in a solve: the lower triangle of the correlation matrix."""
+    sigma = np.sqrt(np.diag(covariance.matrix))
+    with np.errstate(all="ignore"):
+        rho = covariance.matrix / np.outer(sigma, sigma)
+    count = len(covariance.names)
+    below = np.tril(np.ones((count, count), dtype=bool), -1) & np.isfinite(rho)
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        shown = np.ma.masked_array(rho, ~below)
+        axes.imshow(shown, cmap="RdBu_r", vmin=-1, vmax=1, interpolation="none")
+        names = [name(text) for text in covariance.names]
+        axes.set_xticks(range(count), names)
+        axes.set_yticks(range(count), names)
+        axes.tick_params(length=0)
+        axes.set_xlim(-0.5, max(0.5, count - 1.5))
+        axes.set_ylim(max(0.5, count - 0.5), 0.5)
+        axes.spines[:].set_visible(False)
+        for row, column in np.argwhere(below) if count <= MOST_NUMBERS else ():
+            value = float(rho[row, column])
+            # On the map's own colours, which stay as they are in every theme.
+            ink = "#101010" if abs(value) < 0.6 else "#fefefe"
+            text = f"{value:.2f}".replace("-0.", "−.").replace("0.", ".", 1)
+            axes.text(column, row, text, ha="center", va="center", size=10, color=ink)
+
+    pairs = sorted(((abs(rho[r, c]), r, c) for r, c in np.argwhere(below)), reverse=True)[:3]
+    told = ", ".join(
+        f"{covariance.names[c]} with {covariance.names[r]} {number(rho[r, c])}" for _, r, c in pairs
+    )
+    alt = f"Correlation matrix of {', '.join(covariance.names)}. Strongest: {told or 'none'}."
+    return Figure(svg=draw(paint, width=520, height=440), alt=alt, caption=caption)
+
+
+def _bars(axes: Axes, at: NDArray[np.intp], heights: FloatArray, colour: str) -> None:
+    """All bars of one colour as one path."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    if not len(at):
+        return
+    left, right, foot = at - 0.39, at + 0.39, np.zeros(len(at))
+    corners = ((left, foot), (left, heights), (right, heights), (right, foot), (left, foot))
+    vertices = np.stack([np.column_stack(corner) for corner in corners], axis=1).reshape(-1, 2)
+    codes = (Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY)
+    axes.add_patch(PathPatch(Path(vertices, np.tile(codes, len(at))), facecolor=colour, linewidth=0))
+
+
+def _spread(one: Series, count: int) -> FloatArray:
+    std = np.full(count, math.nan) if one.std is None else as_values(one.std, f"σ of {one.axis.quantity}")
+    if len(std) != count:
+        raise InputError(f"σ of {one.axis.quantity} has {len(std)} values over {count} revisions")
+    return std
+
+
+def _name_ticks(axes: Axes, labels: Sequence[str]) -> None:
+    """Every label, or as many as stand side by side; long ones lean."""
+    step = max(1, math.ceil(len(labels) / MOST_NAMES))
+    at = range(0, len(labels), step)
+    names = [name(labels[i]) for i in at]
+    crowded = sum(len(text) + 2 for text in names) > 90
+    axes.set_xticks(list(at), names, rotation=35 if crowded else 0, ha="right" if crowded else "center")
+    if crowded:
+        for text in axes.get_xticklabels():
+            text.set_rotation_mode("anchor")
+
+
+def _range(values: FloatArray, axis: Axis) -> str:
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return ""
+    low, high = float(finite.min()), float(finite.max())
+    if low == high:
+        return f", {axis.of(low)}"
+    # As many decimals as tell the two apart.
+    decimals = min(6, max(0, 1 - math.floor(math.log10(high - low))))
+    return f", {low:.{decimals}f} to {high:.{decimals}f} {axis.unit}".rstrip().replace("-", "−")

@@ -1,0 +1,228 @@
+"""What varies over an image: vectors, and values with contour lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calibrary.calibration import ImageSize
+from calibrary.errors import InputError
+from calibrary.pages.content import Figure
+from calibrary.pages.palette import Colour
+from calibrary.pages.plots.canvas import Axis, FloatArray, as_points, draw, frame_axes, number, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["heat_map", "vector_field"]
+
+MOST_ARROWS = 1_200
+FRAME_WIDTH = 520
+LONG_ARROW = 0.07
+"""Length of the longest usual arrow, as a share of the frame's longer side; where there are many, less."""
+
+CUT = 2.5
+"""Arrows are drawn up to this many times as long as the longest of the 95 % shortest."""
+
+STATIC_DARK, STATIC_LIGHT = "#101010", "#fefefe"
+"""On a map's own colours, which are the same in every theme."""
+
+
+def vector_field(
+    points: ArrayLike, vectors: ArrayLike, image_size: ImageSize, *, axis: Axis, caption: str
+) -> Figure:
+    """Arrows over the frame: residuals, or the difference of two calibrations.
+
+    Args:
+        points: (N, 2) px, where the arrows begin.
+        vectors: (N, 2), in ``axis.unit``; rows that are not finite are left out and counted.
+        image_size: (width, height) px.
+        axis: what the arrows measure.
+        caption: what to look for.
+
+    Raises:
+        InputError: the two differ in length.
+    """
+    begin, arrows = as_points(points, "points"), as_points(vectors, "vectors")
+    if len(begin) != len(arrows):
+        raise InputError(f"{len(begin)} points have {len(arrows)} vectors")
+    finite = np.isfinite(begin).all(axis=1) & np.isfinite(arrows).all(axis=1)
+    lost = int((~finite).sum())
+    begin, arrows = begin[finite], arrows[finite]
+    length = np.hypot(*arrows.T)
+    usual = float(np.percentile(length, 95)) if len(length) else 0.0
+    cut = length > CUT * usual
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        frame_axes(axes, image_size)
+        if usual <= 0:
+            return
+        shown = thinned(len(begin), MOST_ARROWS)
+        gain = min(LONG_ARROW, 1.5 / math.sqrt(len(shown))) * max(image_size) / usual
+        shrink = np.where(cut, CUT * usual / np.where(length > 0, length, 1.0), 1.0)
+        drawn = arrows * (gain * shrink)[:, None]
+        for some, colour, width in ((~cut, Colour.ACCENT, 1.1), (cut, Colour.BAD, 1.8)):
+            these = shown[some[shown]]
+            _arrows(axes, begin[these], drawn[these], colour.light, width)
+        _scale(axes, _round(usual), gain, image_size, axis)
+
+    alt = f"Arrows of {axis.quantity} at {len(begin)} points of a {image_size[0]} × {image_size[1]} px frame"
+    if len(length):
+        longest = float(length.max()) or 1.0
+        # Divided first, so that no square overflows.
+        rms = longest * math.sqrt(float(np.mean((length / longest) ** 2)))
+        alt += f"; root mean square {axis.of(rms)}, longest {axis.of(float(length.max()))}"
+    alt += "."
+    if cut.any():
+        alt += f" {int(cut.sum())} longer ones are drawn cut, in red and thicker."
+    if lost:
+        alt += f" {lost} points have no value."
+    return Figure(svg=draw(paint, width=FRAME_WIDTH, height=_height(image_size)), alt=alt, caption=caption)
+
+
+def heat_map(
+    values: ArrayLike,
+    image_size: ImageSize,
+    *,
+    axis: Axis,
+    caption: str,
+    levels: Sequence[float] | None = None,
+    cells: bool = False,
+) -> Figure:
+    """Values over the frame as colours with contour lines: uncertainty, a difference, coverage.
+
+    Args:
+        values: (rows, columns) of equal cells that fill the frame, the top row first; NaN stays empty.
+        image_size: (width, height) px.
+        axis: what the colours measure.
+        caption: what to look for.
+        levels: where contour lines run; None for round numbers.
+        cells: the values are counts: cells keep their edges and no line runs between them.
+
+    Raises:
+        InputError: ``values`` is not two-dimensional, or has no cells.
+    """
+    grid = np.asarray(values, dtype=np.float64)
+    if grid.ndim != 2 or not grid.size or max(grid.shape) > 1000:
+        raise InputError(f"{axis.quantity} has shape {grid.shape}, wanted (rows, columns), at most 1000 each")
+    grid = np.where(np.isfinite(grid), grid, math.nan)
+    finite = grid[np.isfinite(grid)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    if cells or 0 <= low < 0.3 * high:
+        low = 0.0
+    high = high if high > low else low + 1.0
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        frame_axes(axes, image_size)
+        axes.set_facecolor(Colour.RAISED.light)
+        width, height = image_size
+        extent = (0.0, float(width), float(height), 0.0)
+        shown = np.ma.masked_invalid(grid)
+        axes.imshow(shown, extent=extent, cmap="viridis", vmin=low, vmax=high, interpolation="none")
+        if not cells and min(grid.shape) >= 2 and finite.size and float(np.ptp(finite)) > 0:
+            _contours(axes, grid, image_size, levels)
+        _colour_bar(axes, low, high, axis)
+
+    alt = f"Map of {axis.quantity} over a {image_size[0]} × {image_size[1]} px frame"
+    if finite.size:
+        alt += f", from {number(float(finite.min()))} to {axis.of(float(finite.max()))}"
+        row, column = np.unravel_index(int(np.nanargmax(grid)), grid.shape)
+        alt += f", largest {_place(int(row), int(column), (grid.shape[0], grid.shape[1]))}"
+    empty = grid.size - finite.size
+    alt += f"; {empty} of {grid.size} cells have no value." if empty else "."
+    svg = draw(paint, width=FRAME_WIDTH, height=_height(image_size), smooth=not cells)
+    return Figure(svg=svg, alt=alt, caption=caption)
+
+
+def _contours(axes: Axes, grid: FloatArray, image_size: ImageSize, levels: Sequence[float] | None) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    (rows, columns), (width, height) = grid.shape, image_size
+    x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows
+    low, high = float(np.nanmin(grid)), float(np.nanmax(grid))
+    wanted = MaxNLocator(5).tick_values(low, high) if levels is None else np.unique(levels)
+    inside = [float(level) for level in wanted if low < level < high]
+    if not inside:
+        return
+    masked = np.ma.masked_invalid(grid)
+    axes.contour(x, y, masked, levels=inside, colors=STATIC_DARK, linewidths=2.6)
+    lines = axes.contour(x, y, masked, levels=inside, colors=STATIC_LIGHT, linewidths=1.1)
+    labels = axes.clabel(lines, fmt=number, inline=True, fontsize=10, colors=Colour.INK.light)
+    for label in labels or ():
+        label.set_bbox({"facecolor": Colour.SURFACE.light, "edgecolor": "none", "pad": 1.2})
+
+
+def _colour_bar(axes: Axes, low: float, high: float, axis: Axis) -> None:
+    bar = axes.inset_axes((1.03, 0.0, 0.045, 1.0))
+    ramp = np.linspace(low, high, 128)[:, None]
+    bar.imshow(
+        ramp,
+        extent=(0.0, 1.0, low, high),
+        origin="lower",
+        aspect="auto",
+        cmap="viridis",
+        interpolation="none",
+    )
+    bar.yaxis.tick_right()
+    bar.yaxis.set_label_position("right")
+    bar.set_xticks([])
+    bar.set_ylabel(axis.label)
+
+
+def _arrows(axes: Axes, begin: FloatArray, drawn: FloatArray, colour: str, width: float) -> None:
+    """All arrows as one path, which is a tenth of the size of as many polygons."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    if not len(begin):
+        return
+    end, back = begin + drawn, -0.3 * drawn
+    turn = np.array([[math.cos(0.5), -math.sin(0.5)], [math.sin(0.5), math.cos(0.5)]])
+    parts = (begin, end, end + back @ turn, end, end + back @ turn.T)
+    codes = (Path.MOVETO, Path.LINETO, Path.MOVETO, Path.LINETO, Path.LINETO)
+    vertices = np.stack(parts, axis=1).reshape(-1, 2)
+    patch = PathPatch(
+        Path(vertices, np.tile(codes, len(begin))), fill=False, edgecolor=colour, linewidth=width
+    )
+    axes.add_patch(patch)
+
+
+def _scale(axes: Axes, value: float, gain: float, image_size: ImageSize, axis: Axis) -> None:
+    """A round arrow above the frame, and how much longer than true the arrows are."""
+    length = value * gain / image_size[0]
+    axes.annotate(
+        "",
+        (length, 1.035),
+        (0.0, 1.035),
+        xycoords="axes fraction",
+        textcoords="axes fraction",
+        arrowprops={"arrowstyle": "-|>", "color": Colour.INK.light, "shrinkA": 0, "shrinkB": 0},
+    )
+    times = f", arrows drawn × {number(gain)}" if axis.unit == "px" else ""
+    axes.text(length + 0.02, 1.035, f"{axis.of(value)}{times}", transform=axes.transAxes, va="center")
+
+
+def _round(value: float) -> float:
+    """The largest of 1, 2, 5 × 10ⁿ that is no larger."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return max(step * power for step in (1, 2, 5) if step * power <= value * (1 + 1e-9))
+
+
+def _height(image_size: ImageSize) -> int:
+    """Room for the frame in its own shape, and for the axes."""
+    shape = min(1.3, max(0.35, image_size[1] / image_size[0]))
+    return round(400 * shape) + 75
+
+
+def _place(row: int, column: int, shape: tuple[int, int]) -> str:
+    """Where a cell lies, in words."""
+    down = ("at the top", "in the middle", "at the bottom")[min(2, 3 * row // shape[0])]
+    across = ("left", "centre", "right")[min(2, 3 * column // shape[1])]
+    return f"{down} {across}"

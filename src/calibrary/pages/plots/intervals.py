@@ -1,0 +1,125 @@
+"""What several sources say of one number, side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from calibrary.pages.content import Figure
+from calibrary.pages.palette import Colour
+from calibrary.pages.plots.canvas import Axis, draw, name, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["Band", "Interval", "Role", "intervals"]
+
+MOST_ROWS = 24
+
+
+class Role(Enum):
+    """What became of a source; (mark, colour, word), for a mark's shape alone must tell it."""
+
+    CHOSEN = ("D", Colour.ACCENT, "used")
+    AGREES = ("o", Colour.GOOD, "agrees")
+    DISAGREES = ("X", Colour.BAD, "disagrees")
+    ASIDE = ("s", Colour.MUTED, "no K")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """One source.
+
+    Attributes:
+        name: what it is called.
+        value: what it says.
+        half_width: by how much it may be off by its own rounding or σ, 0 where nobody knows.
+        role: what became of it.
+    """
+
+    name: str
+    value: float
+    half_width: float = 0.0
+    role: Role
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A range that is expected.
+
+    Attributes:
+        low, high: its ends.
+        text: whose expectation it is.
+    """
+
+    low: float
+    high: float
+    text: str
+
+
+def intervals(rows: Sequence[Interval], *, axis: Axis, caption: str, band: Band | None = None) -> Figure:
+    """Each source on a line of its own, with its difference from the one that is used.
+
+    Args:
+        rows: best first; what is not finite is left out.
+        axis: what they all measure.
+        caption: what to look for.
+        band: drawn behind them, where something is expected.
+    """
+    shown = [row for row in rows if math.isfinite(row.value)][:MOST_ROWS]
+    chosen = next((row for row in shown if row.role is Role.CHOSEN), None)
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        if band is not None:
+            axes.axvspan(band.low, band.high, color=Colour.LINE.light, alpha=0.6, linewidth=0)
+        if chosen is not None:
+            axes.axvline(chosen.value, color=Colour.ACCENT.light, linewidth=0.9, linestyle=(0, (3, 3)))
+        low = min([row.value - row.half_width for row in shown] + ([band.low] if band else []), default=0.0)
+        high = max([row.value + row.half_width for row in shown] + ([band.high] if band else []), default=1.0)
+        room = 0.08 * ((high - low) or abs(high) or 1.0)
+        axes.set_xlim(low - room, high + room)
+        for at, row in enumerate(shown):
+            mark, colour, _ = row.role.value
+            axes.errorbar(
+                row.value,
+                at,
+                xerr=row.half_width if row.half_width > 0 else None,
+                fmt=mark,
+                color=colour.light,
+                markersize=8,
+                capsize=4,
+                linewidth=1.6,
+            )
+            told = f"{name(row.name)}: {_told(row, chosen, axis)}"
+            axes.text(
+                0.0,
+                at - 0.3,
+                told,
+                transform=axes.get_yaxis_transform(),
+                va="bottom",
+                size=11,
+                bbox={"facecolor": Colour.SURFACE.light, "edgecolor": "none", "pad": 1.5, "alpha": 0.8},
+            )
+        axes.set_ylim(len(shown) - 0.6, -0.9)
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
+        axes.set_xlabel(axis.label)
+
+    told = "; ".join(f"{name(row.name)} {_told(row, chosen, axis)}" for row in shown)
+    alt = f"{axis.quantity} by {len(shown)} sources: {told or 'none'}."
+    if band is not None:
+        alt += f" Expected by {band.text}: {number(band.low)} to {axis.of(band.high)}."
+    return Figure(svg=draw(paint, width=520, height=70 + 52 * max(1, len(shown))), alt=alt, caption=caption)
+
+
+def _told(row: Interval, chosen: Interval | None, axis: Axis) -> str:
+    """The value, how far from the chosen one, and what became of it."""
+    said = f"{row.value:.1f} {axis.unit}".strip() if abs(row.value) >= 100 else axis.of(row.value)
+    if chosen is None or row is chosen or chosen.value == 0:
+        return f"{said}, {row.role.value[2]}"
+    apart = f"{row.value / chosen.value - 1.0:+.1%}".replace("-", "−").replace("%", " %")
+    return f"{said}, {apart}, {row.role.value[2]}"

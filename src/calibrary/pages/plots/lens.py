@@ -1,0 +1,161 @@
+"""What a lens does to the image: where each pixel is moved, and how far out that can be undone."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calibrary.calibration import Calibration
+from calibrary.pages.content import Figure
+from calibrary.pages.palette import Colour
+from calibrary.pages.plots.canvas import Axis, FloatArray, draw, number
+from calibrary.pages.plots.frames import heat_map, vector_field
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["displacement", "distortion_map", "radial_curve"]
+
+GRID = (17, 13)
+PERSPECTIVE_LIMIT = math.radians(70.0)
+"""Beyond this a pinhole's image runs away, and a lens is held against an equidistant one."""
+
+NEARLY_SIDEWAYS = math.cos(math.radians(80.0))
+DIRECTIONS = 24
+
+
+def displacement(calibration: Calibration, pixels: FloatArray) -> FloatArray:
+    """(N, 2) px: from where a pinhole with this K would see what is seen at ``pixels``, to there.
+
+    NaN where nothing is seen, and beyond 80 degrees from the axis, where a pinhole's image runs away.
+    """
+    rays = calibration.unproject(pixels)
+    K = calibration.intrinsics
+    with np.errstate(all="ignore"):
+        x, y = rays[:, 0] / rays[:, 2], rays[:, 1] / rays[:, 2]
+    ideal = np.column_stack([K.fx * x + K.skew * y + K.cx, K.fy * y + K.cy])
+    ideal[~(rays[:, 2] > NEARLY_SIDEWAYS)] = math.nan
+    return pixels - ideal
+
+
+def distortion_map(calibration: Calibration, *, caption: str | None = None) -> tuple[Figure, Figure]:
+    """The displacement by the lens, as arrows and as amounts in px."""
+    size = calibration.intrinsics.image_size
+    columns, rows = GRID if size[0] >= size[1] else GRID[::-1]
+    grid = _grid(size, columns, rows)
+    quantity = "displacement by the lens"
+    arrows = vector_field(
+        grid,
+        displacement(calibration, grid),
+        size,
+        axis=Axis(quantity, "px"),
+        caption=caption or "From where a pinhole would see a point to where this lens shows it.",
+    )
+    fine = np.hypot(*displacement(calibration, _grid(size, 60, 45)).T).reshape(45, 60)
+    amounts = heat_map(
+        fine, size, axis=Axis(quantity, "px"), caption="How far the lens moves each part of the image."
+    )
+    return arrows, amounts
+
+
+def radial_curve(calibration: Calibration, *, caption: str | None = None) -> Figure:
+    """The displacement along the radius over the angle from the axis, out to the corner and to the fold.
+
+    Beyond 70 degrees from the axis, where a pinhole's image runs away, an equidistant lens takes its place.
+    """
+    corner, fold = _angles(calibration)
+    edge = fold if corner is None else corner
+    wide = edge > PERSPECTIVE_LIMIT
+    limit = math.radians(179.0) if wide else math.radians(85.0)
+    reach = min(limit, max(edge, min(fold, 1.25 * edge)))
+    angles = np.linspace(0.0, reach, 121)
+    low, mean, high = _departure(calibration, angles, wide=wide)
+    reference = "an equidistant lens" if wide else "a pinhole"
+    in_view = angles <= edge
+    largest = (
+        mean[in_view][int(np.nanargmax(np.abs(mean[in_view])))]
+        if np.isfinite(mean[in_view]).any()
+        else math.nan
+    )
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        degrees = np.degrees(angles)
+        axes.fill_between(degrees, low, high, color=Colour.ACCENT.light, alpha=0.25, linewidth=0)
+        axes.plot(degrees, mean, color=Colour.ACCENT.light, linewidth=1.8)
+        axes.axhline(0, color=Colour.MUTED.light, linewidth=0.8)
+        axes.grid()
+        axes.set_xlabel("angle from the optical axis (°)")
+        axes.set_ylabel(f"displacement from {reference} (px)")
+        if corner is not None:
+            _mark(axes, math.degrees(corner), "corner", Colour.INK, before=True)
+        if fold <= reach:
+            _mark(axes, math.degrees(fold), "folds back", Colour.BAD, before=False)
+        axes.set_xlim(0, math.degrees(reach) * 1.06)
+
+    folds = f"The model folds back at {math.degrees(fold):.1f}°"
+    if corner is None:
+        folds += ", inside the image: nothing is seen in at least one corner."
+    elif fold < limit:
+        folds += ", outside the image."
+    else:
+        folds = "The model does not fold back."
+    alt = f"Radial displacement from {reference} over the angle from the axis: {number(largest)} px at most in view"
+    alt += f", the corner at {math.degrees(corner):.1f}°. {folds}" if corner is not None else f". {folds}"
+    told = caption or f"Outwards is positive. {folds}"
+    return Figure(svg=draw(paint, width=520, height=340), alt=alt, caption=told)
+
+
+def _grid(size: tuple[int, int], columns: int, rows: int) -> FloatArray:
+    """(columns · rows, 2) px, the middles of equal cells, row by row."""
+    x = (np.arange(columns) + 0.5) * size[0] / columns
+    y = (np.arange(rows) + 0.5) * size[1] / rows
+    return np.column_stack([axis.ravel() for axis in np.meshgrid(x, y)])
+
+
+def _angles(calibration: Calibration) -> tuple[float | None, float]:
+    """(the farthest corner's angle from the axis, the angle at which the model folds back), radians.
+
+    None where nothing is seen in a corner: it lies beyond the fold.
+    """
+    width, height = calibration.intrinsics.image_size
+    corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
+    fold = calibration.distortion.max_angle_rad() if calibration.distortion is not None else math.pi / 2
+    depth = float(calibration.unproject(corners)[:, 2].min())
+    return (math.acos(max(-1.0, min(1.0, depth))) if math.isfinite(depth) else None), fold
+
+
+def _departure(
+    calibration: Calibration, angles: FloatArray, *, wide: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(least, mean, largest) over all directions of the radius in the image less the reference's, px."""
+    K = calibration.intrinsics
+    around = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
+    theta, phi = (axis.ravel() for axis in np.meshgrid(angles, around, indexing="ij"))
+    rays = np.column_stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+    seen = calibration.project(rays) - (K.cx, K.cy)
+    radius = theta if wide else np.tan(theta)
+    reference = np.column_stack([K.fx * radius * np.cos(phi), K.fy * radius * np.sin(phi)])
+    outwards = np.column_stack([np.cos(phi), np.sin(phi)])
+    along = ((seen - reference) * outwards).sum(axis=1).reshape(len(angles), DIRECTIONS)
+    return along.min(axis=1), along.mean(axis=1), along.max(axis=1)
+
+
+def _mark(axes: Axes, at: float, text: str, colour: Colour, *, before: bool) -> None:
+    dashes = (2, 2) if before else (6, 3)
+    axes.axvline(at, color=colour.light, linewidth=1.3, linestyle=(0, dashes))
+    axes.annotate(
+        f"{text} {at:.1f}°",
+        (at, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(-3 if before else 3, -3),
+        textcoords="offset points",
+        ha="right" if before else "left",
+        va="top",
+        color=colour.light,
+        rotation=90,
+        size=10,
+    )

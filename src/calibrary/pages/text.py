@@ -1,0 +1,35 @@
+"""Text from files and tags, made safe to look at: what cannot be seen is spelt out, and nothing goes on for ever."""
+
+from __future__ import annotations
+
+import unicodedata
+
+__all__ = ["LONGEST", "visible"]
+
+LONGEST = 4_000
+"""Characters of one piece of text on a page."""
+
+MOST_MARKS = 4
+"""Accents on one letter; stacked higher they cover the lines around it."""
+
+
+def visible(text: str, most: int = LONGEST) -> str:
+    """The text with control, direction and other unprintable characters spelt out, cut to ``most`` characters.
+
+    Escaping for HTML is the template's part. Direction overrides would show a name backwards, and a lone
+    surrogate (a byte of a file name that is no UTF-8) cannot be encoded at all.
+    """
+    cut = len(text) > most
+    shown: list[str] = []
+    marks = 0
+    for c in text[:most]:
+        marks = marks + 1 if unicodedata.combining(c) else 0
+        if marks > MOST_MARKS:
+            continue
+        if c.isprintable():
+            shown.append(c)
+        elif c.isspace():
+            shown.append(" ")
+        else:
+            shown.append(f"\\x{ord(c):02x}" if ord(c) < 0x100 else f"\\u{ord(c):04x}")
+    return "".join(shown) + (f"… ({len(text)} characters)" if cut else "")

@@ -1,0 +1,208 @@
+"""Pages in a real browser: nothing fetched, nothing complained of, readable by everyone, on a phone too."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, Route, sync_playwright
+
+from calibrary.extract.hand_off import Solver
+from calibrary.extract.outputs import plan
+from calibrary.extract.page import outcome_page
+from calibrary.pages import render_page
+from tests.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
+from tests.pages.gallery import gallery
+
+BROWSERS = ("chromium", "google-chrome", "chromium-browser")
+PROGRAM = next((path for name in BROWSERS if (path := shutil.which(name)) is not None), None)
+PHONE, DESK = (360, 740), (1280, 900)
+PAGES = ("gallery", "extract")
+AXE = resources.files("axe_playwright_python").joinpath("axe.min.js")
+
+pytestmark = pytest.mark.skipif(
+    PROGRAM is None, reason=f"no {', '.join(BROWSERS)}: install Debian's chromium to test pages in it"
+)
+
+
+@dataclass(slots=True)
+class Seen:
+    """What a page did beside being shown."""
+
+    requests: list[str] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        # Chromium's sandbox does not start for root, as whom containers run.
+        root = hasattr(os, "geteuid") and os.geteuid() == 0
+        options = ["--no-sandbox"] if root else []
+        launched = playwright.chromium.launch(executable_path=PROGRAM, args=options)
+        yield launched
+        launched.close()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pages, as files."""
+    out = tmp_path_factory.mktemp("pages")
+    (out / "gallery.html").write_text(render_page(gallery()), encoding="utf-8")
+    flight = out / "flight"
+    picture(flight / "valid.jpg", **P4R, dewarp=DEWARP, focal_35mm=24)
+    picture(flight / "unproven.jpg", **NOBODY, focal_35mm=36)
+    picture(flight / "<script>alert(1)<!--.jpg", make="<b>Example", model="\" onload='x", focal_mm=(600, 10))
+    picture(flight / "stripped.jpg")
+    (flight / "torn.jpg").write_bytes(b"\xff\xd8\xff")
+    outcome = gate(flight)
+    page = outcome_page(outcome, plan(outcome, out / "K_matrix.npy", Solver.NONE))
+    (out / "extract.html").write_text(render_page(page), encoding="utf-8")
+    return out
+
+
+def watched(context: BrowserContext) -> tuple[Page, Seen]:
+    """A tab in which every request but for the page itself is recorded and refused."""
+    seen, tab = Seen(), context.new_page()
+
+    def refuse(route: Route) -> None:
+        url = route.request.url
+        if url.startswith("file:") and route.request.is_navigation_request():
+            route.continue_()
+            return
+        seen.requests.append(url)
+        route.abort()
+
+    tab.route("**/*", refuse)
+    tab.on("console", lambda message: seen.complaints.append(message.text))
+    tab.on("pageerror", lambda error: seen.complaints.append(str(error)))
+    tab.on("dialog", lambda dialog: seen.complaints.append(dialog.message))
+    return tab, seen
+
+
+@pytest.fixture(
+    scope="module", params=[(name, scheme) for name in PAGES for scheme in ("light", "dark")], ids="-".join
+)
+def shown(request: pytest.FixtureRequest, browser: Browser, folder: Path) -> Iterator[tuple[Page, Seen]]:
+    """Each page, opened in each theme."""
+    name, scheme = request.param
+    context = browser.new_context(
+        viewport={"width": DESK[0], "height": DESK[1]}, color_scheme=scheme, reduced_motion="reduce"
+    )
+    tab, seen = watched(context)
+    tab.goto((folder / f"{name}.html").as_uri())
+    yield tab, seen
+    context.close()
+
+
+def test_a_page_fetches_nothing_and_the_console_stays_empty(shown: tuple[Page, Seen]) -> None:
+    tab, seen = shown
+    tab.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    # A data: address is no request; anything else would have been recorded.
+    assert [url for url in seen.requests if not url.startswith("data:")] == []
+    assert seen.complaints == []
+
+
+def faults(tab: Page) -> list[str]:
+    """What axe-core calls serious or critical in a page."""
+    tab.evaluate(AXE.read_text(encoding="utf-8"))
+    found = tab.evaluate("axe.run({resultTypes: ['violations']})")
+    return [
+        f"{rule['impact']}: {rule['id']}: {rule['help']}: {node['html'][:200]}"
+        for rule in found["violations"]
+        for node in rule["nodes"][:3]
+        if rule["impact"] in {"serious", "critical"}
+    ]
+
+
+def test_axe_finds_nothing_serious(shown: tuple[Page, Seen]) -> None:
+    tab, _ = shown
+    tab.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    assert faults(tab) == []
+
+
+def test_axe_would_find_something(browser: Browser) -> None:
+    context = browser.new_context()
+    tab = context.new_page()
+    tab.set_content("<html lang=en><title>x</title><p style='color:#bbb'>pale</p><img src='data:,'>")
+    assert {fault.split(": ")[1] for fault in faults(tab)} >= {"color-contrast", "image-alt"}
+    context.close()
+
+
+def test_plots_follow_the_theme(shown: tuple[Page, Seen]) -> None:
+    tab, _ = shown
+    label, ground = tab.evaluate(
+        "[getComputedStyle(document.querySelector('.plot text')).fill,"
+        " getComputedStyle(document.body).backgroundColor]"
+    )
+    light = ground == "rgb(255, 255, 255)"
+    assert label == ("rgb(27, 31, 36)" if light else "rgb(230, 233, 238)")
+
+
+def test_every_plot_is_drawn(shown: tuple[Page, Seen]) -> None:
+    tab, _ = shown
+    sizes = tab.evaluate(
+        "[...document.querySelectorAll('.plot')].map(p => [p.getBoundingClientRect().width,"
+        " p.querySelectorAll('path, use, image').length])"
+    )
+    assert sizes
+    assert all(width > 300 and marks > 2 for width, marks in sizes)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_on_a_phone_no_page_scrolls_sideways(browser: Browser, folder: Path, name: str) -> None:
+    context = browser.new_context(viewport={"width": PHONE[0], "height": PHONE[1]}, has_touch=True)
+    tab, _ = watched(context)
+    tab.goto((folder / f"{name}.html").as_uri())
+    tab.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    assert tab.evaluate("document.documentElement.scrollWidth") == PHONE[0]
+    wide = tab.evaluate(
+        "[...document.querySelectorAll('.scroll')].filter(b => b.scrollWidth > b.clientWidth).length"
+    )
+    assert wide > 0
+    context.close()
+
+
+def test_a_script_that_slipped_in_would_not_run(browser: Browser, folder: Path) -> None:
+    html = (folder / "gallery.html").read_text(encoding="utf-8")
+    slipped = (
+        "<script>document.title = 'owned'</script><img src='https://example.org/x.png'><p style='color:red'>x"
+    )
+    (folder / "slipped.html").write_text(html.replace("<footer>", f"{slipped}<footer>"), encoding="utf-8")
+    context = browser.new_context()
+    tab, seen = watched(context)
+    tab.goto((folder / "slipped.html").as_uri())
+    assert tab.title() != "owned"
+    assert seen.requests == []
+    assert len(seen.complaints) == 3
+    assert all("Content Security Policy" in complaint for complaint in seen.complaints)
+    context.close()
+
+
+def test_the_keyboard_reaches_the_content_first_and_sees_where_it_is(browser: Browser, folder: Path) -> None:
+    context = browser.new_context()
+    tab, _ = watched(context)
+    tab.goto((folder / "gallery.html").as_uri())
+    tab.keyboard.press("Tab")
+    left, outline = tab.evaluate(
+        "[document.activeElement.getBoundingClientRect().left, getComputedStyle(document.activeElement).outlineWidth]"
+    )
+    assert (left >= 0, outline) == (True, "3px")
+    tab.keyboard.press("Enter")
+    assert tab.evaluate("document.activeElement.id") == "content"
+    context.close()
+
+
+def test_paper_is_light_and_shows_what_is_folded_away(browser: Browser, folder: Path) -> None:
+    context = browser.new_context(color_scheme="dark")
+    tab, _ = watched(context)
+    tab.goto((folder / "gallery.html").as_uri())
+    tab.emulate_media(media="print")
+    assert tab.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert tab.evaluate("document.querySelector('details table').getBoundingClientRect().height") > 0
+    context.close()

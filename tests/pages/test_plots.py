@@ -1,0 +1,294 @@
+"""Plots: they show the numbers they are given, say in words what they show, and come out the same everywhere."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import cv2
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from calibrary.distortion import BrownConrady
+from calibrary.errors import InputError
+from calibrary.pages import Figure
+from calibrary.pages.plots import (
+    Axis,
+    Band,
+    Interval,
+    Role,
+    Series,
+    bars,
+    correlations,
+    displacement,
+    distortion_map,
+    heat_map,
+    intervals,
+    poses,
+    radial_curve,
+    scatter,
+    timeline,
+    vector_field,
+)
+from calibrary.pages.plots.canvas import number
+from calibrary.pages.svg import inline_svg
+from calibrary.quality import Covariance
+from tests.pages.gallery import BROWN, FISHEYE, HOSTILE, SIZE, calibration, plots
+
+PX = Axis("rms", "px")
+NOTHING = np.empty((0, 2))
+LOST = np.full((3, 2), math.nan)
+
+
+def words(figure: Figure) -> list[str]:
+    """The text that is drawn."""
+    return re.findall(r"<text[^>]*>([^<]*)</text>", inline_svg(figure.svg, alt="", prefix="p"))
+
+
+@pytest.fixture(scope="module")
+def gallery() -> dict[str, Figure]:
+    return plots()
+
+
+class TestEveryPlot:
+    def test_is_the_same_bytes_whatever_the_user_has_set_up(self, gallery: dict[str, Figure]) -> None:
+        with mpl.rc_context(
+            {"font.size": 30, "axes.grid": True, "svg.fonttype": "path", "text.color": "red"}
+        ):
+            assert plots.__wrapped__() == gallery
+
+    def test_leaves_what_the_user_has_set_up_as_it_was(self) -> None:
+        with mpl.rc_context({"font.size": 30}):
+            bars([1.0], labels=["a"], axis=PX, caption="c")
+            assert mpl.rcParams["font.size"] == 30
+
+    def test_carries_no_date_and_no_place(self, gallery: dict[str, Figure]) -> None:
+        for figure in gallery.values():
+            assert re.findall(r"\b20[234]\d-\d\d-\d\dT|/home/|/usr/", figure.svg) == []
+
+    def test_says_in_a_sentence_what_it_shows(self, gallery: dict[str, Figure]) -> None:
+        for kind, figure in gallery.items():
+            assert re.match(r".{25,}\.$", figure.alt), kind
+
+    def test_has_words_as_words_and_units_beside_what_it_measures(self, gallery: dict[str, Figure]) -> None:
+        for kind, figure in gallery.items():
+            if kind not in {"coverage", "correlations"}:
+                assert any(re.search(r"\((px|°|mm)\)", text) for text in words(figure)), kind
+
+    def test_takes_its_colours_from_the_palette_but_for_the_maps_own(
+        self, gallery: dict[str, Figure]
+    ) -> None:
+        for kind, figure in gallery.items():
+            drawn = inline_svg(figure.svg, alt="", prefix="p")
+            for element in re.findall(r"<\w+ [^>]*>", drawn):
+                for paint, colour in re.findall(r'(fill|stroke)="(#\w+)"', element):
+                    assert f"{paint[0]}-" in element or colour in {"#101010", "#fefefe"}, (kind, element)
+
+    @pytest.mark.parametrize(
+        "make",
+        [
+            lambda: bars([], labels=[], axis=PX, limit=0.5, caption="c"),
+            lambda: bars([math.nan] * 3, labels=["a"] * 3, axis=PX, limit=0.5, caption="c"),
+            lambda: bars([math.inf, 1.0], labels=["a", "b"], axis=PX, limit=0.5, caption="c"),
+            lambda: bars(np.ones(3000), labels=["name"] * 3000, axis=PX, caption="c"),
+            lambda: vector_field(NOTHING, NOTHING, SIZE, axis=PX, caption="c"),
+            lambda: vector_field(LOST, LOST, SIZE, axis=PX, caption="c"),
+            lambda: vector_field(np.ones((3, 2)), np.zeros((3, 2)), SIZE, axis=PX, caption="c"),
+            lambda: vector_field(np.ones((3, 2)), np.full((3, 2), 1e-300), SIZE, axis=PX, caption="c"),
+            lambda: vector_field(np.ones((3, 2)), np.full((3, 2), 1e300), SIZE, axis=PX, caption="c"),
+            lambda: heat_map(np.full((4, 5), math.nan), SIZE, axis=PX, caption="c"),
+            lambda: heat_map(np.zeros((4, 5)), SIZE, axis=PX, caption="c"),
+            lambda: heat_map([[1.0]], (10, 5000), axis=PX, caption="c"),
+            lambda: heat_map([[1.0, math.inf], [-2.0, 3.0]], (5000, 10), axis=PX, caption="c"),
+            lambda: scatter(NOTHING, x=PX, y=PX, caption="c"),
+            lambda: scatter(LOST, x=PX, y=PX, caption="c", equal=True),
+            lambda: poses(np.zeros((2, 3)), [1.0, 2.0], axis=PX, caption="c"),
+            lambda: poses(np.empty((0, 3)), [], axis=PX, caption="c"),
+            lambda: timeline([], labels=[], caption="c"),
+            lambda: timeline([Series(axis=PX, values=[])], labels=[], caption="c"),
+            lambda: timeline([Series(axis=PX, values=[math.nan])], labels=["a"], caption="c"),
+            lambda: correlations(Covariance(names=(), upper=()), caption="c"),
+            lambda: correlations(Covariance(names=("fx",), upper=(1.0,)), caption="c"),
+            lambda: correlations(Covariance(names=("a", "b"), upper=(0.0, 0.0, 1.0)), caption="c"),
+            lambda: intervals([], axis=PX, caption="c"),
+            lambda: intervals([Interval(name="a", value=math.nan, role=Role.CHOSEN)], axis=PX, caption="c"),
+            lambda: intervals([Interval(name="a", value=0.0, role=Role.CHOSEN)] * 99, axis=PX, caption="c"),
+            lambda: distortion_map(calibration(None))[0],
+            lambda: radial_curve(calibration(None)),
+            lambda: radial_curve(calibration(BrownConrady(k1=-9.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0))),
+        ],
+    )
+    def test_of_nothing_or_of_nonsense_is_still_a_plot(self, make: Callable[[], Figure]) -> None:
+        figure = make()
+        assert "nan" not in words(figure)
+        assert len(inline_svg(figure.svg, alt=figure.alt, prefix="p")) < 300_000
+
+    @pytest.mark.parametrize("text", HOSTILE)
+    def test_shows_a_name_as_a_name(self, text: str) -> None:
+        figure = bars([1.0, 2.0], labels=[text, "b"], axis=Axis(text, "px"), limit=1.5, caption="c")
+        assert max(len(word) for word in words(figure)) < 120
+        assert "$" not in text or any("$" in word for word in words(figure))
+
+
+class TestBars:
+    def test_names_what_lies_above_the_limit(self) -> None:
+        figure = bars([0.2, 0.9, 0.3, math.nan], labels=["a", "b", "c", "d"], axis=PX, limit=0.5, caption="x")
+        assert figure.alt.endswith("The limit is 0.5 px; 1 above it: b.")
+        assert "limit 0.5 px" in words(figure)
+        assert figure.svg.count("fill: #b0241c") == 1
+
+    def test_need_a_label_each(self) -> None:
+        with pytest.raises(InputError, match="2 bars have 1 labels"):
+            bars([1.0, 2.0], labels=["a"], axis=PX, caption="c")
+
+
+class TestVectorField:
+    def test_tells_the_root_mean_square_and_the_longest(self) -> None:
+        figure = vector_field([[1, 1], [9, 9]], [[3, 4], [0, 0]], (10, 10), axis=PX, caption="c")
+        assert f"root mean square {number(math.sqrt(12.5))} px, longest 5 px" in figure.alt
+
+    def test_cuts_what_is_far_longer_than_the_rest_and_says_so(self) -> None:
+        vectors = np.ones((60, 2))
+        vectors[7] = 500.0
+        figure = vector_field(np.full((60, 2), 50.0), vectors, (100, 100), axis=PX, caption="c")
+        assert "1 longer ones are drawn cut" in figure.alt
+
+    def test_counts_the_points_without_a_value(self) -> None:
+        figure = vector_field([[1, 1], [2, 2]], [[1.0, 1.0], [math.nan, 0.0]], (9, 9), axis=PX, caption="c")
+        assert figure.alt.endswith("1 points have no value.")
+
+    def test_draws_an_arrow_from_its_point_in_its_direction(self) -> None:
+        figure = vector_field([[50, 50]], [[2, 0]], (100, 100), axis=PX, caption="c")
+        [path] = re.findall(r'<path d="([^"]*)"[^>]*stroke: #0b5cad', figure.svg)
+        (x0, y0), (x1, y1) = re.findall(r"[ML] ([\d.]+) ([\d.]+)", path)[:2]
+        assert float(x1) > float(x0)
+        assert y0 == y1
+
+    def test_needs_a_vector_for_each_point(self) -> None:
+        with pytest.raises(InputError, match="2 points have 1 vectors"):
+            vector_field([[1, 1], [2, 2]], [[1, 1]], (9, 9), axis=PX, caption="c")
+
+
+class TestHeatMap:
+    def test_tells_the_range_and_where_it_is_largest(self) -> None:
+        values = np.full((6, 9), 0.1)
+        values[5, 0] = 0.75
+        figure = heat_map(values, SIZE, axis=PX, caption="c")
+        assert "from 0.1 to 0.75 px, largest at the bottom left" in figure.alt
+
+    def test_has_contour_lines_where_it_is_told_to(self) -> None:
+        y, x = np.mgrid[0:20, 0:30]
+        figure = heat_map(np.hypot(x - 15, y - 10), SIZE, axis=PX, levels=[5.0, 7.5], caption="c")
+        assert {"5", "7.5"} <= set(words(figure))
+
+    def test_of_counts_keeps_its_cells_apart(self, gallery: dict[str, Figure]) -> None:
+        assert "pixelated" in gallery["coverage"].svg
+        assert "pixelated" not in gallery["heat map"].svg
+        assert "cells have no value" in gallery["coverage"].alt
+
+    @pytest.mark.parametrize("shape", [(0, 4), (3,), (2, 2, 2), (2000, 2)])
+    def test_of_no_grid_is_refused(self, shape: tuple[int, ...]) -> None:
+        with pytest.raises(InputError, match="wanted"):
+            heat_map(np.zeros(shape), SIZE, axis=PX, caption="c")
+
+
+class TestPoses:
+    def test_tell_how_far_the_board_was_tilted(self) -> None:
+        normals = [
+            np.asarray(cv2.Rodrigues(np.radians([angle, 0.0, 0.0]))[0])[:, 2] for angle in (5.0, -35.0)
+        ]
+        figure = poses(np.array(normals) * 7, [900, 1200], axis=Axis("distance", "mm"), caption="c")
+        assert figure.alt.startswith("Tilt of the board in 2 views, 5 to 35 °; distance, 900 to 1200 mm.")
+
+    def test_do_not_mind_which_side_of_the_board_its_normal_leaves(self) -> None:
+        one, other = (poses([[0.1, 0.2, z]], [9], axis=PX, caption="c") for z in (0.9, -0.9))
+        assert one.alt == other.alt
+
+
+class TestTimeline:
+    def test_names_what_is_marked_and_before_what(self, gallery: dict[str, Figure]) -> None:
+        assert "Marked: firmware 02.00 before 2026-01-15." in gallery["timeline"].alt
+        assert "fx, 3700.0 to 3704.1 px" in gallery["timeline"].alt
+
+    def test_needs_a_value_for_each_revision(self) -> None:
+        with pytest.raises(InputError, match="rms has 2 values over 1 revisions"):
+            timeline([Series(axis=PX, values=[1, 2])], labels=["a"], caption="c")
+        with pytest.raises(InputError, match="σ of rms has 2 values over 1 revisions"):
+            timeline([Series(axis=PX, values=[1], std=[1, 2])], labels=["a"], caption="c")
+
+
+def test_correlations_name_the_strongest_pair() -> None:
+    samples = np.random.default_rng(3).normal(size=(3, 50))
+    samples[2] -= 3 * samples[0]
+    rho = float(np.asarray(np.corrcoef(samples))[0, 2])
+    figure = correlations(Covariance.from_matrix(("fx", "fy", "k1"), np.cov(samples)), caption="c")
+    assert f"Strongest: fx with k1 {number(rho)}" in figure.alt
+    assert f"{rho:.2f}".replace("-0", "−") in words(figure)
+
+
+class TestIntervals:
+    def test_tell_each_source_its_difference_and_what_became_of_it(self) -> None:
+        rows = [
+            Interval(name="tag", value=3700.0, role=Role.CHOSEN),
+            Interval(name="film", value=4070.0, half_width=80.0, role=Role.DISAGREES),
+        ]
+        figure = intervals(rows, axis=Axis("fx", "px"), band=Band(3600, 3800, "the catalogue"), caption="c")
+        assert "tag 3700.0 px, used; film 4070.0 px, +10.0 %, disagrees." in figure.alt
+        assert "Expected by the catalogue: 3600 to 3800 px." in figure.alt
+        assert "film: 4070.0 px, +10.0 %, disagrees" in words(figure)
+
+    def test_give_each_role_a_shape_of_its_own(self) -> None:
+        assert len({role.value[0] for role in Role}) == len(Role)
+
+
+class TestTheLens:
+    def test_moves_a_pixel_as_opencv_does(self) -> None:
+        pixels = np.random.default_rng(2).uniform((0, 0), SIZE, (50, 2))
+        K = BROWN.intrinsics.matrix - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+        assert isinstance(BROWN.distortion, BrownConrady)
+        d = BROWN.distortion
+        ideal = pixels - 0.5 - displacement(BROWN, pixels)
+        rays = np.column_stack([(ideal - K[:2, 2]) / np.diag(K)[:2], np.ones(len(ideal))])
+        seen, _ = cv2.projectPoints(
+            rays, np.zeros(3), np.zeros(3), K, np.array([d.k1, d.k2, d.p1, d.p2, d.k3])
+        )
+        np.testing.assert_allclose(seen[:, 0], pixels - 0.5, atol=1e-6)
+
+    def test_of_unknown_distortion_moves_nothing(self) -> None:
+        pixels = np.array([[0.0, 0.0], [2000.0, 1000.0]])
+        np.testing.assert_allclose(displacement(calibration(None), pixels), 0.0, atol=1e-9)
+
+    def test_folds_where_its_radial_polynomial_turns(self) -> None:
+        # d/dr of r − 0.3 r³ is zero at r² = 1 / 0.9.
+        lens = calibration(BrownConrady(k1=-0.3, k2=0.0, p1=0.0, p2=0.0, k3=0.0))
+        fold = math.degrees(math.atan(math.sqrt(1 / 0.9)))
+        assert f"folds back at {fold:.1f}°, inside the image" in radial_curve(lens).alt
+        assert f"folds back {fold:.1f}°" in words(radial_curve(lens))
+
+    def test_that_folds_inside_the_image_is_told_so(self) -> None:
+        lens = calibration(BrownConrady(k1=-0.9, k2=0.0, p1=0.0, p2=0.0, k3=0.0))
+        assert "inside the image: nothing is seen in at least one corner" in radial_curve(lens).alt
+
+    def test_that_does_not_fold_is_told_so(self) -> None:
+        lens = calibration(BrownConrady(k1=0.1, k2=0.0, p1=0.0, p2=0.0, k3=0.0))
+        assert radial_curve(lens).alt.endswith("The model does not fold back.")
+
+    def test_that_is_a_fisheye_is_held_against_an_equidistant_one(self) -> None:
+        assert "from an equidistant lens" in radial_curve(FISHEYE).alt
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0, "0"),
+        (0.31, "0.31"),
+        (3657.02, "3657"),
+        (-0.1234, "−0.123"),
+        (1e-7, "1e−07"),
+        (math.nan, "unknown"),
+    ],
+)
+def test_a_number_has_three_digits(value: float, text: str) -> None:
+    assert number(value) == text
