@@ -1,14 +1,17 @@
-"""Draw the README's picture: what ``calibrary extract`` really says of part of the demonstration flight.
+"""Draw the documentation's pictures from real output: the terminal's as SVG, pages as a browser shows them.
 
-``make pictures`` runs this file after the output has changed; a test compares the picture with the output.
+``make pictures`` runs this file after the output has changed; a test compares the terminal's picture with the
+output. Pages need Chromium and Playwright, and are drawn only when they are asked for (``--pages``).
 """
 
 from __future__ import annotations
 
 import argparse
 import io
+import os
 import shutil
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,7 +21,12 @@ from rich.text import Text
 
 from calibrary.cli.extract_display import judgement
 from calibrary.demo import write_flight
+from calibrary.extract.hand_off import Solver
+from calibrary.extract.outcome import Outcome
+from calibrary.extract.outputs import plan
+from calibrary.extract.page import outcome_page
 from calibrary.extract.run import Request, run
+from calibrary.pages import render_page
 
 DOCS = Path(__file__).parent
 WIDTH = 90
@@ -74,15 +82,26 @@ monospace; font-variant-east-asian: full-width; }}
 """
 
 
-def draw(flight: Path) -> str:
-    """The picture, as SVG, of the chosen files of a demonstration flight."""
+BROWSERS = ("chromium", "google-chrome", "chromium-browser")
+PAGE_WIDTH = 1180
+PAGE_COLOURS = 128
+EXTRACT_PARTS = (("header", 640), ("#dji-fc6310r-5472x3648", 730))
+"""The overview, and one camera whole."""
+
+
+def judge(flight: Path) -> Outcome:
+    """What the gate makes of the chosen files of a demonstration flight."""
     with TemporaryDirectory() as folder:
         for pattern in CHOSEN:
             for path in sorted(flight.glob(pattern)):
                 copy = Path(folder) / path.relative_to(flight)
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(path, copy)
-        outcome = run(Request(image_dir=Path(folder), recursive=True))
+        return run(Request(image_dir=Path(folder), recursive=True))
+
+
+def draw(outcome: Outcome) -> str:
+    """What the terminal shows, as SVG."""
     console = Console(
         record=True, width=WIDTH, file=io.StringIO(), force_terminal=True, color_system="truecolor"
     )
@@ -91,21 +110,71 @@ def draw(flight: Path) -> str:
     return console.export_svg(title="calibrary", theme=THEME, code_format=FRAME, unique_id="extract")
 
 
+def extract_page(outcome: Outcome) -> str:
+    """What ``--html`` writes."""
+    with TemporaryDirectory() as folder:
+        return render_page(outcome_page(outcome, plan(outcome, Path(folder) / "K_matrix.npy", Solver.NONE)))
+
+
+def screenshot(html: str, out: Path, *, parts: Sequence[tuple[str, int]]) -> None:
+    """Parts of a page as Chromium shows them, one below the other, in few colours.
+
+    Args:
+        html: the page.
+        out: the PNG to write.
+        parts: where each begins, as a CSS selector, and its height in px of the screen.
+    """
+    from PIL import Image
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415  only who draws pages needs it
+
+    program = next((found for name in BROWSERS if (found := shutil.which(name)) is not None), None)
+    if program is None:
+        raise SystemExit(f"pages are drawn by one of {', '.join(BROWSERS)}, and none is installed")
+    picture = Image.new("RGB", (PAGE_WIDTH, sum(height for _, height in parts)))
+    with TemporaryDirectory() as folder, sync_playwright() as playwright:
+        page = Path(folder) / "page.html"
+        page.write_text(html, encoding="utf-8")
+        root = hasattr(os, "geteuid") and os.geteuid() == 0
+        options = ["--no-sandbox"] if root else []
+        browser = playwright.chromium.launch(executable_path=program, args=options)
+        tab = browser.new_page(viewport={"width": PAGE_WIDTH, "height": 900}, color_scheme="light")
+        tab.goto(page.as_uri())
+        below = 0
+        for selector, height in parts:
+            top = tab.locator(selector).bounding_box()
+            if top is None:
+                raise SystemExit(f"the page has no {selector}")
+            taken = tab.screenshot(
+                full_page=True,
+                clip={"x": 0.0, "y": max(0.0, top["y"] - 8.0), "width": PAGE_WIDTH, "height": height},
+            )
+            with Image.open(io.BytesIO(taken)) as shot:
+                picture.paste(shot.convert("RGB"), (0, below))
+            below += height
+        browser.close()
+    picture.quantize(PAGE_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+        out, optimize=True
+    )
+
+
 def main() -> int:
     """Draw into a folder, this one unless another is named."""
-    parser = argparse.ArgumentParser(description="Draw the README's picture.")
+    parser = argparse.ArgumentParser(description="Draw the documentation's pictures.")
     parser.add_argument(
         "out", type=Path, nargs="?", default=DOCS, help="folder (default: where this file lies)"
     )
     parser.add_argument("--flight", type=Path, help="a demonstration flight that is there already")
+    parser.add_argument("--pages", action="store_true", help="also those of pages, which Chromium draws")
     arguments = parser.parse_args()
     if arguments.flight is not None:
-        picture = draw(arguments.flight)
+        outcome = judge(arguments.flight)
     else:
         with TemporaryDirectory() as folder:
             write_flight(Path(folder))
-            picture = draw(Path(folder))
-    (arguments.out / "extract.svg").write_text(picture, encoding="utf-8")
+            outcome = judge(Path(folder))
+    (arguments.out / "extract.svg").write_text(draw(outcome), encoding="utf-8")
+    if arguments.pages:
+        screenshot(extract_page(outcome), arguments.out / "extract-page.png", parts=EXTRACT_PARTS)
     return 0
 
 

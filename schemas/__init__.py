@@ -55,6 +55,8 @@ def validator(name: str) -> Validator:
     from jsonschema import Draft202012Validator, TypeChecker, validators  # noqa: PLC0415  the reason above
     from referencing import Registry, Resource  # noqa: PLC0415  the reason above
 
+    from calibrary.schemas.quick import QuickKeywords  # noqa: PLC0415  the reason above
+
     def is_number(_: TypeChecker, value: object) -> bool:
         return type(value) is int or (type(value) is float and math.isfinite(value))
 
@@ -63,7 +65,8 @@ def validator(name: str) -> Validator:
 
     types = Draft202012Validator.TYPE_CHECKER.redefine_many({"number": is_number, "integer": is_integer})
     # The stubs leave the arguments of extend untyped.
-    strict = validators.extend(Draft202012Validator, type_checker=types)  # type: ignore[no-untyped-call]
+    quick = QuickKeywords(Draft202012Validator.VALIDATORS)
+    strict = validators.extend(Draft202012Validator, quick.by_name, type_checker=types)  # type: ignore[no-untyped-call]
     ours = Registry().with_resources(
         (f"urn:calibrary:schema:{n}", Resource.from_contents(load(n))) for n in names()
     )

@@ -12,7 +12,7 @@ __all__ = ["FLEET", "POLICIES", "SOURCE", "Policy"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
-    """Limits, all of them fractions.
+    """Limits, all of them fractions unless their name says px.
 
     Attributes:
         name: for reports.
@@ -29,6 +29,9 @@ class Policy:
         group_spread_max: (max − min) / fx over the images of one camera.
         assumed_sensor_is_unproven: whether a K may rest on a sensor size nobody stated.
         distortion_monotonic: whether distortion must be one-to-one up to the image's corners.
+        drift_significance: a difference of two calibrations that noise makes more often than this is noise.
+        drift_focal: Δf / f from which a significant difference is a drift …
+        drift_px: … or the difference of the projections in px, the camera free to turn.
     """
 
     name: str
@@ -44,6 +47,9 @@ class Policy:
     group_spread_max: float = 0.005
     assumed_sensor_is_unproven: bool = True
     distortion_monotonic: bool = True
+    drift_significance: float = 0.01
+    drift_focal: float = 0.0005
+    drift_px: float = 0.5
 
     def __post_init__(self) -> None:
         for name in ("focal_over_width", "measured_over_width"):
@@ -61,10 +67,14 @@ class Policy:
             "witness_agreement",
             "skew_max",
             "group_spread_max",
+            "drift_significance",
+            "drift_focal",
         ):
             value = getattr(self, name)
             if value is not None and not 0 <= value <= 1:
                 raise InputError(f"{name} is {value:g}, wanted a fraction 0 … 1", source=self.name)
+        if not 0 <= self.drift_px < math.inf:
+            raise InputError(f"drift_px is {self.drift_px:g}, wanted pixels, 0 or more", source=self.name)
 
 
 FLEET = Policy(name="fleet")

@@ -72,11 +72,13 @@ class Expected:
     Attributes:
         fx: px.
         spread: relative half-width that is known for this camera, None for the policy's.
+        tolerance: what whoever answers for this camera wants instead of the policy's, be it more or less.
         source: "catalogue" or "registry".
     """
 
     fx: float
     spread: float | None = None
+    tolerance: float | None = None
     source: str
 
 
@@ -213,7 +215,8 @@ def _principal_point(c: Calibration, policy: Policy, _: Circumstances) -> Iterat
 def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
     expected = around.expected
     if policy.known_camera_tolerance is not None and expected is not None:
-        yield _against_known(c, expected, max(policy.known_camera_tolerance, expected.spread or 0.0))
+        usual = max(policy.known_camera_tolerance, expected.spread or 0.0)
+        yield _against_known(c, expected, expected.tolerance if expected.tolerance is not None else usual)
         return
     fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
     measured = c.provenance.kind != "image-metadata" and c.grade.is_metric

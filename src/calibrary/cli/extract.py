@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from calibrary.extract.outcome import Outcome
+    from calibrary.extract.outputs import Outputs
     from calibrary.policy import Policy
 
 __all__ = ["add_parser"]
@@ -18,6 +20,7 @@ examples:
   calibrary extract --image-dir flight/ --recursive --json   the same for machines
   calibrary extract --image-dir flight/ --sensor-width-mm 13.2 --sensor-height-mm 8.8
   calibrary extract --image-dir flight/ --registry ../fleet-registry --hand-off colmap
+  calibrary extract --image-dir flight/ --html flight.html   the same as a page to show
 
 exit code 0: every camera has a valid K; 1: at least one has not.
 """
@@ -51,6 +54,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "0.8 … 1.5 W, or a YAML file of your own (default: fleet)",
     )
     parser.add_argument("--registry", type=Path, metavar="PATH", help="the fleet's registry of calibrations")
+    parser.add_argument(
+        "--locked",
+        nargs="?",
+        type=Path,
+        const=Path("calibrary.lock"),
+        metavar="LOCKFILE",
+        help="use only the entries of --registry that LOCKFILE pins, and refuse if one of them has changed "
+        "(default LOCKFILE: calibrary.lock)",
+    )
     parser.add_argument("--recursive", action="store_true", help="go into sub-folders")
     parser.add_argument(
         "--workers",
@@ -66,8 +78,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="also write what this solver needs, for cameras with a valid K (default: none)",
     )
     parser.add_argument("--json", action="store_true", help="print the report as JSON on standard output")
+    parser.add_argument(
+        "--html", type=Path, metavar="FILE", help="also write the report as a page, to look at and to hand on"
+    )
     parser.add_argument("--dry-run", action="store_true", help="judge everything, write nothing")
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=_run, parser=parser)
 
 
 def _add_source_flags(parser: argparse.ArgumentParser) -> None:
@@ -120,15 +135,21 @@ def _add_source_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from dataclasses import replace
+
     from calibrary.atomic import write_files
     from calibrary.cli.extract_display import Display
     from calibrary.extract.hand_off import Solver
-    from calibrary.extract.outputs import check_place, plan
+    from calibrary.extract.outputs import check_page_place, check_place, plan
     from calibrary.extract.report import encode
     from calibrary.extract.run import Request, run
 
+    if arguments.locked is not None and arguments.registry is None:
+        arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
     solver, matrix_path = Solver(arguments.hand_off), Path(arguments.output_matrix)
     check_place(matrix_path)
+    if arguments.html is not None:
+        check_page_place(arguments.html)
     with Display(quiet=arguments.json) as display:
         outcome = run(
             Request(
@@ -137,6 +158,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 policy=_policy(arguments),
                 fallback_k=Path(arguments.fallback_k) if arguments.fallback_k else None,
                 registry=arguments.registry,
+                lock=arguments.locked,
                 recursive=arguments.recursive,
                 workers=arguments.workers,
                 strict=arguments.strict_validation,
@@ -145,6 +167,8 @@ def _run(arguments: argparse.Namespace) -> int:
             )
         )
     outputs = plan(outcome, matrix_path, solver)
+    if arguments.html is not None:
+        outputs = replace(outputs, files={**outputs.files, arguments.html: _page(outcome, outputs)})
     if not arguments.dry_run:
         write_files(outputs.files)
     if arguments.json:
@@ -153,6 +177,13 @@ def _run(arguments: argparse.Namespace) -> int:
         sys.stdout.buffer.write(encode(outputs.document))
     display.show(outcome, outputs, solver=solver, dry_run=arguments.dry_run)
     return outcome.exit_code
+
+
+def _page(outcome: Outcome, outputs: Outputs) -> bytes:
+    from calibrary.extract.page import outcome_page
+    from calibrary.pages import render_page
+
+    return render_page(outcome_page(outcome, outputs)).encode()
 
 
 def _sensor(arguments: argparse.Namespace) -> tuple[float | None, float | None]:

@@ -200,8 +200,12 @@ def _scene(state: State, sensor: Sensor) -> Scene:
 
 def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
     """The known camera's focal length in the file's frame, None where it is not known there."""
-    if known.calibration is not None:
-        return Expected(fx=known.calibration.intrinsics.fx, source="registry")
+    if known.resolution is not None:
+        return Expected(
+            fx=known.resolution.calibration.intrinsics.fx,
+            tolerance=known.resolution.entry.tolerance,
+            source="registry",
+        )
     camera = known.camera
     over_width = camera.fx_over_w_at(metadata.focal_mm) if camera is not None else None
     if camera is None or over_width is None or camera.native_size is None:

@@ -247,10 +247,15 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     if len({K.provenance.source if K is not None else None for K in found}) > 1:
         why = "the registry answers by firmware, and this camera's images are of several; separate them"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=why)
-    if resolved is None:
+    known = camera.states[0].known
+    if resolved is None or known.resolution is None:
         why = f"the registry has no approved entry for {camera.key}"
+        why += "".join(f"; {near.path} is none: {near.why_not}" for near in known.near[:2])
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
-    return _judged(camera, resolved, policy, name, resolved.provenance.source)
+    calibration, report, step = _judged(camera, resolved, policy, name, resolved.provenance.source)
+    if step.outcome is StepOutcome.TAKEN:
+        step = replace(step, why=f"{step.why}; {known.resolution.why}")
+    return calibration, report, step
 
 
 def _judged(

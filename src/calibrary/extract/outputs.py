@@ -19,7 +19,7 @@ from calibrary.extract.outcome import CameraOutcome, Outcome
 from calibrary.extract.report import encode, report_json
 from calibrary.validation import Verdict
 
-__all__ = ["STALE", "Outputs", "check_place", "plan"]
+__all__ = ["STALE", "Outputs", "check_page_place", "check_place", "plan"]
 
 STALE = "is of an earlier run, not of this one; remove it"
 
@@ -34,6 +34,7 @@ class Outputs:
         document: the report, also in ``files``.
         stale: K and solver files of an earlier run that this one does not replace.
         not_handed_over: why the solver does not get a camera's K, by slug.
+        warnings: all that is to be said of the run, these two included.
     """
 
     files: dict[Path, bytes]
@@ -41,6 +42,7 @@ class Outputs:
     document: dict[str, Json]
     stale: tuple[Path, ...] = ()
     not_handed_over: dict[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
@@ -77,11 +79,12 @@ def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
         )
     stale = tuple(path for path in _earlier(matrix_path, solver) if path not in files)
     document = report_json(outcome, matrices)
-    document["warnings"] = [
+    warnings = (
         *outcome.warnings,
         *(f"{path.name} {STALE}" for path in stale),
         *(f"{slug} is not handed to {solver}: {why}" for slug, why in refused.items()),
-    ]
+    )
+    document["warnings"] = [*warnings]
     files[report_path] = encode(document)
     return Outputs(
         files=files,
@@ -89,6 +92,7 @@ def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
         document=document,
         stale=stale,
         not_handed_over=refused,
+        warnings=warnings,
     )
 
 
@@ -104,6 +108,18 @@ def check_place(matrix_path: Path) -> None:
         raise InputError(
             "there is no such folder; make it first", source=str(matrix_path.parent), place="--output-matrix"
         )
+
+
+def check_page_place(path: Path) -> None:
+    """The same for the page, and that no image is overwritten by a slip of the fingers.
+
+    Raises:
+        InputError: the name is no .html, or there is no such folder.
+    """
+    if path.suffix.lower() not in {".html", ".htm"}:
+        raise InputError("wanted a name that ends in .html", source=str(path), place="--html")
+    if not path.parent.is_dir():
+        raise InputError("there is no such folder; make it first", source=str(path.parent), place="--html")
 
 
 def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:

@@ -30,6 +30,7 @@ class Request:
         policy: what K is held against.
         fallback_k: a .npy with K for when the images yield none.
         registry: a fleet registry's folder.
+        lock: the file that pins entries of it; no others are used then.
         recursive: go into sub-folders.
         workers: processes; 0 decides by itself.
         strict: stop at the first breach.
@@ -42,6 +43,7 @@ class Request:
     policy: Policy = FLEET
     fallback_k: Path | None = None
     registry: Path | None = None
+    lock: Path | None = None
     recursive: bool = False
     workers: int = 0
     strict: bool = False
@@ -53,10 +55,11 @@ def run(request: Request) -> Outcome:
     """Extract one K per camera.
 
     Raises:
-        InputError: the directory, the fallback K or the registry cannot be read, or there is no image.
+        InputError: the directory, the fallback K or the lock cannot be read, or there is no image.
+        RegistryError: the registry cannot be read, or has drifted from the lock.
         ValidationError: ``strict`` and something breached the policy.
     """
-    knowledge = Knowledge.load(request.registry)
+    knowledge = Knowledge.load(request.registry, request.lock)
     matrix = read_matrix(request.fallback_k) if request.fallback_k is not None else None
     images = find_images(request.image_dir, recursive=request.recursive)
     if not images:

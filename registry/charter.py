@@ -1,0 +1,99 @@
+"""``registry.yaml``: by which rules a registry is kept, and how its files lie. Read before anything else in it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, cast
+
+from calibrary.errors import InputError, ParseError
+from calibrary.policy import FLEET, POLICIES, Policy
+from calibrary.policy_file import policy_from
+from calibrary.registry.migrations import CURRENT
+from calibrary.schemas import require
+from calibrary.strictyaml import YamlValue, line_of, load_yaml
+
+__all__ = ["CHARTER", "LAYOUT", "Charter", "charter_yaml", "parse_charter"]
+
+CHARTER: Final = "registry.yaml"
+"""The file at a registry's root."""
+
+LAYOUT: Final = 1
+"""How files lie: ``cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml``."""
+
+LARGEST: Final = 64 << 10
+SCHEMA: Final = re.compile(r"calibrary/(registry|entry)-(\d{1,6})")
+
+TEXT: Final = """\
+# A registry of camera calibrations, kept by calibrary; README.md says how to read and review it.
+schema: "calibrary/registry-1"
+layout: {layout}
+# The newest schema that entries are written in; older ones are still read.
+entries: "calibrary/entry-{entries}"
+# Whose limits an entry is held to before it is approved: "fleet", "source", or limits of your own, as in
+# policy: {{schema: "calibrary/policy-1", name: "ours", base: "fleet", focal_symmetry_max: 0.05}}
+policy: "{policy}"
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Charter:
+    """What a registry says of itself.
+
+    Attributes:
+        policy: that its entries are held to.
+    """
+
+    policy: Policy = FLEET
+
+
+def charter_yaml(policy: str = FLEET.name) -> bytes:
+    """The file of a new registry.
+
+    Args:
+        policy: one of those that ship, by name.
+    """
+    return TEXT.format(layout=LAYOUT, entries=CURRENT, policy=policy).encode()
+
+
+def parse_charter(data: bytes, name: str = CHARTER) -> Charter:
+    """Read it.
+
+    Raises:
+        ParseError: it is no YAML, breaks schemas/registry-1.schema.json, or is of a newer layout than is read.
+        InputError: a limit of its policy is out of range.
+    """
+    value = load_yaml(data, source=name, max_bytes=LARGEST)
+    if isinstance(value, dict):
+        _refuse_newer(value, name)
+    require(value, "registry-1", source=name, locate=partial(line_of, data))
+    policy = cast("Mapping[str, YamlValue]", value).get("policy", FLEET.name)
+    if isinstance(policy, str):
+        return Charter(policy=POLICIES[policy])
+    try:
+        return Charter(policy=policy_from(cast("Mapping[str, YamlValue]", policy)))
+    except InputError as error:
+        raise type(error)(error.message, source=name, place="policy") from None
+
+
+def _refuse_newer(document: Mapping[str, YamlValue], name: str) -> None:
+    supported = {"registry": 1, "entry": CURRENT}
+    for place in ("schema", "entries"):
+        said = document.get(place)
+        found = SCHEMA.fullmatch(said) if isinstance(said, str) else None
+        if found is not None and int(found[2]) > supported[found[1]]:
+            raise _newer(name, place, str(said), f"calibrary/{found[1]}-{supported[found[1]]}")
+    layout = document.get("layout")
+    if type(layout) is int and layout > LAYOUT:
+        raise _newer(name, "layout", str(layout), str(LAYOUT))
+
+
+def _newer(name: str, place: str, found: str, supported: str) -> ParseError:
+    return ParseError(
+        f"is {found}, and this calibrary reads up to {supported}; update calibrary: the registry was written by a "
+        "newer one, and its history (git log) says when",
+        source=name,
+        place=place,
+    )

@@ -1,0 +1,330 @@
+"""Everything about a registry that a schema cannot say, found in one pass that nothing stops."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, groupby
+from typing import Final
+
+import numpy as np
+
+from calibrary.calibration import CameraKey, FloatArray
+from calibrary.errors import InputError, RegistryError
+from calibrary.policy import Policy
+from calibrary.registry.entry import ROOT, SUFFIX, UNSTATED, Entry, folder_of, path_of
+from calibrary.registry.entry_yaml import PARAMETERS, parse_entry
+from calibrary.registry.resolution import answering
+from calibrary.registry.slug import match_key, scripts
+from calibrary.validation import Severity, validate
+
+__all__ = ["CheckFinding", "CheckReport", "check"]
+
+SENSOR_AGREEMENT: Final = 0.05
+"""Between a principal distance and a nominal focal length lie some per cent; a wrong sensor is off by more."""
+PITCH_AGREEMENT: Final = 0.02
+STD_AGREEMENT: Final = 1e-3
+SMALLEST_EIGENVALUE: Final = -1e-9
+"""Of a correlation matrix, whose rounding lies far below."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckFinding:
+    """One thing that is wrong, or looks so.
+
+    Attributes:
+        path: of the entry.
+        rule: the rule's name.
+        severity: an error keeps the registry from being good, a warning does not.
+        message: found and wanted, and what to do.
+    """
+
+    path: str
+    rule: str
+    severity: Severity
+    message: str
+
+    def __str__(self) -> str:
+        # Errors of reading name the file themselves.
+        said = self.message.removeprefix(f"{self.path}: ")
+        return f"{self.path}: {self.severity.value}: {said} [{self.rule}]"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckReport:
+    """What a check found.
+
+    Attributes:
+        entries: how many were looked at.
+        findings: in the order of their paths.
+    """
+
+    entries: int
+    findings: tuple[CheckFinding, ...]
+
+    @property
+    def errors(self) -> tuple[CheckFinding, ...]:
+        """The findings that keep the registry from being good."""
+        return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is no error; warnings may be."""
+        return not self.errors
+
+
+def check(entries: Mapping[str, bytes], policy: Policy) -> CheckReport:
+    """Hold every entry against the schema, its digest, its path, the policy, and every other entry.
+
+    Args:
+        entries: the bytes of each file by its path. Each is asked for once or twice, in the order of the paths, so
+            the mapping may read them when it is asked.
+        policy: what is physically plausible.
+    """
+    tree = _Tree(entries)
+    findings = list(tree.names())
+    for _, paths in groupby(tree.paths, key=_folder):
+        group = {}
+        for path in paths:
+            try:
+                group[path] = parse_entry(entries[path], path)
+            except InputError as error:
+                rule = "digest" if error.place == "digest" else "entry"
+                findings.append(_finding(path, rule, str(error)))
+        for path, entry in group.items():
+            findings += (finding for rule in _RULES for finding in rule(path, entry, policy))
+            findings += tree.references(path, entry)
+        findings += _overlaps(group)
+        findings += _resolves_to_itself(group)
+    findings += tree.shared_aliases()
+    return CheckReport(entries=len(tree.paths), findings=tuple(sorted(findings, key=_place)))
+
+
+def _place(finding: CheckFinding) -> tuple[str, str, str]:
+    return finding.path, finding.rule, finding.message
+
+
+def _finding(path: str, rule: str, message: str, severity: Severity = Severity.ERROR) -> CheckFinding:
+    return CheckFinding(path=path, rule=rule, severity=severity, message=message)
+
+
+def _folder(path: str) -> str:
+    return "/".join(path.split("/")[:3])
+
+
+class _Tree:
+    """What is asked across folders: the names of all entries, and what they are called besides."""
+
+    def __init__(self, entries: Mapping[str, bytes]) -> None:
+        self.entries = entries
+        self.paths: Sequence[str] = sorted(entries)
+        self._named: dict[tuple[str, str], dict[str, str]] = {}
+
+    def names(self) -> Iterator[CheckFinding]:
+        """Paths that a file system without letter case takes for one."""
+        seen: dict[str, str] = {}
+        for path in self.paths:
+            other = seen.setdefault(path.casefold(), path)
+            if other != path:
+                yield _finding(path, "unique", f"only letter case tells it from {other}; remove one of them")
+
+    def references(self, path: str, entry: Entry) -> Iterator[CheckFinding]:
+        """What an entry says of others: the one it supersedes, and the names it claims."""
+        if entry.supersedes is not None:
+            yield from self._superseded(path, entry, entry.supersedes)
+        camera = entry.calibration.camera
+        own = folder_of(camera.make or "", camera.model or "")
+        for alias in entry.aliases:
+            folder = folder_of(alias.make, alias.model)
+            name = f"{alias.make} {alias.model}"
+            if folder == own:
+                yield _finding(path, "alias", f"{name} is its own name and no alias; take it out")
+                continue
+            at = bisect_left(self.paths, folder)
+            if entry.is_usable and at < len(self.paths) and self.paths[at].startswith(folder):
+                message = f"{name} has entries of its own, such as {self.paths[at]}; one camera has one name"
+                yield _finding(path, "alias", message)
+            if entry.is_usable:
+                names = match_key(alias.make), match_key(alias.model)
+                self._named.setdefault(names, {}).setdefault(own, path)
+
+    def _superseded(self, path: str, entry: Entry, target: str) -> Iterator[CheckFinding]:
+        there = f"{ROOT}{target}{SUFFIX}"
+        if there == path:
+            yield _finding(path, "supersedes", "it supersedes itself")
+            return
+        if there not in self.entries:
+            yield _finding(path, "supersedes", f"it supersedes {target}, and there is no such entry")
+            return
+        try:
+            other = parse_entry(self.entries[there], there)
+        except InputError:
+            return
+        if entry.is_usable and other.is_usable:
+            message = f"it supersedes {target}, which is still {other.status.value}; retire that one"
+            yield _finding(path, "supersedes", message)
+
+    def shared_aliases(self) -> Iterator[CheckFinding]:
+        """One name for two cameras."""
+        for (make, model), owners in self._named.items():
+            first, *others = owners.values()
+            for path in others:
+                yield _finding(
+                    path, "alias", f"{make} {model} is an alias in {first} as well, of another camera"
+                )
+
+
+def _path(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+    if entry.path != path:
+        yield _finding(path, "path", f"its key says {entry.path}; move it there, or put the key right")
+
+
+def _provenance(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+    if entry.is_usable and entry.calibration.provenance == UNSTATED:
+        yield _finding(path, "provenance", f"{entry.status.value} without a provenance; say where K is from")
+
+
+def _plausible(path: str, entry: Entry, policy: Policy) -> Iterator[CheckFinding]:
+    """The policy's own rules. An entry is what knows its camera: it is not held to the band of unknown ones."""
+    known = replace(entry.calibration, provenance=replace(entry.calibration.provenance, kind="registry"))
+    for finding in validate(known, policy).findings:
+        if finding.severity is Severity.PASS:
+            continue
+        is_error = finding.severity is Severity.ERROR and entry.is_usable
+        severity = Severity.ERROR if is_error else Severity.WARNING
+        yield _finding(path, finding.rule, finding.message, severity)
+
+
+def _sensor(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+    sensor, K, camera = entry.sensor, entry.calibration.intrinsics, entry.calibration.camera
+    if sensor is None:
+        return
+    width, height = K.image_size
+    pitch_mm = sensor.pitch_um / 1000 if sensor.pitch_um is not None else None
+    sides = ((sensor.width_mm, width, "width"), (sensor.height_mm, height, "height"))
+    for side_mm, side_px, name in sides:
+        if side_mm is None or pitch_mm is None or abs(pitch_mm * side_px / side_mm - 1.0) <= PITCH_AGREEMENT:
+            continue
+        message = (
+            f"{side_px} pixels of {sensor.pitch_um:g} µm are {pitch_mm * side_px:.3f} mm, the sensor's {name} is "
+            f"{side_mm:g} mm; the pitch is the frame's, after binning"
+        )
+        yield _finding(path, "sensor", message, Severity.WARNING)
+    pixel_mm = sensor.width_mm / width if sensor.width_mm is not None else pitch_mm
+    if pixel_mm is None or camera.focal_mm is None:
+        return
+    focal_mm = K.fx * pixel_mm
+    if abs(focal_mm / camera.focal_mm - 1.0) > SENSOR_AGREEMENT:
+        message = (
+            f"fx = {K.fx:.1f} px on this sensor is {focal_mm:.2f} mm, {focal_mm / camera.focal_mm - 1.0:+.0%} from "
+            f"the key's {camera.focal_mm:g} mm: a wrong sensor size, or a K of another lens"
+        )
+        yield _finding(path, "sensor", message, Severity.WARNING)
+
+
+def _uncertainty(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+    quality, lens = entry.calibration.quality, entry.calibration.distortion
+    if quality is None:
+        return
+    known = {*PARAMETERS, *(lens.names() if lens is not None else ())}
+    covariance = quality.covariance
+    named = [*quality.std, *(covariance.names if covariance is not None else ())]
+    if unknown := sorted({name for name in named if name not in known}):
+        message = f"an uncertainty of {', '.join(unknown)}, which this calibration does not have"
+        yield _finding(path, "uncertainty", message)
+    if covariance is None:
+        return
+    matrix = covariance.matrix
+    spread = np.sqrt(np.diag(matrix))
+    if (told := _not_positive(matrix, spread)) is not None:
+        yield _finding(path, "uncertainty", told)
+    for name, std in zip(covariance.names, spread.tolist(), strict=True):
+        stated = quality.std.get(name)
+        if stated is not None and abs(stated - std) > STD_AGREEMENT * max(stated, std):
+            message = f"std of {name} is {stated:g}, and the covariance gives {std:g}"
+            yield _finding(path, "uncertainty", message)
+
+
+def _not_positive(matrix: FloatArray, spread: FloatArray) -> str | None:
+    """A covariance has no direction with a negative variance."""
+    scale = np.where(spread > 0, spread, 1.0)
+    smallest = float(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
+    if smallest >= SMALLEST_EIGENVALUE:
+        return None
+    return f"the covariance is none: its correlations have the eigenvalue {smallest:.3g}, wanted none below 0"
+
+
+def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+    """A Cyrillic letter in a Latin name is equal to the eye and to nothing else."""
+    camera = entry.calibration.camera
+    for name, text in (("make", camera.make), ("model", camera.model)):
+        if text and not text.isascii() and len(found := scripts(text)) > 1:
+            message = f"the {name} {text!r} mixes {' and '.join(sorted(found)).title()} letters"
+            yield _finding(path, "spelling", message, Severity.WARNING)
+
+
+_RULES: Final[tuple[Callable[[str, Entry, Policy], Iterator[CheckFinding]], ...]] = (
+    _path,
+    _provenance,
+    _plausible,
+    _sensor,
+    _uncertainty,
+    _spelling,
+)
+
+
+def _overlaps(group: Mapping[str, Entry]) -> Iterator[CheckFinding]:
+    """Entries of one camera whose ranges of firmware and whose days both overlap: neither is the one to take."""
+    ranged = [
+        (path, entry) for path, entry in group.items() if entry.is_usable and entry.firmware is not None
+    ]
+    ranged.sort(key=lambda item: path_of(item[1].calibration.camera))
+    for _, alike in groupby(ranged, key=lambda item: path_of(item[1].calibration.camera)):
+        for (path, entry), (other_path, other) in combinations(alike, 2):
+            if entry.firmware is None or other.firmware is None:
+                continue
+            one, another = entry.validity, other.validity
+            if one is not None and another is not None and not one.overlaps(another):
+                continue
+            try:
+                overlaps = entry.firmware.overlaps(other.firmware)
+            except InputError as error:
+                yield _finding(path, "overlap", f"{error}, which is that of {other_path}; write both alike")
+                continue
+            if overlaps:
+                message = f"{entry.firmware} overlaps {other.firmware} of {other_path}; end one where the other begins"
+                yield _finding(path, "overlap", message)
+
+
+def _resolves_to_itself(group: Mapping[str, Entry]) -> Iterator[CheckFinding]:
+    """An entry that its own key does not lead to is dead, or stands in another's way."""
+    by_unit: dict[str | None, dict[str, Entry]] = {}
+    for path, entry in group.items():
+        serial = entry.calibration.camera.serial
+        by_unit.setdefault(match_key(serial) if serial is not None else None, {})[path] = entry
+    general = by_unit.get(None, {})
+    for unit, entries in by_unit.items():
+        candidates = {**general, **entries} if unit is not None else general
+        for path, entry in entries.items():
+            if entry.is_usable and entry.path == path:
+                yield from _leads_home(path, entry, candidates)
+
+
+def _leads_home(path: str, entry: Entry, candidates: Mapping[str, Entry]) -> Iterator[CheckFinding]:
+    firmware, validity = entry.firmware, entry.validity
+    key: CameraKey = entry.calibration.camera
+    if firmware is not None:
+        key = replace(key, firmware=firmware.min or firmware.max)
+    day = (validity.first or validity.last) if validity is not None else None
+    try:
+        found = answering(candidates, key, on=day)
+    except RegistryError as error:
+        yield _finding(path, "reachable", str(error))
+        return
+    if found != path:
+        yield _finding(
+            path,
+            "reachable",
+            f"{found or 'nothing'} answers for its own camera; make the keys differ, or retire one",
+        )

@@ -1,0 +1,53 @@
+"""Two changes of one file, told with all three of its versions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from calibrary.errors import ConflictError
+
+__all__ = ["Conflict", "EntryConflictError"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conflict:
+    """One file that two parties changed.
+
+    Attributes:
+        base: what both started from; ``None`` if it was not there, or is not known here.
+        base_oid: git's id of that; ``None`` if the file was to be new.
+        ours: what was to be written; ``None`` if it was to be removed.
+        theirs: what stands there now; ``None`` if it was removed.
+        theirs_oid: git's id of that, the base to try again from.
+    """
+
+    path: str
+    base_oid: str | None
+    base: bytes | None
+    ours: bytes | None
+    theirs: bytes | None
+    theirs_oid: str | None
+
+    def __str__(self) -> str:
+        if self.base_oid is None:
+            return f"{self.path} was added by somebody else"
+        return f"{self.path} was {'removed' if self.theirs is None else 'changed'} by somebody else"
+
+
+class EntryConflictError(ConflictError):
+    """Entries were changed since they were read; nothing was written.
+
+    Attributes:
+        conflicts: each of them, with all versions.
+    """
+
+    def __init__(self, conflicts: Sequence[Conflict], remedy: str) -> None:
+        self.conflicts = tuple(conflicts)
+        self.remedy = remedy
+        shown = "; ".join(map(str, self.conflicts[:3]))
+        more = f" and {len(self.conflicts) - 3} more" if len(self.conflicts) > 3 else ""
+        super().__init__(f"{shown}{more}; nothing was written: {remedy}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.conflicts, self.remedy)

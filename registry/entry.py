@@ -1,0 +1,265 @@
+"""One entry of a registry: a calibration, whom it is for, who answers for it, and the path that follows."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from datetime import date
+from enum import StrEnum
+from typing import Final
+
+from calibrary.calibration import Calibration, CameraKey, Provenance
+from calibrary.errors import InputError
+from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.slug import slug
+from calibrary.strictyaml import YamlValue
+
+__all__ = [
+    "BLOCKS_WITH_EXTENSIONS",
+    "ROOT",
+    "SUFFIX",
+    "UNSTATED",
+    "USABLE",
+    "Alias",
+    "Entry",
+    "Sensor",
+    "Status",
+    "Validity",
+    "folder_of",
+    "path_of",
+]
+
+ROOT: Final = "cameras/"
+SUFFIX: Final = ".yaml"
+LONGEST_LEAF: Final = 110
+
+UNSTATED: Final = Provenance(kind="unstated")
+"""The provenance of an entry whose file names none."""
+
+BLOCKS_WITH_EXTENSIONS: Final = ("camera", "sensor", "quality", "provenance")
+"""Blocks that take ``x-`` fields beside the file itself; K and distortion take none."""
+
+
+class Status(StrEnum):
+    """Whether an entry may be used."""
+
+    DRAFT = "draft"
+    APPROVED = "approved"
+    HELD = "held"
+    RETIRED = "retired"
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether somebody answers for it; a held entry is one a person pinned."""
+        return self in USABLE
+
+
+USABLE: Final = frozenset({Status.APPROVED, Status.HELD})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alias:
+    """Another make and model that the same camera goes by in EXIF or XMP."""
+
+    make: str
+    model: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """The physical sensor behind the frame, as far as it is known.
+
+    Attributes:
+        width_mm, height_mm: of the part that the frame shows.
+        pitch_um: of the frame's pixels.
+
+    Raises:
+        InputError: a number is not finite and positive, or there is none at all.
+    """
+
+    width_mm: float | None = None
+    height_mm: float | None = None
+    pitch_um: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("width_mm", "height_mm", "pitch_um"):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if not 0 < float(value) < math.inf:
+                raise InputError(f"the sensor's {name} is {value}, wanted a positive number")
+            object.__setattr__(self, name, float(value))
+        if self.width_mm is None and self.height_mm is None and self.pitch_um is None:
+            raise InputError("a sensor of which nothing is known, wanted width_mm, height_mm or pitch_um")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Validity:
+    """From one day to another, both included; None is open.
+
+    Raises:
+        InputError: neither day is stated, or the last comes before the first.
+    """
+
+    first: date | None = None
+    last: date | None = None
+
+    def __post_init__(self) -> None:
+        if self.first is None and self.last is None:
+            raise InputError("a validity without a day, wanted its first, its last or both")
+        if self.first is not None and self.last is not None and self.last < self.first:
+            raise InputError(
+                f"valid from {self.first} until {self.last}, wanted the first day before the last"
+            )
+
+    def __str__(self) -> str:
+        days = [f"from {self.first}"] if self.first is not None else []
+        return " ".join([*days, f"until {self.last}"] if self.last is not None else days)
+
+    def holds(self, day: date) -> bool:
+        """Whether it is valid on a day."""
+        return (self.first is None or self.first <= day) and (self.last is None or day <= self.last)
+
+    def overlaps(self, other: Validity) -> bool:
+        """Whether some day lies in both."""
+        return (self.first or date.min) <= (other.last or date.max) and (other.first or date.min) <= (
+            self.last or date.max
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One camera of a registry.
+
+    Attributes:
+        calibration: K in the canonical origin, distortion apart; its camera names the entry's key, with the
+            serial number hashed and no firmware (``firmware`` says of which it is).
+        status: only approved and held entries are used.
+        reason: why it has this status.
+        firmware: of which firmware it is; None is of every one.
+        aliases: what else the camera calls itself.
+        sensor: behind the frame.
+        validity: the days it may be used on; None is every day.
+        tolerance: how far a K of this camera may lie from this one, as a share of fx; None leaves it to the
+            policy (3 % under ``fleet``).
+        supersedes: the id of the entry it took the place of.
+        extensions: the file's ``x-`` fields as they are; one inside a block goes by ``block/x-name``.
+
+    Raises:
+        InputError: the calibration is no camera's that an entry could be of.
+    """
+
+    calibration: Calibration
+    status: Status = Status.DRAFT
+    reason: str | None = None
+    firmware: FirmwareRange | None = None
+    aliases: tuple[Alias, ...] = ()
+    sensor: Sensor | None = None
+    validity: Validity | None = None
+    tolerance: float | None = None
+    supersedes: str | None = None
+    extensions: Mapping[str, YamlValue] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        camera, grade = self.calibration.camera, self.calibration.grade
+        if not (camera.make or "").strip() or not (camera.model or "").strip():
+            raise InputError(
+                f"{camera} has no make or no model, wanted both: a registry finds cameras by them"
+            )
+        if camera.image_size != self.calibration.intrinsics.image_size:
+            raise InputError("the camera's image size is not the one that K counts in")
+        if camera.firmware is not None:
+            raise InputError("an entry's firmware is a range of its own, no part of its camera")
+        if not grade.is_metric:
+            raise InputError(f"a K of grade {grade.value} is a guess, and no guess enters a registry")
+        if self.tolerance is not None and not 0 < self.tolerance <= 1:
+            raise InputError(f"the tolerance is {self.tolerance}, wanted a fraction above 0 and up to 1")
+        for name in self.extensions:
+            block, _, key = name.rpartition("/")
+            if not key.startswith("x-") or (block and not self._has(block)):
+                raise InputError(
+                    f"{name!r:.60} is no field of this entry, wanted x-… or, in a block it has, block/x-…"
+                )
+
+    def _has(self, block: str) -> bool:
+        absent = {
+            "sensor": self.sensor is None,
+            "quality": self.calibration.quality is None,
+            "provenance": self.calibration.provenance == UNSTATED,
+        }
+        return block in BLOCKS_WITH_EXTENSIONS and not absent.get(block, False)
+
+    @classmethod
+    def of(cls, calibration: Calibration, *, firmware: FirmwareRange | None = None) -> Entry:
+        """A draft of an entry from a calibration as files and solvers give it.
+
+        The camera's firmware, if it is known, goes into the provenance: it was made with that one, which does
+        not say that it is of no other.
+
+        Raises:
+            InputError: make or model is not known, or K is a guess.
+        """
+        camera, provenance = calibration.camera, calibration.provenance
+        made_with = provenance.firmware or camera.firmware
+        return cls(
+            calibration=replace(
+                calibration,
+                camera=replace(camera, firmware=None, image_size=calibration.intrinsics.image_size),
+                provenance=replace(provenance, firmware=made_with),
+            ),
+            firmware=firmware,
+        )
+
+    @property
+    def path(self) -> str:
+        """Where it lies below the registry's root; it follows from the key alone."""
+        return path_of(self.calibration.camera, self.firmware)
+
+    @property
+    def id(self) -> str:
+        """Its path without ``cameras/`` and ``.yaml``."""
+        return self.path.removeprefix(ROOT).removesuffix(SUFFIX)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know about it."""
+        return self.calibration.notes
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether somebody answers for it."""
+        return self.status.is_usable
+
+
+def folder_of(make: str, model: str) -> str:
+    """The folder of a model's entries, with the slash behind it."""
+    return f"{ROOT}{slug(make)}/{slug(model)}/"
+
+
+def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
+    """``cameras/<make>/<model>/[sn-<serial>/]<width>x<height>[+…].yaml``.
+
+    Every part after the size names the field it is of, and ``+`` is in no slug, so different keys have different
+    paths; where that gets too long, a hash stands for it. The leaf starts with a digit and a unit's folder with
+    ``sn-``: neither can take the other's place.
+
+    Raises:
+        InputError: the key has no make, no model or no image size.
+    """
+    if not camera.make or not camera.model or camera.image_size is None:
+        raise InputError(f"{camera} has no place in a registry, wanted make, model and image size")
+    width, height = camera.image_size
+    parts = [f"{width}x{height}"]
+    stated = (("mode", camera.capture_mode), ("sub", camera.sub_camera), ("lens", camera.lens))
+    parts += [f"{name}-{slug(text)}" for name, text in stated if text is not None]
+    if camera.focal_mm is not None:
+        parts.append(f"f{camera.focal_mm!r}".removesuffix(".0"))
+    if firmware is not None:
+        parts.append(f"fw-{slug(firmware.min)}" if firmware.min else f"fw-to-{slug(firmware.max or '')}")
+    leaf = "+".join(parts)
+    if len(leaf) > LONGEST_LEAF:
+        leaf = f"{parts[0]}~{hashlib.sha256(leaf.encode()).hexdigest()[:10]}"
+    unit = f"sn-{slug(camera.serial)}/" if camera.serial is not None else ""
+    return f"{folder_of(camera.make, camera.model)}{unit}{leaf}{SUFFIX}"

@@ -1,0 +1,98 @@
+"""Ranges of firmware: version numbers compared as numbers, and only where they can be compared."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import zip_longest
+
+from calibrary.errors import InputError
+from calibrary.registry.slug import match_key
+
+__all__ = ["FirmwareRange", "compare"]
+
+_VERSION = re.compile(r"(.*?)(\d{1,18}(?:\.\d{1,18})*)", re.DOTALL)
+_WORDS = re.compile(r"\b(?:firmware|version|ver|v)\b[ .]*")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirmwareRange:
+    """From one firmware to another, both of them included, each as the camera writes it.
+
+    Attributes:
+        min: None for "from the first one on".
+        max: None for "and every later one".
+
+    Raises:
+        InputError: neither is stated, they cannot be compared, or max comes before min.
+    """
+
+    min: str | None = None
+    max: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.min is None and self.max is None:
+            raise InputError("a firmware range without min and max, wanted at least one of them")
+        for name in ("min", "max"):
+            text = getattr(self, name)
+            if text is not None:
+                _parsed(text)
+        if self.min is not None and self.max is not None and compare(self.min, self.max) > 0:
+            raise InputError(f"firmware from {self.min} to {self.max}, wanted min before max")
+
+    def __str__(self) -> str:
+        if self.min == self.max:
+            return f"firmware {self.min}"
+        if self.max is None:
+            return f"firmware from {self.min} on"
+        return f"firmware up to {self.max}" if self.min is None else f"firmware {self.min} … {self.max}"
+
+    def holds(self, firmware: str) -> bool:
+        """Whether a firmware lies in the range.
+
+        Raises:
+            InputError: it is no version number that can be compared with the range's.
+        """
+        if self.min is not None and compare(firmware, self.min) < 0:
+            return False
+        return self.max is None or compare(firmware, self.max) <= 0
+
+    def overlaps(self, other: FirmwareRange) -> bool:
+        """Whether some firmware lies in both.
+
+        Raises:
+            InputError: the two are of versions that cannot be compared.
+        """
+        # Open ends meet no number, so the two have to be asked whether they are of one kind.
+        compare(self.min or self.max or "", other.min or other.max or "")
+        return _starts_by(self.min, other.max) and _starts_by(other.min, self.max)
+
+
+def compare(a: str, b: str) -> int:
+    """-1, 0 or 1: which of two versions is the older, number by number ("1.9" before "01.10.0000").
+
+    Raises:
+        InputError: one of them is no version, or what stands before their numbers differs.
+    """
+    (kind_a, numbers_a), (kind_b, numbers_b) = _parsed(a), _parsed(b)
+    if kind_a != kind_b:
+        raise InputError(f"firmware {a!r:.60} cannot be compared with {b!r:.60}")
+    for one, other in zip_longest(numbers_a, numbers_b, fillvalue=0):
+        if one != other:
+            return -1 if one < other else 1
+    return 0
+
+
+def _starts_by(start: str | None, end: str | None) -> bool:
+    return start is None or end is None or compare(start, end) <= 0
+
+
+def _parsed(text: str) -> tuple[str, tuple[int, ...]]:
+    """What stands before the numbers ("ilce-7rm4"; "v" and "firmware version" say nothing), and the numbers."""
+    found = _VERSION.fullmatch(match_key(text)[:200])
+    if found is None:
+        raise InputError(
+            f"firmware {text!r:.60} is no version number, wanted one such as 01.00.0128 or v10.00.12.07"
+        )
+    kind = _WORDS.sub("", found[1]).strip(" .")
+    return kind, tuple(int(number) for number in found[2].split("."))

@@ -1,0 +1,164 @@
+"""What the configuration inside a repository may not do.
+
+A registry may have come from anywhere, as a folder with its own ``.git/config``; and settings of git name programs
+to run. What the repository's own files set is therefore not believed where it could run something: such keys are
+set back to what the person's own configuration says, or to nothing, for every command. Those that cannot be set
+back make the repository one that is not opened. The person's own files (``~/.gitconfig``, the machine's) hold as
+they always do: credential helpers, ssh, signing keys.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibrary.errors import RegistryError
+
+__all__ = ["PINNED", "Environment", "Setting", "judge_settings", "parse_settings", "repository_environment"]
+
+Environment = dict[str, str]
+
+PINNED: tuple[tuple[str, str], ...] = (
+    ("core.hooksPath", os.devnull),
+    ("core.fsmonitor", "false"),
+    ("core.filesRefLockTimeout", "50"),
+    ("core.protectHFS", "true"),
+    ("core.protectNTFS", "true"),
+    ("core.quotePath", "false"),
+    ("color.ui", "false"),
+    ("diff.renames", "false"),
+    ("fastimport.unpackLimit", "100"),
+    ("fetch.fsckObjects", "true"),
+    ("fetch.recurseSubmodules", "false"),
+    ("gc.auto", "0"),
+    ("http.lowSpeedLimit", "1000"),
+    ("http.lowSpeedTime", "60"),
+    ("i18n.commitEncoding", "UTF-8"),
+    ("i18n.logOutputEncoding", "UTF-8"),
+    ("log.follow", "false"),
+    ("log.showRoot", "true"),
+    ("log.showSignature", "false"),
+    ("maintenance.auto", "false"),
+    ("submodule.recurse", "false"),
+)
+"""Said to every command: no program of the repository's runs, and no taste of the user's changes what is read."""
+
+RUNS_A_PROGRAM: tuple[tuple[re.Pattern[str], str], ...] = (
+    (re.compile(r"core\.sshcommand\Z"), "ssh"),
+    (re.compile(r"core\.(askpass|gitproxy|editor|pager)\Z"), ""),
+    (re.compile(r"core\.alternaterefscommand\Z"), "true"),
+    (re.compile(r"credential\.(.+\.)?helper\Z"), ""),
+    (re.compile(r"filter\..+\.(clean|smudge|process)\Z"), ""),
+    (re.compile(r"filter\..+\.required\Z"), "false"),
+    (re.compile(r"diff\.external\Z|diff\..+\.(command|textconv)\Z"), ""),
+    (re.compile(r"gpg\.(openpgp\.)?program\Z"), "gpg"),
+    (re.compile(r"gpg\.x509\.program\Z"), "gpgsm"),
+    (re.compile(r"gpg\.ssh\.program\Z"), "ssh-keygen"),
+    (re.compile(r"gpg\.ssh\.defaultkeycommand\Z"), ""),
+)
+"""Keys and what they fall back to. Keys of remotes are not among them: remotes are spoken to by URL, never by name."""
+
+REFUSED = re.compile(
+    r"include\.path\Z|includeif\..+|gc\.recentobjectshook\Z|hook\..+|extensions\.partialclone\Z"
+    r"|remote\..+\.promisor\Z",
+    re.DOTALL,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """One line of git's configuration.
+
+    Attributes:
+        key: section and name in lower case, the part between them as it stands.
+        is_local: whether the repository itself says so, not the person or the machine.
+    """
+
+    key: str
+    value: str
+    is_local: bool
+
+
+def parse_settings(listed: bytes, folders: Sequence[Path], base: Path) -> tuple[Setting, ...]:
+    """The output of ``git config --list --show-origin -z``.
+
+    What stands in a file below one of ``folders``, the repository's own, is local; names of files count from
+    ``base``.
+    """
+    fields = listed.split(b"\0")
+    settings = []
+    for origin, line in zip(fields[0::2], fields[1::2], strict=False):
+        key, _, value = os.fsdecode(line).partition("\n")
+        kind, _, name = os.fsdecode(origin).partition(":")
+        path = Path(os.path.realpath(base / name))
+        is_local = kind == "file" and any(path.is_relative_to(folder) for folder in folders)
+        settings.append(Setting(key=key, value=value, is_local=is_local))
+    return tuple(settings)
+
+
+def judge_settings(settings: Sequence[Setting], source: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Which ``-c`` options keep a repository's own settings from running anything, and which keys that silences.
+
+    Raises:
+        RegistryError: a setting can only be removed, or the repository is of a kind that is not read.
+    """
+    _check_kind(settings, source)
+    flags = [f"{key}={value}" for key, value in PINNED]
+    silenced = []
+    for key in dict.fromkeys(setting.key for setting in settings if setting.is_local):
+        if REFUSED.match(key):
+            raise RegistryError(
+                f"{source}: its own git configuration sets {key}, which can make reading it run a program or "
+                f"reach elsewhere; look at it, then remove it: git -C {source} config --local --unset-all {key}"
+            )
+        fallback = next((value for pattern, value in RUNS_A_PROGRAM if pattern.match(key)), None)
+        if fallback is None:
+            continue
+        silenced.append(key)
+        mine = [setting.value for setting in settings if setting.key == key and not setting.is_local]
+        flags.append(f"{key}={fallback}")
+        flags += [f"{key}={value}" for value in mine]
+    return tuple(part for flag in flags for part in ("-c", flag)), tuple(silenced)
+
+
+def _check_kind(settings: Sequence[Setting], source: str) -> None:
+    for setting in settings:
+        found = setting.value.lower()
+        if setting.key == "extensions.objectformat" and found != "sha1":
+            raise RegistryError(
+                f"{source}: a git repository with {found} object names; GitPython reads sha1 only. Make the "
+                "registry with calibrary, or by: git init --object-format=sha1"
+            )
+        if setting.key == "extensions.refstorage" and found != "files":
+            raise RegistryError(
+                f"{source}: a git repository that keeps its branches as {found}; wanted plain files. Convert "
+                "it: git refs migrate --ref-format=files"
+            )
+
+
+def repository_environment(git_dir: Path, common_dir: Path, work_tree: Path | None) -> Environment:
+    """The variables that tie every command to this repository, whatever a hook or a shell has set around it."""
+    return PEACE | {
+        "GIT_DIR": str(git_dir),
+        "GIT_COMMON_DIR": str(common_dir),
+        "GIT_WORK_TREE": str(work_tree or git_dir),
+        "GIT_INDEX_FILE": str(git_dir / "index"),
+        "GIT_OBJECT_DIRECTORY": str(common_dir / "objects"),
+        "GIT_ALTERNATE_OBJECT_DIRECTORIES": "",
+    }
+
+
+PEACE: Environment = {
+    "GIT_ALLOW_PROTOCOL": "https:ssh:file",
+    "GIT_EDITOR": ":",
+    "GIT_LITERAL_PATHSPECS": "1",
+    "GIT_NAMESPACE": "",
+    "GIT_NO_LAZY_FETCH": "1",
+    "GIT_NO_REPLACE_OBJECTS": "1",
+    "GIT_PAGER": "cat",
+    "GIT_TERMINAL_PROMPT": "0",
+}
+"""No question is asked that nobody would answer, nothing is fetched behind a read, no other protocol is spoken."""

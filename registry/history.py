@@ -1,0 +1,206 @@
+"""What became of a file: every commit that changed it, by git's own log, whatever taste its user has set.
+
+``log.showRoot=false`` in a person's configuration makes the first revision of every entry vanish, and others turn
+the output's colours on or follow renames by guess; every such option is said here, so that none is left open.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, timezone
+
+from calibrary.errors import RegistryError
+from calibrary.registry.fast_import import Person
+from calibrary.registry.layout import CAMERAS
+from calibrary.registry.messages import subject_of, trailers_of
+from calibrary.registry.store import HEX, REGULAR, Blob, Store
+from calibrary.registry.worktree import EMPTY_TREE
+
+__all__ = ["ChangedFile", "Revision", "changed", "history", "newest_where"]
+
+MOVED_FROM = "Moved-From"
+FIELDS = ("%H", "%P", "%an", "%ae", "%ad", "%cn", "%ce", "%cd", "%B")
+LOG = (
+    "log",
+    f"--format={'%x00'.join(FIELDS)}%x00",
+    "--date=raw",
+    "--encoding=UTF-8",
+    "--no-color",
+    "--no-decorate",
+    "--no-ext-diff",
+    "--no-mailmap",
+    "--no-notes",
+    "--raw",
+    "--no-abbrev",
+    "--no-renames",
+    "--no-show-signature",
+    "--no-textconv",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Revision:
+    """One commit that changed a file.
+
+    Attributes:
+        path: the file's name there; an entry may have moved since.
+        oid: the content's id; ``None`` if this commit removed it.
+        authored: when the author made it; ``committed`` is when it came to stand where it stands.
+    """
+
+    commit: str
+    parents: tuple[str, ...]
+    path: str
+    oid: str | None
+    author: Person
+    authored: datetime
+    committer: Person
+    committed: datetime
+    message: str
+
+    @property
+    def subject(self) -> str:
+        """The first line of the message."""
+        return subject_of(self.message)
+
+    @property
+    def trailers(self) -> tuple[tuple[str, str], ...]:
+        """The lines of the message that are for programs, such as ``("Reason", "new lens")``."""
+        return trailers_of(self.message)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangedFile:
+    """One file that differs between two commits; an id is ``None`` where it is not there."""
+
+    path: str
+    before: str | None
+    after: str | None
+
+
+def history(store: Store, path: str | None, at: str, *, most: int | None = None) -> tuple[Revision, ...]:
+    """Every revision of a file up to a commit, newest first; through moves that were told in a trailer.
+
+    In a shallow clone it ends at the cut (``store.is_shallow``), where a file looks as if it had been added.
+
+    Args:
+        store: the repository.
+        path: the file; ``None`` for all commits, then without contents.
+        at: 40 hex digits, or two times that with ``..`` between.
+        most: at most so many.
+    """
+    limit = (f"--max-count={most}",) if most is not None else ()
+    where = ("--", path) if path is not None else ()
+    told = store.run(*LOG, *limit, at, *where).out.decode("utf-8", "replace")
+    # Before each commit's first field stands what git tells of the files of the commit before.
+    fields = told.split("\0")
+    size = len(FIELDS)
+    revisions = [
+        _revision(store, fields[start : start + size], fields[start + size], path)
+        for start in range(0, len(fields) - size, size)
+    ]
+    if path is None or not revisions or (most is not None and len(revisions) >= most):
+        return tuple(revisions)
+    rest = most - len(revisions) if most is not None else None
+    return (*revisions, *_before_the_move(store, revisions[-1], path, rest))
+
+
+def _revision(store: Store, fields: list[str], files: str, path: str | None) -> Revision:
+    commit, parents, author, author_mail, authored, committer, committer_mail, committed, message = fields
+    commit = commit.rpartition("\n")[2]
+    if HEX.match(commit) is None:
+        raise RegistryError(
+            f"{store.path}: git log told {commit[:60]!r}, wanted a commit; git fsck tells more"
+        )
+    return Revision(
+        commit=commit,
+        parents=tuple(parents.split()),
+        path=path or "",
+        oid=_content(store, commit, files, path) if path is not None else None,
+        author=Person(name=author, email=author_mail),
+        authored=_moment(authored),
+        committer=Person(name=committer, email=committer_mail),
+        committed=_moment(committed),
+        message=message,
+    )
+
+
+def _content(store: Store, commit: str, files: str, path: str) -> str | None:
+    """The id that a commit gave a file; of a merge git's log does not tell it, so that is looked up."""
+    for line in files.splitlines():
+        if line.startswith(":") and line.endswith(f"\t{path}"):
+            _, mode, _, oid, _ = line.removeprefix(":").encode().split(maxsplit=4)
+            return _there(mode, oid)
+    blob = store.read(commit, path)
+    return blob.oid if blob is not None else None
+
+
+def _before_the_move(store: Store, first: Revision, path: str, most: int | None) -> tuple[Revision, ...]:
+    """The file's life under the name it had before, if its first commit tells one."""
+    names = [value.partition(" => ") for key, value in first.trailers if key == MOVED_FROM]
+    earlier = next((old for old, _, new in names if new == path and old != path), None)
+    if earlier is None or not first.parents:
+        return ()
+    return history(store, earlier, first.parents[0], most=most)
+
+
+def _moment(raw: str) -> datetime:
+    """Read git's raw date, seconds and zone; a zone or year that cannot be is read as UTC, or as the beginning."""
+    seconds, _, zone = raw.partition(" ")
+    try:
+        minutes = int(zone[1:3]) * 60 + int(zone[3:5])
+        offset = timezone(timedelta(minutes=-minutes if zone.startswith("-") else minutes))
+        return datetime.fromtimestamp(int(seconds), offset)
+    except (ValueError, OverflowError, OSError):
+        return datetime.fromtimestamp(0, UTC)
+
+
+def changed(store: Store, before: str | None, after: str, prefix: str = CAMERAS) -> tuple[ChangedFile, ...]:
+    """The files that differ between two commits, in the order of their paths; a link counts as no file.
+
+    Without ``before`` everything is new.
+    """
+    options = ("-r", "-z", "--raw", "--no-abbrev", "--no-renames", "--no-ext-diff", "--no-textconv")
+    where = ("--", prefix) if prefix else ()
+    fields = store.run("diff-tree", *options, before or EMPTY_TREE, after, *where).out.split(b"\0")
+    files = []
+    for head, name in zip(fields[0::2], fields[1::2], strict=False):
+        mode, new_mode, oid, new_oid, _ = head.removeprefix(b":").split()
+        was, becomes = _there(mode, oid), _there(new_mode, new_oid)
+        files.append(ChangedFile(path=os.fsdecode(name), before=was, after=becomes))
+    return tuple(files)
+
+
+def _there(mode: bytes, oid: bytes) -> str | None:
+    return oid.decode("ascii") if mode in REGULAR else None
+
+
+def newest_where(
+    store: Store, path: str, at: str, holds: Callable[[bytes], bool]
+) -> tuple[Revision, Blob] | None:
+    """The newest revision of a file, up to a commit, whose content has a property."""
+    for revision in history(store, path, at):
+        if revision.oid is not None:
+            data = store.blob(revision.oid)
+            if holds(data):
+                return revision, Blob(revision.oid, data)
+    return None
+
+
+def at_date(store: Store, moment: datetime, at: str) -> str:
+    """The commit that a branch stood at, at a moment, by the dates of its own line of commits.
+
+    Side branches do not count: what was merged in May was not in the registry in April, whenever it was made.
+
+    Raises:
+        RegistryError: the branch began later.
+    """
+    seconds = int(moment.timestamp())
+    found = store.run("rev-list", "--max-count=1", "--first-parent", f"--before={seconds}", at)
+    commit = found.out.decode().strip()
+    if not commit:
+        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if store.is_shallow else ""
+        raise RegistryError(f"no commit as old as {moment:%Y-%m-%d %H:%M %Z}; the history begins later{hint}")
+    return commit

@@ -1,0 +1,142 @@
+"""One writer at a time, and what a killed writer left behind.
+
+The writer's lock is the kernel's (``flock``): it vanishes with its holder, also by ``kill -9``. git's own locks are
+files, which do not. The rule by which one of those may be taken away: our own lock is held, so that no other
+calibrary writes; the file is old by the disk's own clock; and it locks a ref. ``index.lock`` is never touched: a
+person's ``git commit`` holds it for as long as an editor is open.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from calibrary.errors import RegistryError
+
+__all__ = ["WriterLock", "backoff", "lock_in_the_way", "writer_lock"]
+
+LOCK_NAME = "calibrary.lock"
+LONGEST_PAUSE_S = 0.2
+REPORTED = re.compile(r"Unable to create '(?P<path>[^\n]+\.lock)': File exists")
+HEALED = re.compile(r"(HEAD|packed-refs|refs/.+)\.lock\Z")
+
+
+class WriterLock:
+    """Held while a registry is written; made by :func:`writer_lock`."""
+
+    def __init__(self, handle: int, folder: Path) -> None:
+        self._handle = handle
+        self._folder = folder
+
+    def heal(self, path: Path, *, older_than_s: float) -> bool:
+        """Take away a lock file of git that a killed writer left.
+
+        Age is counted either way: a clock that was set back must not make a lock immortal.
+
+        Returns:
+            whether it is gone.
+        """
+        try:
+            inside = path.resolve().relative_to(self._folder.resolve()).as_posix()
+        except ValueError:
+            return False
+        if HEALED.match(inside) is None:
+            return False
+        try:
+            age_s = self._now() - path.lstat().st_mtime
+            if abs(age_s) < older_than_s:
+                return False
+            aside = path.with_name(f"{path.name}.{os.getpid()}.stale")
+            path.rename(aside)
+            aside.unlink()
+        except FileNotFoundError:
+            return True
+        return True
+
+    def _now(self) -> float:
+        """The time by the clock of the disk that the locks lie on, which may be another machine's."""
+        os.lseek(self._handle, 0, os.SEEK_SET)
+        os.write(self._handle, b"calibrary\n")
+        return os.fstat(self._handle).st_mtime
+
+
+@contextmanager
+def writer_lock(folder: Path, *, wait_s: float) -> Iterator[WriterLock]:
+    """Hold a registry's writer lock.
+
+    Args:
+        folder: the repository's common git folder.
+        wait_s: how long others may keep it.
+
+    Raises:
+        RegistryError: somebody kept it longer, or nothing may be written there.
+    """
+    path = folder / LOCK_NAME
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+    except OSError as error:
+        raise RegistryError(
+            f"{folder}: cannot be written: {error.strerror}; wanted write access to the repository"
+        ) from None
+    try:
+        _acquire(handle, path, wait_s)
+        try:
+            yield WriterLock(handle, folder)
+        finally:
+            _release(handle)
+    finally:
+        os.close(handle)
+
+
+def _acquire(handle: int, path: Path, wait_s: float) -> None:
+    deadline = time.monotonic() + wait_s
+    for pause_s in backoff(first_s=0.001, longest_s=0.02):
+        with suppress(BlockingIOError, PermissionError):
+            _try_to_hold(handle)
+            return
+        if time.monotonic() > deadline:
+            raise RegistryError(
+                f"{path}: another process has been writing for {wait_s:g} s; wait for it, or end it: "
+                "its lock goes with it"
+            )
+        time.sleep(pause_s)
+
+
+def backoff(*, first_s: float = 0.005, longest_s: float = LONGEST_PAUSE_S) -> Iterator[float]:
+    """Endless pauses that grow, each at random between none and the longest so far, so that no two keep step."""
+    longest = first_s
+    while True:
+        yield random.uniform(0.0, longest)  # noqa: S311  jitter, not a secret
+        longest = min(2.0 * longest, longest_s)
+
+
+def lock_in_the_way(told: str) -> Path | None:
+    """The lock file that git says it stumbled over."""
+    found = REPORTED.search(told)
+    return Path(found["path"]) if found else None
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _try_to_hold(handle: int) -> None:
+        os.lseek(handle, 1 << 30, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+
+    def _release(handle: int) -> None:
+        os.lseek(handle, 1 << 30, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_UNLCK, 1)
+else:
+    import fcntl
+
+    def _try_to_hold(handle: int) -> None:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def _release(handle: int) -> None:
+        fcntl.flock(handle, fcntl.LOCK_UN)

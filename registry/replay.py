@@ -1,0 +1,92 @@
+"""Our commits, made again on top of theirs: change by change, each against the content it started from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from calibrary.errors import RegistryError
+from calibrary.registry.conflicts import Conflict, EntryConflictError
+from calibrary.registry.fast_import import File, Step
+from calibrary.registry.history import ChangedFile, Revision, changed, history
+from calibrary.registry.layout import check_path
+from calibrary.registry.store import Store
+from calibrary.registry.writing import identity, moment_after
+
+__all__ = ["ours_on_theirs"]
+
+
+def ours_on_theirs(store: Store, ours: str | None, theirs: str) -> tuple[list[Step], tuple[str, ...]]:
+    """What of our commits is not in theirs, as steps on top of theirs; and what a person should know of it.
+
+    Authors, their dates and messages stay; who committed, and when, is new. A change that theirs holds already is
+    left out, and so is a commit of which nothing is left.
+
+    Raises:
+        EntryConflictError: both sides changed a file; all of them are told.
+        RegistryError: our side holds a merge, or changed what is none of a registry's files.
+    """
+    if ours is None:
+        return [], ()
+    committer, warnings = identity(store)
+    moment, skew = moment_after(store, theirs, None)
+    standing = dict[str, str | None](store.listing(theirs))
+    final = store.listing(ours)
+    steps: list[Step] = []
+    conflicts: dict[str, Conflict] = {}
+    for revision, files in _of_ours(store, ours, theirs):
+        due = []
+        for file in files:
+            check_path(file.path)
+            now = standing.get(file.path)
+            if now == file.after or file.path in conflicts:
+                continue
+            if now != file.before:
+                if now == final.get(file.path):
+                    continue
+                conflicts[file.path] = _conflict(store, file, final.get(file.path), now)
+                continue
+            standing[file.path] = file.after
+            due.append(File(path=file.path, data=_data(store, file.after)))
+        if due:
+            steps.append(
+                Step(
+                    files=due,
+                    message=revision.message,
+                    author=revision.author,
+                    authored=revision.authored,
+                    committer=committer,
+                    committed=moment,
+                )
+            )
+    if conflicts:
+        raise EntryConflictError(
+            [*conflicts.values()],
+            "decide for each which is right, write that on top of theirs, and pull again",
+        )
+    return steps, (*warnings, *skew) if steps else ()
+
+
+def _of_ours(store: Store, ours: str, theirs: str) -> Iterator[tuple[Revision, tuple[ChangedFile, ...]]]:
+    for revision in reversed(history(store, None, f"{theirs}..{ours}")):
+        if len(revision.parents) > 1:
+            raise RegistryError(
+                f"{store.path}: {revision.commit[:12]} is a merge that theirs does not have; commits with merges "
+                "among them are not made again: bring the two together with git"
+            )
+        parent = revision.parents[0] if revision.parents else None
+        yield revision, changed(store, parent, revision.commit, prefix="")
+
+
+def _conflict(store: Store, file: ChangedFile, ours: str | None, theirs: str | None) -> Conflict:
+    return Conflict(
+        path=file.path,
+        base_oid=file.before,
+        base=_data(store, file.before),
+        ours=_data(store, ours),
+        theirs=_data(store, theirs),
+        theirs_oid=theirs,
+    )
+
+
+def _data(store: Store, oid: str | None) -> bytes | None:
+    return store.blob(oid) if oid is not None else None

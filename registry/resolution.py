@@ -1,0 +1,280 @@
+"""Which entry answers for a camera: the most specific one that somebody answers for, and why it and no other."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from typing import Final, TypeAlias
+
+from calibrary.calibration import Calibration, CameraKey
+from calibrary.errors import InputError, RegistryError
+from calibrary.registry.entry import ROOT, SUFFIX, USABLE, Entry, Status, folder_of
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.fitting import Fit, fit
+from calibrary.registry.slug import match_key, slug
+
+__all__ = ["AliasMap", "Near", "RegistryIndex", "Resolution", "answering", "near", "resolve", "scan_aliases"]
+
+AliasMap: TypeAlias = Mapping[tuple[str, str], frozenset[str]]
+"""The folders whose entries go by another (make, model), both as match keys."""
+
+MOST_NEAR: Final = 8
+MOST_FOLDERS: Final = 2048
+"""Folders whose entries are kept parsed."""
+
+_REGULAR = re.compile(rf"{ROOT}[^/]+/[^/]+/(?:sn-[^/]+/)?[0-9][^/]*{re.escape(SUFFIX)}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Near:
+    """An entry that was not taken, and why."""
+
+    path: str
+    why_not: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resolution:
+    """The entry that answers for a camera.
+
+    Attributes:
+        path: of the entry.
+        entry: as its file says it.
+        calibration: at the camera's image size, its provenance the entry and what stands behind it.
+        why: why this one, in words.
+        near: other entries of the same make and model, and why not they; the first few.
+    """
+
+    path: str
+    entry: Entry
+    calibration: Calibration
+    why: str
+    near: tuple[Near, ...]
+
+
+def resolve(
+    entries: Mapping[str, Entry],
+    key: CameraKey,
+    *,
+    on: date | None = None,
+    statuses: Collection[Status] = USABLE,
+) -> Resolution | None:
+    """The most specific entry for a camera, brought to its image size.
+
+    A field that an entry leaves out fits every camera. Of the entries that fit, one for this unit comes before
+    one for its firmware, its lens or focal length, its sub-camera, its model; then the nearest frame, and the
+    nearest focal length.
+
+    Args:
+        entries: by path.
+        key: the camera, as far as it is known; without an image size entries stay at their own.
+        on: the day it is for; None asks nothing of an entry's validity.
+        statuses: of the entries that may be taken; drafts and retired ones only where they are asked for.
+
+    Raises:
+        RegistryError: two entries fit equally well; the message names them.
+    """
+    fits, misses = _sorted_out(entries, key, on, statuses)
+    best = _best(fits, key)
+    if best is None:
+        return None
+    less = [Near(path=other.path, why_not=f"it fits, and says less: {_words(other)}") for other in fits[1:]]
+    return Resolution(
+        path=best.path,
+        entry=best.entry,
+        calibration=best.calibration(key),
+        why=_why(best, len(less)),
+        near=(*less, *misses)[:MOST_NEAR],
+    )
+
+
+def answering(entries: Mapping[str, Entry], key: CameraKey, *, on: date | None = None) -> str | None:
+    """The path of the entry that :func:`resolve` finds, for those who want no more of it.
+
+    Raises:
+        RegistryError: two entries fit equally well.
+    """
+    best = _best(_sorted_out(entries, key, on, USABLE)[0], key)
+    return best.path if best is not None else None
+
+
+def near(
+    entries: Mapping[str, Entry],
+    key: CameraKey,
+    *,
+    on: date | None = None,
+    statuses: Collection[Status] = USABLE,
+) -> tuple[Near, ...]:
+    """The entries of a camera's make and model that do not fit it, and why not; the first few."""
+    return tuple(_sorted_out(entries, key, on, statuses)[1][:MOST_NEAR])
+
+
+def scan_aliases(files: Iterable[tuple[str, bytes]]) -> AliasMap:
+    """What else the cameras of a registry are called; files that cannot be read name none.
+
+    Args:
+        files: path and bytes of every entry; only those that hold the word are parsed.
+    """
+    found: dict[tuple[str, str], set[str]] = {}
+    for path, data in files:
+        if b"aliases" not in data:
+            continue
+        try:
+            entry = parse_entry(data, path, require_digest=False)
+        except InputError:
+            continue
+        camera = entry.calibration.camera
+        folder = folder_of(camera.make or "", camera.model or "")
+        for alias in entry.aliases:
+            found.setdefault((match_key(alias.make), match_key(alias.model)), set()).add(folder)
+    return {name: frozenset(folders) for name, folders in found.items()}
+
+
+class RegistryIndex:
+    """A registry's entries, found by make and model through their paths: only candidates are read.
+
+    An entry that does not lie where its key says is found only if its path is one that no key gives; saying so
+    is for :mod:`calibrary.registry.check`.
+    """
+
+    def __init__(
+        self,
+        paths: Iterable[str],
+        load: Callable[[str], bytes],
+        *,
+        aliases: Callable[[], AliasMap] | None = None,
+        require_digest: bool = True,
+    ) -> None:
+        """List a registry; nothing is read yet.
+
+        Args:
+            paths: of all entries, from the registry's root.
+            load: gives the bytes of one.
+            aliases: gives :func:`scan_aliases` of all entries, for those who have it at hand; else every entry
+                is looked through when a camera is asked for that no entry fits by its own name.
+            require_digest: refuse entries without a digest.
+        """
+        self.paths: Final[Sequence[str]] = sorted(paths)
+        self._load = load
+        self._require_digest = require_digest
+        self._find_aliases = aliases
+        self._aliases: AliasMap | None = None
+        self._irregular = [path for path in self.paths if not _REGULAR.fullmatch(path)]
+        self._folders: dict[tuple[str, ...], Mapping[str, Entry]] = {}
+
+    def resolve(
+        self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
+    ) -> Resolution | None:
+        """The most specific entry for a camera; see :func:`resolve`.
+
+        Raises:
+            RegistryError: two entries fit equally well, or a candidate cannot be read.
+        """
+        found = resolve(self.candidates(key), key, on=on, statuses=statuses)
+        return found or resolve(self._by_alias(key), key, on=on, statuses=statuses)
+
+    def near(
+        self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
+    ) -> tuple[Near, ...]:
+        """The entries of the camera's make and model that do not fit it, and why.
+
+        Raises:
+            RegistryError: one of them cannot be read.
+        """
+        return near({**self.candidates(key), **self._by_alias(key)}, key, on=on, statuses=statuses)
+
+    def candidates(self, key: CameraKey) -> Mapping[str, Entry]:
+        """The entries of a make and model, but for those of other units.
+
+        Raises:
+            RegistryError: one of them cannot be read.
+        """
+        if not key.make or not key.model:
+            return {}
+        return self._parsed((folder_of(key.make, key.model),), key.serial)
+
+    def _by_alias(self, key: CameraKey) -> Mapping[str, Entry]:
+        if not key.make or not key.model:
+            return {}
+        if self._aliases is None:
+            find = self._find_aliases or self._scan
+            self._aliases = find()
+        folders = self._aliases.get((match_key(key.make), match_key(key.model)), frozenset())
+        return self._parsed(tuple(sorted(folders)), key.serial) if folders else {}
+
+    def _scan(self) -> AliasMap:
+        return scan_aliases((path, self._load(path)) for path in self.paths)
+
+    def _parsed(self, folders: tuple[str, ...], serial: str | None) -> Mapping[str, Entry]:
+        at = (*folders, slug(serial) if serial is not None else "")
+        entries = self._folders.get(at)
+        if entries is None:
+            if len(self._folders) >= MOST_FOLDERS:
+                self._folders.clear()
+            paths = [path for folder in folders for path in self._in_folder(folder, serial)]
+            entries = {path: self._read(path) for path in dict.fromkeys([*paths, *self._irregular])}
+            self._folders[at] = entries
+        return entries
+
+    def _in_folder(self, folder: str, serial: str | None) -> list[str]:
+        # Leaves start with a digit, and folders of units with a letter: the leaves come first.
+        paths = self._between(folder, f"{folder}:")
+        if serial is not None:
+            unit = f"{folder}sn-{slug(serial)}/"
+            paths += self._between(unit, f"{unit}:")
+        return paths
+
+    def _between(self, first: str, end: str) -> list[str]:
+        return list(self.paths[bisect_left(self.paths, first) : bisect_left(self.paths, end)])
+
+    def _read(self, path: str) -> Entry:
+        try:
+            return parse_entry(self._load(path), path, require_digest=self._require_digest)
+        except InputError as error:
+            raise RegistryError(str(error)) from None
+
+
+def _sorted_out(
+    entries: Mapping[str, Entry], key: CameraKey, on: date | None, statuses: Collection[Status]
+) -> tuple[list[Fit], list[Near]]:
+    """What fits, the most specific first, and what does not."""
+    fits, misses = [], []
+    for path, entry in entries.items():
+        outcome = fit(path, entry, key, on, statuses)
+        if isinstance(outcome, Fit):
+            fits.append(outcome)
+        elif outcome is not None:
+            misses.append(Near(path=path, why_not=outcome))
+    return sorted(fits, key=lambda found: (found.rank, found.path)), misses
+
+
+def _best(fits: Sequence[Fit], key: CameraKey) -> Fit | None:
+    if not fits:
+        return None
+    best, *others = fits
+    alike = [other.path for other in others if other.rank == best.rank]
+    if alike:
+        raise RegistryError(
+            f"{len(alike) + 1} entries fit {key} equally well: {', '.join([best.path, *alike][:MOST_NEAR])}; retire "
+            "all but one, or have each say what it is of"
+        )
+    return best
+
+
+def _words(found: Fit) -> str:
+    return ", ".join(found.states) or "its model only"
+
+
+def _why(found: Fit, others: int) -> str:
+    camera = found.entry.calibration.camera
+    text = f"{found.path} is of {_words(found)}" if found.states else f"{found.path} is of this model"
+    if found.alias:
+        text += f"; it is of {camera.make} {camera.model}, which goes by this name as well"
+    if found.adapted.steps:
+        text += f"; {'; '.join(found.adapted.steps)}"
+    if others:
+        text += f"; {others} more fit and say less"
+    return text

@@ -1,0 +1,86 @@
+"""Who signed a commit, by a list of signers that the reader names: never by what the repository itself trusts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibrary.errors import RegistryError
+from calibrary.registry.store import Store
+
+__all__ = ["Signature", "require_signed", "signatures"]
+
+GOOD = "G"
+STATES = {
+    "G": "good",
+    "U": "good, but by a key that is trusted by nobody",
+    "X": "good once, the signature has expired",
+    "Y": "good once, the key has expired",
+    "R": "by a revoked key",
+    "B": "bad: the commit is not what was signed",
+    "E": "cannot be checked: the key is missing",
+    "N": "none",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signature:
+    """What became known of a commit's signature.
+
+    Attributes:
+        state: git's letter for it; ``G`` alone is good.
+        signer: who, by the list of signers.
+        key: the key's fingerprint.
+    """
+
+    commit: str
+    state: str
+    signer: str
+    key: str
+
+    @property
+    def is_good(self) -> bool:
+        """Whether somebody on the list signed just this commit."""
+        return self.state == GOOD
+
+    def __str__(self) -> str:
+        return f"{self.commit[:12]}: {STATES.get(self.state, self.state)}"
+
+
+def signatures(store: Store, commits: Sequence[str], allowed_signers: Path | None) -> tuple[Signature, ...]:
+    """The signature of each commit.
+
+    ssh keys are judged by ``allowed_signers``, a file as of ssh-keygen(1), "ALLOWED SIGNERS"; OpenPGP keys by the
+    keyring of whoever reads.
+    """
+    if not commits:
+        return ()
+    signers = str(allowed_signers.absolute()) if allowed_signers is not None else ""
+    options = ("-c", f"gpg.ssh.allowedSignersFile={signers}", "-c", "gpg.minTrustLevel=fully")
+    command = (
+        "log",
+        "--no-walk=unsorted",
+        "--stdin",
+        "--format=%H%x00%G?%x00%GS%x00%GK",
+        "--no-color",
+        "--no-notes",
+    )
+    told = store.run(*options, *command, stdin="".join(f"{commit}\n" for commit in commits).encode()).out
+    found = {}
+    for line in told.decode("utf-8", "replace").splitlines():
+        commit, state, signer, key = line.split("\0")
+        found[commit] = Signature(commit=commit, state=state, signer=signer, key=key)
+    return tuple(found[commit] for commit in commits)
+
+
+def require_signed(store: Store, commits: Sequence[str], allowed_signers: Path | None) -> None:
+    """See that somebody on the list signed every commit.
+
+    Raises:
+        RegistryError: one is not signed so; the message names the first few.
+    """
+    bad = [signature for signature in signatures(store, commits, allowed_signers) if not signature.is_good]
+    if bad:
+        shown = "; ".join(map(str, bad[:3])) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
+        raise RegistryError(f"{store.path}: wanted commits signed by somebody on the list, found {shown}")

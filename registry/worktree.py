@@ -1,0 +1,203 @@
+"""The work tree of a registry: a view for people, kept in step after every commit and never overwritten.
+
+A commit is made past the index and the files, so a checked-out folder would then show it undone, and a person's
+next ``git commit -a`` would undo it indeed. So: before anything is written, the files concerned are seen to be
+clean; a note of the old commit is left; the commit is made; the view is moved; the note goes.
+Whoever finds a note finishes that step first: its writer was killed in between.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from calibrary.errors import RegistryError
+from calibrary.registry.store import HEX, Store
+
+__all__ = ["EMPTY_TREE", "begin", "catch_up", "require_clean", "sync"]
+
+EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"
+NOTE = "calibrary-sync"
+MOST_PATHSPECS = 200
+MOST_LOOKED_AT = 20
+INDEX_WAIT_S = 5.0
+IN_PROGRESS = {
+    "MERGE_HEAD": "a merge",
+    "CHERRY_PICK_HEAD": "a cherry-pick",
+    "REVERT_HEAD": "a revert",
+    "rebase-merge": "a rebase",
+    "rebase-apply": "a rebase",
+}
+
+
+def shows(store: Store, ref: str) -> bool:
+    """Whether a branch is what the store's work tree shows.
+
+    Raises:
+        RegistryError: another linked work tree shows it, which would then tell a false story.
+    """
+    for other in _linked(store):
+        with suppress(OSError):
+            if (other / "HEAD").read_text(encoding="utf-8").strip() == f"ref: {ref}":
+                raise RegistryError(
+                    f"{store.path}: {ref} is checked out in another work tree ({other}); open the registry there"
+                )
+    return store.work_tree is not None and store.head_ref == ref
+
+
+def _linked(store: Store) -> Iterable[Path]:
+    """The git folders of the other work trees of this repository."""
+    with suppress(OSError):
+        yield from (place for place in (store.common_dir / "worktrees").iterdir() if place != store.git_dir)
+    if store.common_dir != store.git_dir:
+        yield store.common_dir
+
+
+def require_clean(store: Store, tip: str | None, paths: Sequence[str]) -> None:
+    """See that nothing a person has not committed stands in the way of these files.
+
+    Raises:
+        RegistryError: a file is edited, staged or not known to git; or a merge is under way.
+    """
+    for name, what in IN_PROGRESS.items():
+        if (store.git_dir / name).exists():
+            raise RegistryError(f"{store.path}: {what} is under way in the work tree; finish it first")
+    _wait_for_index(store)
+    blocked = _blocked(store, paths)
+    if not blocked and _surely_clean(store, tip, paths):
+        return
+    touched = sorted(_edited(store, paths) | blocked)
+    if touched:
+        shown = ", ".join(touched[:3]) + (f" and {len(touched) - 3} more" if len(touched) > 3 else "")
+        raise RegistryError(
+            f"{store.path}: {shown}: changed by hand and not committed; nothing was written. Commit it, or put it "
+            f"aside: git -C {store.path} stash --include-untracked"
+        )
+
+
+def _wait_for_index(store: Store) -> None:
+    lock = store.git_dir / "index.lock"
+    deadline = time.monotonic() + INDEX_WAIT_S
+    while lock.exists():
+        if time.monotonic() > deadline:
+            raise RegistryError(
+                f"{lock}: another git command is at work in this work tree; let it end. If none runs, it "
+                "was killed: then remove the file"
+            )
+        time.sleep(0.02)
+
+
+def _edited(store: Store, paths: Sequence[str]) -> set[str]:
+    wanted = set(paths)
+    limits = list(paths) if len(paths) <= MOST_PATHSPECS else []
+    options = ("--porcelain=v1", "-z", "--untracked-files=all", "--ignored=matching", "--no-renames")
+    listed = store.run("status", *options, "--", *limits).out
+    found = {os.fsdecode(line[3:]) for line in listed.split(b"\0") if line}
+    # A folder of which everything is ignored is told as one.
+    folders = tuple(name for name in found if name.endswith("/"))
+    hidden = {path for path in wanted if path.startswith(folders) and os.path.lexists(store.path / path)}
+    return (found & wanted) | hidden
+
+
+def _surely_clean(store: Store, tip: str | None, paths: Sequence[str]) -> bool:
+    """Whether a look at a few files and the index, without starting git, settles that nobody has touched them.
+
+    The index is git's own file; of its layout no more is used than that versions 2 and 3 hold each file's id, two
+    bytes of flags and its whole name in a row (gitformat-index(5)). Whatever looks otherwise is for git to judge.
+    """
+    if len(paths) > MOST_LOOKED_AT:
+        return False
+    try:
+        index = (store.git_dir / "index").read_bytes()
+    except FileNotFoundError:
+        index = b"DIRC\0\0\0\x02"
+    except OSError:
+        return False
+    if not index.startswith((b"DIRC\0\0\0\x02", b"DIRC\0\0\0\x03")) or b"link\0\0" in index[-(1 << 16) :]:
+        return False
+    return all(_is_as_committed(store, tip, path, index) for path in paths)
+
+
+def _is_as_committed(store: Store, tip: str | None, path: str, index: bytes) -> bool:
+    place, name = store.path / path, os.fsencode(path)
+    blob = store.read(tip, path) if tip is not None else None
+    if blob is None:
+        return not os.path.lexists(place) and name not in index
+    at = index.find(bytes.fromhex(blob.oid))
+    while at >= 0 and index[at + 22 : at + 23 + len(name)] != name + b"\0":
+        at = index.find(bytes.fromhex(blob.oid), at + 1)
+    if at < 0:
+        return False
+    try:
+        return not place.is_symlink() and place.read_bytes() == blob.data
+    except OSError:
+        return False
+
+
+def _blocked(store: Store, paths: Sequence[str]) -> set[str]:
+    """Folders on the way to a file that are none: something else bears the name, or a link leads elsewhere."""
+    parents = {parent for path in paths for parent in Path(path).parents if parent.parts}
+    places = {parent.as_posix(): store.path / parent for parent in parents}
+    return {
+        name
+        for name, place in places.items()
+        if place.is_symlink() or (os.path.lexists(place) and not place.is_dir())
+    }
+
+
+def begin(store: Store, ref: str, tip: str | None) -> None:
+    """Leave the note that the view is about to fall behind."""
+    (store.git_dir / NOTE).write_text(f"{tip or EMPTY_TREE} {ref}\n", encoding="utf-8")
+
+
+def give_up(store: Store) -> None:
+    """Take the note back: nothing was committed."""
+    (store.git_dir / NOTE).unlink(missing_ok=True)
+
+
+def sync(store: Store, old: str | None, new: str, paths: Sequence[str] | None = None) -> str | None:
+    """Move the view from one commit to another, which differ in some paths.
+
+    A few files that nobody has touched, by one more look, are put there by themselves; the merge of two whole
+    trees takes ten times as long at ten thousand entries. It judges where there is anything to judge.
+
+    Returns:
+        what stood in the way, if something did; then the note stays, and the next write tries again.
+    """
+    if paths and not _blocked(store, paths) and _surely_clean(store, old, paths):
+        options = ("--quiet", f"--source={new}", "--staged", "--worktree")
+        if store.run("restore", *options, "--", *paths, good=(0, 1, 128)).code == 0:
+            give_up(store)
+            return None
+    moved = store.run("read-tree", "-m", "-u", old or EMPTY_TREE, new, good=(0, 128))
+    if moved.code:
+        return f"committed, but the work tree could not be brought up to date: {moved.told.strip()}"
+    give_up(store)
+    return None
+
+
+def catch_up(store: Store) -> None:
+    """Finish what a killed writer left undone: its commit is there, and the view has not followed.
+
+    Raises:
+        RegistryError: somebody has edited just those files since.
+    """
+    try:
+        old, _, ref = (store.git_dir / NOTE).read_text(encoding="utf-8").strip().partition(" ")
+    except FileNotFoundError:
+        return
+    # A note that breaks off is one of a writer killed before it had committed.
+    new = store.tip(ref) if HEX.match(old) is not None and ref == store.head_ref else None
+    if new is None or old == new:
+        give_up(store)
+        return
+    blocked = sync(store, old, new)
+    if blocked is not None:
+        raise RegistryError(
+            f"{store.path}: its files are older than its last commit, and some were edited by hand since; a "
+            f"commit of them would undo entries. Put them aside: git -C {store.path} stash; then: git -C "
+            f"{store.path} reset --hard. ({blocked})"
+        )

@@ -1,0 +1,256 @@
+"""Writing a registry: whole commits, of any number of files, that lose nothing and overwrite nobody.
+
+Three guards, each for what the others let through. The writer's lock keeps calibrary's own writers in a row. The
+parent of a commit is pinned, so that a branch which anybody else moved meanwhile is not moved again. And every
+change names the content it started from: an entry that somebody has changed since is a conflict, told with both
+versions, and no number of retries turns that into an overwrite.
+"""
+
+from __future__ import annotations
+
+import getpass
+import os
+import socket
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from enum import Enum
+from functools import partial
+from typing import Final
+
+from calibrary.errors import RegistryError
+from calibrary.registry import worktree
+from calibrary.registry.commits import advance, land
+from calibrary.registry.conflicts import Conflict, EntryConflictError
+from calibrary.registry.fast_import import File, Person, Step
+from calibrary.registry.layout import LARGEST_FILE, check_branch, check_path
+from calibrary.registry.locks import backoff, writer_lock
+from calibrary.registry.store import Store, blob_id
+
+__all__ = ["ANY", "Base", "Change", "Written", "branch_ref", "identity", "moment_after", "still_due", "write"]
+
+LOCK_WAIT_S = 120.0
+GIVE_UP_S = 30.0
+SKEW = timedelta(days=1)
+FEW = 200
+
+
+class Base(Enum):
+    """What a change may start from besides a known content."""
+
+    ANY = "any"
+
+
+ANY: Final = Base.ANY
+"""For files that calibrary makes itself and nobody edits. Never for an entry."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """What shall become of one file.
+
+    Attributes:
+        data: its new content; ``None`` removes it.
+        base: the id of the content it was made from; ``None`` if there must be no file yet.
+    """
+
+    path: str
+    data: bytes | None
+    base: str | Base | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """What a write came to.
+
+    Attributes:
+        commit: the branch's commit afterwards.
+        parent: the one before it; the same if everything stood there already.
+        paths: files that were changed, with their new ids (``None``: removed).
+        warnings: what a person should know of it.
+    """
+
+    commit: str
+    parent: str | None
+    paths: dict[str, str | None]
+    warnings: tuple[str, ...] = ()
+
+
+def write(
+    store: Store,
+    changes: Sequence[Change],
+    message: str,
+    *,
+    author: Person | None = None,
+    branch: str | None = None,
+    now: datetime | None = None,
+) -> Written:
+    """Make one commit of some changes, all or none of them.
+
+    Args:
+        store: the repository.
+        changes: at most one a file.
+        message: whole, trailers included.
+        author: whose work it is, if not the committer's.
+        branch: where to; what is checked out if left out. A new one begins at what is checked out.
+        now: the moment it is dated.
+
+    Raises:
+        EntryConflictError: a file is not what its change started from; nothing was written.
+        RegistryError: a path or content that no registry holds, work of a person's in the way, no access.
+    """
+    _check(changes)
+    ref = branch_ref(store, branch)
+    committer, warnings = identity(store)
+    with writer_lock(store.common_dir, wait_s=LOCK_WAIT_S) as lock:
+        if worktree.shows(store, ref):
+            worktree.catch_up(store)
+        deadline = time.monotonic() + GIVE_UP_S + store.stale_lock_s
+        for pause_s in backoff():
+            old = store.tip(ref)
+            parent = old if old is not None or branch is None else store.tip()
+            due = still_due(store, parent, changes)
+            if not due:
+                return Written(commit=_nothing_due(store, parent), parent=parent, paths={}, warnings=warnings)
+            moment, skew = moment_after(store, parent, now)
+            step = Step(
+                files=[File(path=change.path, data=change.data) for change in due],
+                message=message,
+                author=author or committer,
+                authored=moment,
+                committer=committer,
+                committed=moment,
+            )
+            paths = {file.path: blob_id(file.data) if file.data is not None else None for file in step.files}
+            move = partial(land, store, ref, parent, [step], old)
+            new, told = advance(store, lock, ref, old, [*paths], move)
+            if new is not None:
+                return Written(commit=new, parent=parent, paths=paths, warnings=(*warnings, *skew, *told))
+            if time.monotonic() > deadline:
+                raise RegistryError(
+                    f"{store.path}: {ref} kept moving, or stayed locked; nothing was written, try again "
+                    f"({' '.join(told)})"
+                )
+            time.sleep(pause_s)
+    raise AssertionError  # backoff() has no end
+
+
+def _check(changes: Sequence[Change]) -> None:
+    seen = set()
+    for change in changes:
+        if check_path(change.path) in seen:
+            raise RegistryError(f"{change.path} is changed twice; wanted one change a file")
+        seen.add(change.path)
+        if change.data is not None and len(change.data) > LARGEST_FILE:
+            raise RegistryError(f"{change.path}: {len(change.data)} bytes, wanted at most {LARGEST_FILE}")
+
+
+def _nothing_due(store: Store, parent: str | None) -> str:
+    if parent is None:
+        raise RegistryError(f"{store.path}: nothing to write; a history begins with a file")
+    return parent
+
+
+def still_due(store: Store, commit: str | None, changes: Sequence[Change]) -> list[Change]:
+    """The changes that alter something.
+
+    Raises:
+        EntryConflictError: files are not what their changes started from; even if by chance they have become what
+            the change would make of them, for two who count up by one have counted up by two.
+    """
+    due: list[Change] = []
+    conflicts = []
+    for change, theirs in zip(changes, _standing(store, commit, changes), strict=True):
+        if change.base is ANY or change.base == theirs:
+            becomes = blob_id(change.data) if change.data is not None else None
+            due += [change] if becomes != theirs else []
+            continue
+        conflicts.append(
+            Conflict(
+                path=change.path,
+                base_oid=change.base if isinstance(change.base, str) else None,
+                base=_content(store, change.base),
+                ours=change.data,
+                theirs=_content(store, theirs),
+                theirs_oid=theirs,
+            )
+        )
+    if conflicts:
+        raise EntryConflictError(conflicts, "read it again, and decide which of the two is right")
+    return due
+
+
+def _standing(store: Store, commit: str | None, changes: Sequence[Change]) -> list[str | None]:
+    """The ids that stand where changes go."""
+    if commit is None:
+        return [None] * len(changes)
+    if len(changes) > FEW:
+        files = store.listing(commit)
+        return [files.get(change.path) for change in changes]
+    found = [store.read(commit, change.path) for change in changes]
+    return [blob.oid if blob is not None else None for blob in found]
+
+
+def _content(store: Store, oid: str | Base | None) -> bytes | None:
+    if oid is None or isinstance(oid, Base):
+        return None
+    try:
+        return store.blob(oid)
+    except RegistryError:
+        return None
+
+
+def branch_ref(store: Store, branch: str | None) -> str:
+    """The full name of a branch to write to.
+
+    Raises:
+        RegistryError: none was named and none is checked out.
+    """
+    if branch is not None:
+        return f"refs/heads/{check_branch(branch)}"
+    ref = store.head_ref
+    if ref is None or not ref.startswith("refs/heads/"):
+        raise RegistryError(
+            f"{store.path}: HEAD is detached, so a commit would belong to no branch; check one out (git -C "
+            f"{store.path} switch main) or name one"
+        )
+    check_branch(ref.removeprefix("refs/heads/"))
+    return ref
+
+
+def moment_after(store: Store, parent: str | None, now: datetime | None) -> tuple[datetime, tuple[str, ...]]:
+    """When a commit is dated: now, but not before its parent, or a look at the registry by date would go wrong.
+
+    A parent dated days ahead was made by a clock that was wrong: then the true time is kept, and told.
+    """
+    moment = (now or datetime.now(UTC)).astimezone()
+    if parent is None:
+        return moment, ()
+    before = datetime.fromtimestamp(store.committed_at(parent), UTC)
+    if before <= moment:
+        return moment, ()
+    if before - moment <= SKEW:
+        return before.astimezone(moment.tzinfo), ()
+    return moment, (
+        f"the commit before this one is dated {before:%Y-%m-%d %H:%M} UTC, ahead of this machine's clock; reading "
+        "the registry by date will be wrong until then",
+    )
+
+
+def identity(store: Store) -> tuple[Person, tuple[str, ...]]:
+    """Who commits: as git is told, by its variables or its configuration; else the login's name, with a warning."""
+    name = os.environ.get("GIT_COMMITTER_NAME") or store.setting("user.name")
+    email = os.environ.get("GIT_COMMITTER_EMAIL") or store.setting("user.email")
+    if name and email:
+        return Person(name=name, email=email), ()
+    try:
+        login = getpass.getuser()
+    except (KeyError, OSError, ImportError):
+        login = "unknown"
+    host = socket.gethostname() or "localhost"
+    person = Person(name=name or login, email=email or f"{login}@{host}")
+    return person, (
+        f"git does not know who you are, so the history names {person.name} <{person.email}>; to be named right: "
+        "git config --global user.name 'Your Name' and git config --global user.email you@example.com",
+    )

@@ -1,0 +1,118 @@
+"""Plain data as YAML text that YAML 1.1, YAML 1.2 and calibrary's own reader take for the same data.
+
+Strings always stand in double quotes, so no reader can take one for a number, a date or a truth. Floats are
+the shortest text that gives the same double back, with a point in it and a sign in the exponent: without them
+``1e-05`` is a string to YAML 1.1.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from calibrary.errors import InputError
+from calibrary.strictyaml import YamlScalar, YamlValue
+
+__all__ = ["block", "number", "quoted", "rows", "scalar"]
+
+_ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t", "\0": "\\0"}
+_PLAIN_KEY = re.compile(r"x-[A-Za-z0-9_.-]*[A-Za-z0-9_]")
+MAX_DEPTH = 12
+
+
+def quoted(text: str) -> str:
+    """A string between double quotes; what does not print is escaped, so that it shows in a diff.
+
+    Raises:
+        InputError: it holds a lone surrogate, which is no character.
+    """
+    if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:
+        return f'"{text}"'
+    return f'"{"".join(map(_escaped, text))}"'
+
+
+def number(value: float) -> str:
+    """A float; every reader gets the same double back.
+
+    Raises:
+        InputError: it is NaN or infinite.
+    """
+    value = float(value)
+    if not math.isfinite(value):
+        raise InputError(f"{value} is no number that a file can hold, wanted a finite one")
+    text = repr(value)
+    mantissa, e, exponent = text.partition("e")
+    return f"{mantissa}.0e{exponent}" if e and "." not in mantissa else text
+
+
+def scalar(value: YamlScalar) -> str:
+    """A scalar of any kind."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return quoted(value)
+    return str(value) if isinstance(value, int) else number(value)
+
+
+def rows(lengths: Iterable[int], values: Sequence[float], indent: str) -> list[str]:
+    """Numbers as a list over several lines, of so many each."""
+    lines, start = [], 0
+    for length in lengths:
+        lines.append(f"{indent}{', '.join(map(number, values[start : start + length]))},")
+        start += length
+    return lines
+
+
+def block(key: str, value: YamlValue, indent: str = "") -> list[str]:
+    """The lines of ``key: value`` for any plain data.
+
+    Raises:
+        InputError: it is nested deeper than a file may be, or a number in it is not finite.
+    """
+    if len(indent) > 2 * MAX_DEPTH:
+        raise InputError(f"{key!r:.60} is nested more than {MAX_DEPTH} deep")
+    name = key if _PLAIN_KEY.fullmatch(key) else quoted(key)
+    if isinstance(value, Mapping) and value:
+        return [f"{indent}{name}:", *_members(value, f"{indent}  ")]
+    if isinstance(value, list) and value:
+        return [f"{indent}{name}:", *_items(value, f"{indent}  ")]
+    return [f"{indent}{name}: {_small(value)}"]
+
+
+def _members(value: Mapping[str, YamlValue], indent: str) -> Iterator[str]:
+    for key, member in value.items():
+        yield from block(key, member, indent)
+
+
+def _items(value: Sequence[YamlValue], indent: str) -> Iterator[str]:
+    for item in value:
+        if isinstance(item, (dict, list)) and item:
+            if len(indent) > 2 * MAX_DEPTH:
+                raise InputError(f"a list is nested more than {MAX_DEPTH} deep")
+            yield f"{indent}-"
+            yield from (
+                _members(item, f"{indent}  ") if isinstance(item, dict) else _items(item, f"{indent}  ")
+            )
+        else:
+            yield f"{indent}- {_small(item)}"
+
+
+def _small(value: YamlValue) -> str:
+    """A scalar, or a collection with nothing in it."""
+    if isinstance(value, dict):
+        return "{}"
+    return "[]" if isinstance(value, list) else scalar(value)
+
+
+def _escaped(character: str) -> str:
+    if (escape := _ESCAPES.get(character)) is not None:
+        return escape
+    if character.isprintable():
+        return character
+    code = ord(character)
+    if 0xD800 <= code < 0xE000:
+        raise InputError(f"the lone surrogate {character!a}, wanted text")
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

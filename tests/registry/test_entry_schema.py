@@ -1,0 +1,122 @@
+"""schemas/entry-1.schema.json says of every distortion model and every provenance what the code says."""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, fields
+from typing import Any
+
+import pytest
+
+from calibrary.distortion import MODELS, distortion_from
+from calibrary.errors import ParseError
+from calibrary.registry.entry_yaml import entry_yaml, parse_entry
+from calibrary.schemas import load, require
+from calibrary.strictyaml import load_yaml
+from tests.registry.entries import DIGITS, an_entry
+
+
+def document(**changes: Any) -> Any:
+    value = load_yaml(entry_yaml(an_entry()), source="x")
+    assert isinstance(value, dict)
+    return {**value, **changes}
+
+
+def lens(model: str) -> dict[str, Any]:
+    return {"model": model, **dict.fromkeys(MODELS[model].names(), 0.05)}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_coefficients_of_a_model_are_the_codes(model: str) -> None:
+    good = lens(model)
+    require(document(distortion=good), "entry-1")
+    with pytest.raises(ParseError, match="'k99' is no key here"):
+        require(document(distortion={**good, "k99": 0.0}), "entry-1")
+    for field in fields(MODELS[model]):
+        without = {name: value for name, value in good.items() if name != field.name}
+        if field.default is MISSING:
+            with pytest.raises(ParseError, match=f"lacks {field.name}"):
+                require(document(distortion=without), "entry-1")
+        else:
+            require(document(distortion=without), "entry-1")
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_model_has_its_place_in_a_file(model: str) -> None:
+    distortion = distortion_from(model, dict.fromkeys(MODELS[model].names(), 0.05))
+    entry = an_entry(distortion=distortion)
+    assert parse_entry(entry_yaml(entry), "x") == entry
+
+
+def test_the_schema_knows_no_other_models() -> None:
+    named = load("entry-1")["$defs"]
+    assert isinstance(named, dict)
+    assert {name.removeprefix("lens-") for name in named} <= set(MODELS)
+    with pytest.raises(ParseError, match="'own', wanted"):
+        require(document(distortion={"model": "own"}), "entry-1")
+
+
+FILES = [{"name": "a.jpg", "sha256": DIGITS}]
+COMPLETE: dict[str, dict[str, Any]] = {
+    "calibration-file": {"source": "a.xml", "sha256": DIGITS},
+    "matrix-file": {"source": "K.npy", "sha256": DIGITS},
+    "checkerboard": {"sources": FILES, "tool": "calibrary 1", "date": "2026-05-01T10:00:00Z"},
+    "board": {"sources": FILES, "tool": "calibrary 1", "date": "2026-05-01"},
+    "image-metadata": {"source": "a.jpg", "tag": "drone-dji:DewarpData"},
+    "adjustment": {"source": "cameras.xml", "tool": "Metashape 2.1", "date": "2026-05-01"},
+    "manual": {"operator": "ops", "date": "2026-05-01"},
+    "catalogue": {"source": "dji.yaml"},
+}
+
+
+@pytest.mark.parametrize("kind", COMPLETE)
+def test_each_kind_of_provenance_says_what_it_takes_to_trace_it(kind: str) -> None:
+    told = COMPLETE[kind]
+    require(document(provenance={"kind": kind, **told}), "entry-1")
+    for name in told:
+        nothing: dict[str, Any] = {name: [] if name == "sources" else None}
+        for lacking in ({}, nothing):
+            less = {"kind": kind, **{key: value for key, value in told.items() if key != name}, **lacking}
+            with pytest.raises(ParseError, match=name):
+                require(document(provenance=less), "entry-1")
+
+
+def test_a_kind_of_somebody_elses_asks_for_nothing_more() -> None:
+    require(document(provenance={"kind": "laser-tracker"}), "entry-1")
+
+
+@pytest.mark.parametrize("kind", ["registry", "seed", "unstated", "Lab", ""])
+def test_what_is_no_source_is_no_kind(kind: str) -> None:
+    with pytest.raises(ParseError, match="kind"):
+        require(document(provenance={"kind": kind}), "entry-1")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"intrinsics": {"pixel_origin": "corner", "fx": float("nan"), "fy": 1.0, "cx": 1.0, "cy": 1.0}},
+        {"quality": {"coverage": 1.5}},
+        {"quality": {"std": {"fx": -1.0}}},
+        {"quality": {"covariance": {"names": ["fx", "fx"], "upper": [1.0, 0.0, 1.0]}}},
+        {"quality": {"covariance": {"names": ["fx"], "upper": ["1.0"]}}},
+        {"aliases": [{"make": "DJI"}]},
+        {"validity": {}},
+        {"tolerance": 0},
+        {"sensor": {"width_mm": -13.2}},
+        {"provenance": {"kind": "manual", "operator": "x", "date": "1 May 2026"}},
+        {"digest": "sha256:12"},
+        {"notes": "one"},
+        {"camera": {"make": "DJI", "model": "", "image_size": [5472, 3648]}},
+        {"camera": {"make": "DJI", "model": "FC6310R", "image_size": [5472]}},
+        {"camera": {"make": "DJI", "model": "FC6310R", "image_size": [5472, 3648], "firmware": {}}},
+    ],
+)
+def test_what_no_entry_may_say_is_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(ParseError, match=next(iter(changes))):
+        require(document(**changes), "entry-1")
+
+
+def test_x_fields_are_let_through_at_the_top_and_in_the_blocks_that_take_them() -> None:
+    require(document(**{"x-a": {"b": [1]}}), "entry-1")
+    require(document(provenance={"kind": "own", "x-b": 1}), "entry-1")
+    with pytest.raises(ParseError, match="intrinsics"):
+        require(document(intrinsics={**document()["intrinsics"], "x-c": 1}), "entry-1")

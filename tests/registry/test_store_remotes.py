@@ -1,0 +1,403 @@
+"""Copies of a registry: brought together entry by entry, and none of them runs anything here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from calibrary.errors import ConflictError, RegistryError
+from calibrary.registry.conflicts import EntryConflictError
+from calibrary.registry.creating import create
+from calibrary.registry.history import changed, history
+from calibrary.registry.maintenance import maintain
+from calibrary.registry.remotes import clone, fetch, pull, push, set_remote, sync
+from calibrary.registry.signatures import signatures
+from calibrary.registry.store import Store
+from calibrary.registry.urls import check_url, without_secret
+from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
+
+__all__ = ["bare", "checked_out", "made", "nobodys_git"]
+
+THIRD = "cameras/sony/ilce-7/6000x4000.yaml"
+
+
+@pytest.fixture
+def pair(bare: Store, tmp_path: Path) -> tuple[Store, Store]:
+    """Two checked-out clones of one bare registry."""
+    one, two = (clone(str(bare.path), tmp_path / name, durable=False) for name in ("one", "two"))
+    return one, two
+
+
+def test_a_clone_holds_the_same_and_is_clean(bare: Store, pair: tuple[Store, Store]) -> None:
+    one, _ = pair
+    assert one.tip() == bare.tip()
+    assert (one.path / ENTRY).read_bytes() == b"fx: 1.0\n"
+    assert git(one.path, "status", "--porcelain") == ""
+    assert git(one.path, "remote", "-v").splitlines()[0] == f"origin\t{bare.path} (fetch)"
+
+
+def test_a_clone_follows_the_branch_that_the_remote_stands_for(tmp_path: Path) -> None:
+    store = create(tmp_path / "trunked", bare=True, branch="trunk", durable=False)
+    put(store, {ENTRY: b"x\n"})
+    assert clone(store.path.as_uri(), tmp_path / "copy", bare=True).head_ref == "refs/heads/trunk"
+
+
+def test_a_failed_clone_leaves_nothing_behind(tmp_path: Path) -> None:
+    with pytest.raises(RegistryError):
+        clone(str(tmp_path / "nowhere"), tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "x").touch()
+    with pytest.raises(RegistryError, match="new or empty folder"):
+        clone(str(tmp_path / "nowhere"), tmp_path / "full")
+    assert (tmp_path / "full" / "x").exists()
+
+
+def test_a_clone_of_an_empty_registry_is_an_empty_registry(tmp_path: Path) -> None:
+    origin = create(tmp_path / "origin", bare=True, durable=False)
+    copy = clone(str(origin.path), tmp_path / "copy", durable=False)
+    assert copy.tip() is None
+    put(copy, {ENTRY: b"x\n"})
+    push(copy)
+    assert now(origin) == b"x\n"
+
+
+def test_a_pull_goes_forward_and_the_files_with_it(pair: tuple[Store, Store]) -> None:
+    one, two = pair
+    put(one, {ENTRY: b"fx: 2.0\n"})
+    push(one)
+    pulled = pull(two)
+    assert (pulled.replayed, pulled.commit) == (0, one.tip())
+    assert (two.path / ENTRY).read_bytes() == b"fx: 2.0\n"
+    assert git(two.path, "status", "--porcelain") == ""
+    assert pull(two).commit == pulled.commit
+
+
+def test_what_both_sides_did_to_different_entries_is_brought_together(pair: tuple[Store, Store]) -> None:
+    one, two = pair
+    put(one, {ENTRY: b"fx: 2.0\n"}, subject="theirs")
+    push(one)
+    put(two, {OTHER: b"a\n"}, subject="ours 1")
+    put(two, {OTHER: b"b\n", THIRD: b"c\n"}, subject="ours 2")
+    pulled = pull(two)
+    assert pulled.replayed == 2
+    assert git(two.path, "log", "--format=%s %an", "--reverse", "-3").splitlines() == [
+        "theirs Ada Keeper",
+        "ours 1 Ada Keeper",
+        "ours 2 Ada Keeper",
+    ]
+    assert [now(two, path) for path in (ENTRY, OTHER, THIRD)] == [b"fx: 2.0\n", b"b\n", b"c\n"]
+    assert git(two.path, "status", "--porcelain") == ""
+    assert git(two.path, "for-each-ref", "--format=%(refname)", "refs/calibrary") == ""
+    assert push(two) == two.tip()
+    assert pull(one).commit == two.tip()
+
+
+def test_an_entry_that_both_sides_changed_is_a_conflict_and_nothing_moves(pair: tuple[Store, Store]) -> None:
+    one, two = pair
+    put(one, {ENTRY: b"k: theirs\nd: same\n"})
+    push(one)
+    put(two, {ENTRY: b"k: same\nd: ours\n", OTHER: b"x\n"})
+    before = two.tip()
+    with pytest.raises(EntryConflictError) as caught:
+        pull(two)
+    (conflict,) = caught.value.conflicts
+    assert conflict.path == ENTRY
+    assert conflict.base == b"fx: 1.0\n"
+    assert (conflict.ours, conflict.theirs) == (b"k: same\nd: ours\n", b"k: theirs\nd: same\n")
+    assert two.tip() == before
+    assert (two.path / ENTRY).read_bytes() == b"k: same\nd: ours\n"
+
+
+def test_the_same_change_on_both_sides_is_no_conflict(pair: tuple[Store, Store]) -> None:
+    one, two = pair
+    put(one, {ENTRY: b"fx: 2.0\n"})
+    push(one)
+    put(two, {ENTRY: b"fx: 1.5\n"})
+    put(two, {ENTRY: b"fx: 2.0\n"})
+    assert pull(two).replayed == 0
+    assert two.tip() == one.tip()
+
+
+def test_a_pull_does_not_overwrite_a_persons_edit(pair: tuple[Store, Store]) -> None:
+    one, two = pair
+    put(one, {ENTRY: b"fx: 2.0\n"})
+    push(one)
+    (two.path / ENTRY).write_bytes(b"by hand\n")
+    before = two.tip()
+    with pytest.raises(RegistryError, match="by hand"):
+        pull(two)
+    assert (two.tip(), (two.path / ENTRY).read_bytes()) == (before, b"by hand\n")
+
+
+def test_our_merges_are_left_to_git(pair: tuple[Store, Store]) -> None:
+    one, two = pair
+    put(one, {ENTRY: b"fx: 2.0\n"})
+    push(one)
+    put(two, {OTHER: b"x\n"}, branch="side")
+    put(two, {THIRD: b"x\n"})
+    git(two.path, "merge", "-q", "--no-ff", "-m", "merge", "side")
+    with pytest.raises(RegistryError, match="is a merge"):
+        pull(two)
+
+
+def test_two_registries_without_a_common_commit_are_not_mixed(bare: Store, tmp_path: Path) -> None:
+    other = create(tmp_path / "other", bare=True, durable=False)
+    put(other, {OTHER: b"x\n"})
+    set_remote(other, "origin", str(bare.path))
+    with pytest.raises(RegistryError, match="two registries"):
+        pull(Store.open(other.path))
+
+
+def test_a_push_never_drops_what_others_pushed(bare: Store, pair: tuple[Store, Store]) -> None:
+    one, two = pair
+    put(one, {ENTRY: b"fx: 2.0\n"})
+    theirs = push(one)
+    put(two, {OTHER: b"x\n"})
+    with pytest.raises(ConflictError, match="pull first"):
+        push(two)
+    fetch(two)
+    with pytest.raises(ConflictError, match="pull first"):
+        push(two)
+    assert bare.tip() == theirs
+    assert sync(two) == bare.tip()
+    assert git(bare.path, "merge-base", "--is-ancestor", theirs, "main") == ""
+
+
+def test_a_remote_that_was_rewritten_is_not_taken_for_the_one_we_saw(
+    bare: Store, pair: tuple[Store, Store]
+) -> None:
+    one, _ = pair
+    put(one, {ENTRY: b"fx: 2.0\n"})
+    push(one)
+    git(bare.path, "update-ref", "refs/heads/main", "main~1")
+    put(one, {ENTRY: b"fx: 3.0\n"})
+    with pytest.raises(ConflictError):
+        push(one)
+
+
+def test_a_push_to_a_branch_that_is_checked_out_there_is_told_in_words(
+    checked_out: Store, tmp_path: Path
+) -> None:
+    copy = clone(str(checked_out.path), tmp_path / "copy", durable=False)
+    put(copy, {ENTRY: b"fx: 2.0\n"})
+    with pytest.raises(RegistryError, match="checked out there"):
+        push(copy)
+    assert now(checked_out) == b"fx: 1.0\n"
+
+
+def test_a_shallow_clone_reads_writes_and_knows_that_it_is_one(bare: Store, tmp_path: Path) -> None:
+    first = bare.tip()
+    assert first is not None
+    put(bare, {ENTRY: b"fx: 2.0\n"})
+    copy = clone(bare.path.as_uri(), tmp_path / "shallow", depth=1, durable=False)
+    assert copy.is_shallow
+    assert now(copy) == b"fx: 2.0\n"
+    with pytest.raises(RegistryError, match="unshallow"):
+        copy.commit_of(first)
+    put(copy, {OTHER: b"x\n"})
+    push(copy)
+    assert now(bare, OTHER) == b"x\n"
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "ext::sh -c 'touch /nowhere'",
+        "fd::17",
+        "--upload-pack=touch /nowhere",
+        "-u",
+        "ssh://-oProxyCommand=touch/x",
+        "ssh://%2doProxyCommand=x/y",
+        "-oProxyCommand=x:y",
+        "host:-x",
+        "http://example.com/x",
+        "git://example.com/x",
+        "ftp://example.com/x",
+        "https://",
+        "https://-x/y",
+        "file://elsewhere/x",
+        "https://example.com:port/x",
+        "https://example.com/\nx",
+        "",
+    ],
+)
+def test_an_address_that_could_run_something_is_refused(url: str, tmp_path: Path, bare: Store) -> None:
+    with pytest.raises(RegistryError, match="no address of a registry"):
+        clone(url, tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()
+    git(bare.path, "config", "remote.origin.url", url)
+    if url:
+        with pytest.raises(RegistryError, match="no address of a registry"):
+            fetch(Store.open(bare.path))
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "https://user:secret@example.com:8443/fleet.git",
+        "ssh://git@example.com:22/fleet.git",
+        "ssh://git@[::1]/fleet.git",
+        "git@example.com:fleet/cameras.git",
+        "file:///srv/fleet.git",
+        "/srv/fleet.git",
+    ],
+)
+def test_addresses_of_https_ssh_and_files_are_taken(url: str) -> None:
+    assert check_url(url) == url
+
+
+def test_a_password_in_an_address_is_not_told() -> None:
+    assert without_secret("fatal: https://ada:secret@example.com/x") == "fatal: https://ada:…@example.com/x"
+    with pytest.raises(RegistryError) as caught:
+        check_url("http://ada:secret@example.com/x")
+    assert "secret" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["-x", "a b", "../x", "", "a\nb", "x.lock"])
+def test_a_remote_named_like_an_option_is_refused(bare: Store, name: str) -> None:
+    with pytest.raises(RegistryError, match="no name for a remote"):
+        set_remote(bare, name, "/srv/x")
+    with pytest.raises(RegistryError, match="no name for a remote"):
+        fetch(bare, name)
+
+
+EVIL = """
+[core]
+\tfsmonitor = {run}
+\thooksPath = {hooks}
+\tsshCommand = {run}
+\taskPass = {run}
+\tgitProxy = {run}
+\talternateRefsCommand = {run}
+\teditor = {run}
+\tpager = {run}
+[credential]
+\thelper = !{run}
+[filter "evil"]
+\tclean = {run}
+\tsmudge = {run}
+\tprocess = {run}
+\trequired = true
+[diff]
+\texternal = {run}
+[diff "evil"]
+\ttextconv = {run}
+\tcommand = {run}
+[gpg]
+\tprogram = {run}
+[gpg "ssh"]
+\tprogram = {run}
+\tdefaultKeyCommand = {run}
+[remote "origin"]
+\tuploadpack = {run}
+\treceivepack = {run}
+\tvcs = evil
+[protocol "ext"]
+\tallow = always
+[log]
+\tshowSignature = true
+"""
+
+
+def test_the_configuration_and_hooks_of_a_foreign_registry_run_nothing(bare: Store, tmp_path: Path) -> None:
+    ran = tmp_path / "ran"
+    run = tmp_path / "run"
+    run.write_text(f'#!/bin/sh\necho "$0 $*" >> {ran}\nexit 1\n')
+    run.chmod(0o755)
+    store = clone(str(bare.path), tmp_path / "foreign", durable=False)
+    hooks = store.git_dir / "hooks"
+    hooks.mkdir(exist_ok=True)
+    for hook in HOOKS:
+        (hooks / hook).write_bytes(run.read_bytes())
+        (hooks / hook).chmod(0o755)
+    put(store, {".gitattributes": b"* filter=evil diff=evil\n"})
+    git(store.path, "config", "extensions.worktreeConfig", "true")
+    with (store.git_dir / "config").open("a") as file:
+        file.write(EVIL.format(run=run, hooks=hooks))
+    (store.git_dir / "config.worktree").write_text(f"[core]\n\tfsmonitor = {run}\n\tsshCommand = {run}\n")
+
+    store = Store.open(store.path, durable=False)
+    put(store, {ENTRY: b"fx: 2.0\n"})
+    put(store, {OTHER: b"fx: 2.0\n"}, branch="side")
+    assert (store.path / ENTRY).read_bytes() == b"fx: 2.0\n"
+    fetch(store)
+    push(store)
+    put(bare, {OTHER: b"theirs\n"})
+    pull(store)
+    use_everything_that_reads(store)
+    assert not ran.exists(), ran.read_text()
+    assert {"core.sshcommand", "filter.evil.smudge", "credential.helper"} <= set(store.silenced)
+    set_remote(store, "far", "git@localhost.invalid:x")
+    with pytest.raises(RegistryError):
+        fetch(store, "far")
+    assert not ran.exists(), ran.read_text()
+
+
+def use_everything_that_reads(store: Store) -> None:
+    tip = store.tip()
+    assert tip is not None
+    assert history(store, ENTRY, tip)
+    assert changed(store, None, tip)
+    assert signatures(store, [tip], None)
+    assert list(store.read_many([*store.listing(tip).values()]))
+    maintain(store)
+    store.close()
+
+
+HOOKS = (
+    "applypatch-msg",
+    "fsmonitor-watchman",
+    "post-checkout",
+    "post-commit",
+    "post-index-change",
+    "post-merge",
+    "post-rewrite",
+    "pre-auto-gc",
+    "pre-commit",
+    "pre-push",
+    "reference-transaction",
+)
+
+
+def test_the_users_own_helpers_hold_where_a_foreign_registry_names_others(
+    bare: Store, nobodys_git: Path
+) -> None:
+    with nobodys_git.open("a") as file:
+        file.write("[credential]\n\thelper = mine\n[core]\n\tsshCommand = my-ssh\n")
+    git(bare.path, "config", "--add", "credential.helper", "!theirs")
+    git(bare.path, "config", "core.sshCommand", "their-ssh")
+    store = Store.open(bare.path)
+    assert store.run("config", "--get", "core.sshCommand").out == b"my-ssh\n"
+    helpers = store.run("config", "--get-all", "credential.helper").out.decode().splitlines()
+    assert helpers[-2:] == ["", "mine"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("include.path", "/nowhere/evil"),
+        ("includeIf.gitdir:/.path", "/nowhere/evil"),
+        ("remote.origin.promisor", "true"),
+        ("gc.recentObjectsHook", "evil"),
+        ("hook.evil.command", "evil"),
+    ],
+)
+def test_a_setting_that_cannot_be_silenced_is_a_registry_that_is_not_opened(
+    bare: Store, key: str, value: str
+) -> None:
+    git(bare.path, "config", key, value)
+    with pytest.raises(RegistryError, match=r"config --local --unset-all"):
+        Store.open(bare.path)
+
+
+def test_a_tree_that_reaches_into_the_git_folder_is_not_fetched(bare: Store, tmp_path: Path) -> None:
+    blob = bare.run("hash-object", "-w", "--stdin", stdin=b"[core]\n").out.decode().strip()
+    inner = bare.run("mktree", stdin=f"100644 blob {blob}\tconfig\n".encode()).out.decode().strip()
+    tree = bare.run("mktree", stdin=f"040000 tree {inner}\t.git\n".encode()).out.decode().strip()
+    commit = git(bare.path, "commit-tree", "-m", "evil", "-p", "main", tree)
+    git(bare.path, "update-ref", "refs/heads/main", commit)
+    with pytest.raises(RegistryError, match=r"\.git"):
+        clone(str(bare.path), tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()
