@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
@@ -12,12 +14,27 @@ from numpy.typing import NDArray
 
 from calibrary.errors import InputError
 
-__all__ = ["Board", "Pattern", "parse_board"]
+__all__ = ["DICTIONARIES", "Board", "Pattern", "parse_board"]
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
 LARGEST = 200
 """Corners along a side; nobody prints more, and a typing error must not ask for a million."""
+
+
+DICTIONARIES: Mapping[str, int] = MappingProxyType(
+    {
+        **{f"{bits}x{bits}_{count}": count for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
+        "apriltag_16h5": 30,
+        "apriltag_25h9": 35,
+        "apriltag_36h10": 2320,
+        "apriltag_36h11": 587,
+    }
+)
+"""How many markers there are in each of OpenCV's dictionaries."""
+
+_MARKER_SHARE = {"charuco": 0.75, "aprilgrid": 1 / 1.3, "circles": 0.5}
+"""Of the square, that a marker or a disc takes up: Kalibr's grid has gaps of 0.3 tags."""
 
 
 class Pattern(StrEnum):
@@ -35,13 +52,17 @@ class Board:
 
     Attributes:
         pattern: what is printed.
-        columns, rows: points along each side; of a checkerboard its inner corners.
-        square_mm: distance between neighbouring points.
-        dictionary: of the markers, for patterns that have them, by OpenCV's name: "4x4_50".
-        marker_mm: side of a marker, for patterns that have them.
+        columns, rows: points along each side; of a checkerboard or ChArUco board its inner corners; of an
+            AprilGrid its tags, each of which has a point on every corner.
+        square_mm: distance between neighbouring points; of an AprilGrid from one tag to the next.
+        dictionary: of the markers, for patterns that have them, by OpenCV's name: "4x4_50". None takes the
+            smallest 4x4 that has enough, or for AprilGrid apriltag_36h11.
+        marker_mm: side of a marker, diameter of a disc. None takes 3/4 of a ChArUco square, Kalibr's 1/1.3 of
+            an AprilGrid's, half of the distance between discs.
 
     Raises:
-        InputError: a side has fewer than 2 or more than 200 points, or a length is not positive.
+        InputError: a side has fewer than 2 or more than 200 points, a length is not positive or a marker
+            larger than its square, or the dictionary is unknown, too small, or not this pattern's.
     """
 
     pattern: Pattern = Pattern.CHECKERBOARD
@@ -58,32 +79,115 @@ class Board:
             )
         if not (0 < self.square_mm < float("inf")):
             raise InputError(f"squares of {self.square_mm:g} mm: wanted a positive length")
+        object.__setattr__(self, "dictionary", self._dictionary())
+        share = _MARKER_SHARE.get(self.pattern)
+        if self.marker_mm is None:
+            object.__setattr__(self, "marker_mm", self.square_mm * share if share is not None else None)
+        elif share is None or not (0 < self.marker_mm < self.square_mm):
+            raise InputError(
+                f"{self}: a marker of {self.marker_mm:g} mm on squares of {self.square_mm:g} mm: wanted "
+                + ("none" if share is None else "a smaller one")
+            )
 
     def __str__(self) -> str:
         return f"{self.pattern.value}:{self.columns}x{self.rows}"
 
     @property
+    def has_markers(self) -> bool:
+        """Whether its points are told from one another by markers."""
+        return self.pattern in {Pattern.CHARUCO, Pattern.APRILGRID}
+
+    @property
+    def lattice(self) -> tuple[int, int]:
+        """Points (along a row, along a column)."""
+        if self.pattern is Pattern.APRILGRID:
+            return 2 * self.columns, 2 * self.rows
+        return self.columns, self.rows
+
+    @property
     def points(self) -> FloatArray:
-        """(rows · columns, 3) mm, row by row from the first point; the board lies in z = 0, z away from the viewer."""
-        y, x = np.mgrid[: self.rows, : self.columns]
-        return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]) * self.square_mm
+        """(N, 3) mm, row by row from the first point; the board lies in z = 0, z away from the viewer."""
+        columns, rows = self.lattice
+        y, x = np.mgrid[:rows, :columns]
+        flat = np.zeros(x.size)
+        if self.pattern is not Pattern.APRILGRID or self.marker_mm is None:
+            return np.column_stack([x.ravel(), y.ravel(), flat]) * self.square_mm
+        across, down = ((at // 2) * self.square_mm + (at % 2) * self.marker_mm for at in (x, y))
+        return np.column_stack([across.ravel(), down.ravel(), flat])
 
     @property
     def extent_mm(self) -> tuple[float, float]:
         """Distance between the outermost points, (across, down)."""
-        return (self.columns - 1) * self.square_mm, (self.rows - 1) * self.square_mm
+        across, down, _ = self.points[-1]
+        return float(across), float(down)
+
+    @property
+    def markers(self) -> int:
+        """How many there are."""
+        if self.pattern is Pattern.CHARUCO:
+            # The white squares; a black one is in the upper left corner.
+            return (self.columns + 1) * (self.rows + 1) // 2
+        return self.columns * self.rows if self.pattern is Pattern.APRILGRID else 0
+
+    def tag_points(self, marker: int) -> tuple[int, int, int, int]:
+        """Indices into :attr:`points` of an AprilGrid's tag, in the order in which OpenCV reports its corners.
+
+        Tags are counted as Kalibr counts them, from the lower left, row by row upwards. They stand on the
+        grid as Kalibr prints them, which is upside down to OpenCV: its first corner is the lower right one.
+        """
+        up, column = divmod(marker, self.columns)
+        along = 2 * self.columns
+        first = 2 * (self.rows - 1 - up) * along + 2 * column
+        return first + along + 1, first + along, first, first + 1
+
+    def _dictionary(self) -> str | None:
+        """By its canonical name."""
+        if not self.has_markers:
+            if self.dictionary is not None:
+                raise InputError(f"{self} has no markers; wanted no dictionary, got {self.dictionary!r:.40}")
+            return None
+        if self.dictionary is None and self.pattern is Pattern.APRILGRID:
+            name = "apriltag_36h11"
+        elif self.dictionary is None:
+            sizes = (50, 100, 250, 1000)
+            name = f"4x4_{next((size for size in sizes if size >= self.markers), sizes[-1])}"
+        else:
+            name = self.dictionary.lower().removeprefix("dict_")
+        if self.pattern is Pattern.APRILGRID and not name.startswith("apriltag"):
+            raise InputError(
+                f"{self} of {name!r:.40}: wanted a dictionary of AprilTags, such as apriltag_36h11"
+            )
+        held = DICTIONARIES.get(name)
+        if held is None or held < self.markers:
+            raise InputError(
+                f"{self} has {self.markers} markers, "
+                + (
+                    f"{name} only {held}"
+                    if held is not None
+                    else f"and {name!r:.40} is no dictionary known here"
+                )
+                + f"; wanted one of {', '.join(DICTIONARIES)} that has enough"
+            )
+        return name
 
 
-def parse_board(text: str, square_mm: float) -> Board:
-    """A board by its name on the command line: "checkerboard:11x8" (inner corners), "charuco:8x6".
+def parse_board(text: str, square_mm: float, marker_mm: float | None = None) -> Board:
+    """A board by its name on the command line: "checkerboard:11x8" (inner corners), "charuco:8x6:5x5_100".
 
     Raises:
         InputError: the name is none.
     """
-    match = re.fullmatch(r"([a-z]+):(\d{1,4})[x×](\d{1,4})", text.strip().lower())
+    match = re.fullmatch(r"([a-z]+):(\d{1,4})[x×](\d{1,4})(?::([a-z0-9_]{1,20}))?", text.strip().lower())
     if match is None or match[1] not in set(Pattern):
         raise InputError(
-            f"board {text!r}: wanted PATTERN:COLUMNSxROWS, such as checkerboard:11x8 for 11×8 inner corners "
-            f"(12×9 squares); patterns are {', '.join(Pattern)}"
+            f"board {text!r:.60}: wanted PATTERN:COLUMNSxROWS, such as checkerboard:11x8 for 11×8 inner corners "
+            f"(12×9 squares), and for markers :DICTIONARY; patterns are {', '.join(Pattern)}"
         )
-    return Board(pattern=Pattern(match[1]), columns=int(match[2]), rows=int(match[3]), square_mm=square_mm)
+    return Board(
+        pattern=Pattern(match[1]),
+        columns=int(match[2]),
+        rows=int(match[3]),
+        square_mm=square_mm,
+        dictionary=match[4],
+        marker_mm=marker_mm,
+    )

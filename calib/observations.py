@@ -10,11 +10,37 @@ from numpy.typing import NDArray
 
 from calibrary.calib.board import Board
 from calibrary.calibration import CameraKey, ImageSize
+from calibrary.errors import InputError
 
-__all__ = ["Observations", "View"]
+__all__ = ["ControlPoints", "Observations", "View"]
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ControlPoints:
+    """Points whose place in space is known: surveyed ground control, or the cloud of a reconstruction.
+
+    Attributes:
+        points: (N, 3) mm in any right-handed frame; they need not lie in a plane.
+
+    Raises:
+        InputError: another shape, or a coordinate that is not finite.
+    """
+
+    points: FloatArray
+
+    def __post_init__(self) -> None:
+        points = np.array(self.points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise InputError(
+                f"control points of shape {points.shape}: wanted (N, 3) finite coordinates in mm"
+            )
+        object.__setattr__(self, "points", points)
+
+    def __str__(self) -> str:
+        return f"{len(self.points)} control points"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,7 +69,7 @@ class Observations:
     """All views of one board by one camera at one focus.
 
     Attributes:
-        board: which board.
+        board: which board, or the control points that took its place.
         image_size: (width, height) px of every frame.
         views: in the order of the frames.
         camera: which camera, as its frames say.
@@ -51,7 +77,7 @@ class Observations:
         firmware: as the frames say it.
     """
 
-    board: Board
+    board: Board | ControlPoints
     image_size: ImageSize
     views: tuple[View, ...]
     camera: CameraKey

@@ -1,0 +1,231 @@
+"""What is printed on a board, in mm from its first point: dark cells or dark discs on a white sheet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.board import Board, Pattern
+from calibrary.errors import InputError
+
+__all__ = ["Artwork", "Box", "Cells", "Discs", "artwork", "paper", "paper_rim"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+Box: TypeAlias = tuple[float, float, float, float]
+"""Left, top, right, bottom in mm from the first point."""
+
+RIM_POINTS = 40
+"""Along each side; between two of them a lens bends the rim by less than a pixel."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cells:
+    """Dark and white rectangles between lines that run across and down the whole board.
+
+    Attributes:
+        x, y: (m + 1,) and (n + 1,) mm, the lines, ascending; white cells run all around.
+        dark: (n, m) which cells are printed.
+        integral: (n + 1, m + 1) mm², the dark area above and to the left of each crossing of lines.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    dark: BoolArray
+    integral: FloatArray
+
+    @classmethod
+    def of(cls, x: FloatArray, y: FloatArray, dark: BoolArray) -> Cells:
+        """With a white cell put around on every side, and its areas summed up."""
+        dark = np.pad(dark, 1)
+        x, y = (np.concatenate([[2 * v[0] - v[-1]], v, [2 * v[-1] - v[0]]]) for v in (x, y))
+        area = dark * np.diff(y)[:, None] * np.diff(x)
+        integral = np.pad(area.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+        return cls(x=x, y=y, dark=dark, integral=integral)
+
+    @property
+    def extent_mm(self) -> Box:
+        """What the print covers."""
+        return float(self.x[1]), float(self.y[1]), float(self.x[-2]), float(self.y[-2])
+
+    def darkness(self, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
+        """The dark share of upright boxes: (N,) middles and sides in mm to (N,), exactly.
+
+        A sum of areas is linear between lines, so that a box costs four looks at the sums.
+        """
+        left, right = _fraction(self.x, x - width / 2), _fraction(self.x, x + width / 2)
+        top, bottom = _fraction(self.y, y - height / 2), _fraction(self.y, y + height / 2)
+        dark = self._above_left(right, bottom) - self._above_left(left, bottom)
+        dark -= self._above_left(right, top) - self._above_left(left, top)
+        return np.asarray(dark / (width * height))
+
+    def tone(self, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
+        """The same where a box lies within one cell, NaN where a line may run through it."""
+        steps = np.arange(float(len(self.x))), np.arange(float(len(self.y)))
+        left, right = (np.interp(x + side * width / 2, self.x, steps[0]) for side in (-1, 1))
+        top, bottom = (np.interp(y + side * height / 2, self.y, steps[1]) for side in (-1, 1))
+        column, row = left.astype(np.intp), top.astype(np.intp)
+        one = (column == right.astype(np.intp)) & (row == bottom.astype(np.intp))
+        # Past the last line counts as past the last cell, which is as white as that one.
+        printed = np.pad(self.dark.astype(np.float64), ((0, 1), (0, 1)))[row, column]
+        return np.where(one, printed, np.nan)
+
+    def _above_left(self, column: _Fractions, row: _Fractions) -> FloatArray:
+        (i, a), (j, b) = column, row
+        stride = self.integral.shape[1]
+        flat, at = self.integral.ravel(), j * stride + i
+        upper, lower = flat[at], flat[at + stride]
+        upper = upper + a * (flat[at + 1] - upper)
+        lower = lower + a * (flat[at + stride + 1] - lower)
+        return np.asarray(upper + b * (lower - upper))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Discs:
+    """Dark discs, one on every point.
+
+    Attributes:
+        columns, rows, pitch_mm: of the grid whose first disc is centred at (0, 0).
+        radius_mm: of each.
+    """
+
+    columns: int
+    rows: int
+    pitch_mm: float
+    radius_mm: float
+
+    @property
+    def extent_mm(self) -> Box:
+        """What the print covers."""
+        r = self.radius_mm
+        return -r, -r, (self.columns - 1) * self.pitch_mm + r, (self.rows - 1) * self.pitch_mm + r
+
+    def darkness(self, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
+        """The dark share of upright boxes much smaller than a disc, whose rim is straight within one."""
+        dx = x - np.clip(np.rint(x / self.pitch_mm), 0, self.columns - 1) * self.pitch_mm
+        dy = y - np.clip(np.rint(y / self.pitch_mm), 0, self.rows - 1) * self.pitch_mm
+        distance = np.hypot(dx, dy)
+        across = np.maximum(distance, 1e-9 * self.pitch_mm)
+        # A box of these sides seen along the rim's normal, with the same second moment.
+        span = np.hypot(width * dx, height * dy) / across + 1e-9 * self.pitch_mm
+        return np.asarray(np.clip((self.radius_mm - distance) / span + 0.5, 0.0, 1.0))
+
+    def tone(self, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
+        """The same where no rim runs through a box, NaN where one may."""
+        dark = self.darkness(x, y, width, height)
+        return np.where((dark == 0) | (dark == 1), dark, np.nan)
+
+
+Artwork: TypeAlias = Cells | Discs
+
+_Fractions: TypeAlias = tuple[NDArray[np.intp], FloatArray]
+
+
+def _fraction(lines: FloatArray, at: FloatArray) -> _Fractions:
+    """Which cell a coordinate falls into, and how far; what lies outside is put on the rim."""
+    position = np.interp(at, lines, np.arange(float(len(lines))))
+    cell = np.minimum(position.astype(np.intp), len(lines) - 2)
+    return cell, position - cell
+
+
+@lru_cache(maxsize=8)
+def artwork(board: Board) -> Artwork:
+    """What is printed for a board."""
+    if board.pattern is Pattern.CIRCLES:
+        return Discs(
+            columns=board.columns, rows=board.rows, pitch_mm=board.square_mm, radius_mm=_marker(board) / 2
+        )
+    if board.pattern is Pattern.APRILGRID:
+        return _april_grid(board)
+    return _squares(board)
+
+
+def _squares(board: Board) -> Cells:
+    """Squares about the inner corners, the first one dark; a ChArUco board has markers in the white ones."""
+    side = board.square_mm
+    columns, rows = board.columns + 1, board.rows + 1
+    row, column = np.mgrid[:rows, :columns]
+    dark = (row + column) % 2 == 0
+    if board.pattern is Pattern.CHECKERBOARD:
+        return Cells.of(side * np.arange(-1.0, columns), side * np.arange(-1.0, rows), dark)
+    modules = _modules(board, border=1)
+    n = modules.shape[1]
+    edge = (side - _marker(board)) / 2
+    steps = np.concatenate([[0.0], edge + _marker(board) * np.arange(n + 1) / n])
+    tile = np.ones((rows, columns, n + 2, n + 2), dtype=np.bool_) & dark[..., None, None]
+    white = np.flatnonzero(~dark)
+    tile.reshape(-1, n + 2, n + 2)[white, 1:-1, 1:-1] = modules[: len(white)]
+    return _tiled(tile, steps, side, -side)
+
+
+def _april_grid(board: Board) -> Cells:
+    """Tags as Kalibr's kalibr_create_target_pdf draws them.
+
+    Their border is two modules wide, a dark square stands where the gaps cross, and they are upside down to
+    OpenCV's drawing of the same tag.
+    """
+    pitch = board.square_mm
+    modules = np.rot90(_modules(board, border=2), 2, axes=(1, 2))
+    n = modules.shape[1]
+    gap = pitch - _marker(board)
+    steps = np.concatenate([[0.0], gap + _marker(board) * np.arange(n) / n])
+    tile = np.zeros((board.rows + 1, board.columns + 1, n + 1, n + 1), dtype=np.bool_)
+    tile[:, :, 0, 0] = True
+    upwards = modules[: board.markers].reshape(board.rows, board.columns, n, n)
+    tile[:-1, :-1, 1:, 1:] = upwards[::-1]
+    whole = _tiled(tile, steps, pitch, -gap)
+    # The last row and column of tiles hold nothing but the squares in the outermost gaps.
+    x, y = whole.x[1 : -1 - n], whole.y[1 : -1 - n]
+    return Cells.of(x, y, whole.dark[1 : 1 + len(y) - 1, 1 : 1 + len(x) - 1])
+
+
+def _tiled(tile: BoolArray, steps: FloatArray, pitch: float, first: float) -> Cells:
+    """Cells of (rows, columns, n, m) tiles that repeat every ``pitch`` from ``first`` on."""
+    rows, columns, n, m = tile.shape
+    x, y = (
+        np.append((first + pitch * np.arange(count)[:, None] + steps).ravel(), first + pitch * count)
+        for count in (columns, rows)
+    )
+    return Cells.of(x, y, tile.transpose(0, 2, 1, 3).reshape(rows * n, columns * m))
+
+
+def _modules(board: Board, *, border: int) -> BoolArray:
+    """(markers, n, n): which modules of each marker are dark, its border among them."""
+    import cv2
+
+    name = f"DICT_{board.dictionary}".upper()
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+    n = int(dictionary.markerSize) + 2 * border
+    drawn = [
+        cv2.aruco.generateImageMarker(dictionary, marker, n, borderBits=border)
+        for marker in range(board.markers)
+    ]
+    return np.asarray(np.stack(drawn) < 128)
+
+
+def _marker(board: Board) -> float:
+    if board.marker_mm is None:
+        raise InputError(f"{board} has no markers")
+    return board.marker_mm
+
+
+def paper(board: Board) -> Box:
+    """The white sheet: at least a square's width more than the print on every side."""
+    left, top, right, bottom = artwork(board).extent_mm
+    margin = board.square_mm
+    return left - margin, top - margin, right + margin, bottom + margin
+
+
+def paper_rim(board: Board) -> FloatArray:
+    """(M, 3) mm: points along the rim of the sheet, in its plane."""
+    left, top, right, bottom = paper(board)
+    t = np.linspace(0.0, 1.0, RIM_POINTS)
+    x, y = left + (right - left) * t, top + (bottom - top) * t
+    ends = np.ones_like(t)
+    columns = np.concatenate([x, right * ends, x, left * ends])
+    rows = np.concatenate([top * ends, y, bottom * ends, y])
+    return np.column_stack([columns, rows, 0 * columns])

@@ -1,0 +1,291 @@
+"""From a folder of frames to observations: every frame read, looked at and judged, several at a time.
+
+A frame that cannot be used stops no other; it is listed with the reason.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from calibrary.calib.board import Board, Pattern
+from calibrary.calib.board_size import find_board_size
+from calibrary.calib.detect import check_detectable, detect
+from calibrary.calib.found import NotFound, Reason, Remark
+from calibrary.calib.frames import Frame, Setting, frame_size, group_frames, read_frame, the_one_setting
+from calibrary.calib.observations import Observations, View
+from calibrary.calib.view_quality import judge_repeats, judge_view
+from calibrary.calibration import CameraKey, ImageSize
+from calibrary.errors import CalibrationError, InputError
+
+__all__ = ["Collected", "NamedRemark", "collect", "try_board_sizes"]
+
+WORTH_A_POOL = 100_000_000
+"""Pixels in all, below which starting workers costs more than it saves: five frames of 20 megapixels."""
+
+REASONS_SHOWN = 3
+FRAMES_TRIED = 8
+"""With other board sizes, to say what the frames show instead."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedRemark:
+    """A remark on one frame.
+
+    Attributes:
+        name: the frame's file name.
+        remark: what about it.
+    """
+
+    name: str
+    remark: Remark
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.remark.text}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Collected:
+    """What a set of frames yields.
+
+    Attributes:
+        observations: the views that can be calibrated with.
+        rejected: the frames that cannot, each with its reason, in the order of the frames.
+        remarks: what else to know of the views that are kept.
+    """
+
+    observations: Observations
+    rejected: tuple[NamedRemark, ...] = ()
+    remarks: tuple[NamedRemark, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Looked:
+    """What one frame yielded: a view, or a remark that rejects it."""
+
+    name: str
+    view: View | None = None
+    remarks: tuple[Remark, ...] = ()
+
+    @property
+    def rejection(self) -> Remark | None:
+        return next((remark for remark in self.remarks if remark.rejects), None)
+
+
+def collect(
+    frames: Sequence[Path],
+    board: Board,
+    *,
+    setting: Setting | None = None,
+    workers: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> Collected:
+    """Find the board in frames.
+
+    Args:
+        frames: files, of one camera at one focus.
+        board: what to look for.
+        setting: what the frames' metadata says, alike for all; see
+            :func:`calibrary.calib.frames.the_one_setting`. None where there is no metadata.
+        workers: processes; 0 takes as many as there are cores once it is worth it.
+        progress: called with the number of frames done since the last call.
+
+    Returns:
+        The same, whatever ``workers`` is.
+
+    Raises:
+        InputError: there are no frames, they differ in size, or the board cannot be looked for.
+        CalibrationError: no frame shows the board.
+    """
+    check_detectable(board)
+    size = _common_size(frames)
+    looked: list[_Looked] = []
+    for one in _mapped(partial(_look, board=board, size=size), frames, _workers(workers, len(frames), size)):
+        looked.append(one)
+        if progress is not None:
+            progress(1)
+    views = [one.view for one in looked if one.view is not None and one.rejection is None]
+    if not views:
+        raise CalibrationError(_nothing_found(frames, board, looked))
+    repeats = judge_repeats(views)
+    by_name = {id(views[index]): remark for index, remark in repeats.items()}
+    looked = [
+        replace(one, remarks=(*one.remarks, by_name[id(one.view)])) if id(one.view) in by_name else one
+        for one in looked
+    ]
+    camera = setting.camera if setting is not None else CameraKey()
+    observations = Observations(
+        board=board,
+        image_size=size,
+        views=tuple(one.view for one in looked if one.view is not None and one.rejection is None),
+        camera=replace(camera, image_size=size),
+        focus=setting.focus if setting is not None else None,
+        firmware=camera.firmware,
+    )
+    return Collected(
+        observations=observations,
+        rejected=tuple(
+            NamedRemark(name=one.name, remark=one.rejection) for one in looked if one.rejection is not None
+        ),
+        remarks=tuple(
+            NamedRemark(name=one.name, remark=remark)
+            for one in looked
+            if one.rejection is None
+            for remark in one.remarks
+        ),
+    )
+
+
+def try_board_sizes(frames: Sequence[Path], square_mm: float) -> Board:
+    """The checkerboard that frames show, its corners counted by trying.
+
+    Args:
+        frames: files; no more are read than are needed.
+        square_mm: side of a square.
+
+    Raises:
+        CalibrationError: none is found, or the frames do not agree.
+    """
+    columns, rows = find_board_size(frame.gray for frame in _readable(frames))
+    return Board(columns=columns, rows=rows, square_mm=square_mm)
+
+
+def _readable(frames: Sequence[Path]) -> Iterator[Frame]:
+    for path in frames:
+        try:
+            yield read_frame(path)
+        except InputError:
+            continue
+
+
+def _common_size(frames: Sequence[Path]) -> ImageSize:
+    """(width, height) of all frames whose heads can be read."""
+    sizes: dict[Path, Setting] = {}
+    first_error: InputError | None = None
+    for path in frames:
+        try:
+            sizes[path] = Setting(camera=CameraKey(), image_size=frame_size(path))
+        except InputError as error:
+            first_error = first_error or error
+    if not sizes and first_error is not None:
+        if len(frames) == 1:
+            raise first_error
+        raise InputError(f"none of {len(frames)} frames can be read; the first, {first_error}")
+    return the_one_setting(group_frames(sizes, sizes)).image_size
+
+
+def _look(path: Path, *, board: Board, size: ImageSize) -> _Looked:
+    """Read, search and judge one frame."""
+    import cv2
+
+    try:
+        frame = read_frame(path)
+        if frame.size != size:
+            raise InputError("is {}×{} px, the others {}×{}".format(*frame.size, *size))
+    except InputError as error:
+        remark = Remark(reason=Reason.UNREADABLE, text=error.message, rejects=True)
+        return _Looked(name=path.name, remarks=(remark,))
+    try:
+        found = detect(frame.gray, board)
+    except cv2.error as error:
+        found = NotFound(reason=Reason.NO_BOARD, text=f"OpenCV gave up on it: {error.err or error}")
+    if isinstance(found, NotFound):
+        remark = Remark(reason=found.reason, text=found.text, rejects=True)
+        return _Looked(name=path.name, remarks=(remark,))
+    sharpness_px, remarks = judge_view(frame.gray, board, found)
+    view = View(
+        name=frame.name,
+        sha256=frame.sha256,
+        ids=found.ids,
+        image_points=found.points,
+        sharpness_px=sharpness_px,
+        spacing_px=found.spacing_px,
+    )
+    return _Looked(name=path.name, view=view, remarks=remarks)
+
+
+def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[_Looked]) -> str:
+    """Why no frame is left, and what the frames show instead where that can be told."""
+    rejections = [(one.name, one.rejection) for one in looked if one.rejection is not None]
+    counts = Counter(rejection.reason for _, rejection in rejections)
+    if counts.total() == counts[Reason.NO_BOARD] + counts[Reason.LARGER_BOARD] + counts[Reason.UNEVEN]:
+        told = f"no {board} found in any of {len(frames)} frames"
+        if board.pattern is not Pattern.CHECKERBOARD:
+            return f"{told}; check the board's pattern, size and dictionary"
+        try:
+            columns, rows = find_board_size(frame.gray for frame in _readable(frames[:FRAMES_TRIED]))
+        except CalibrationError:
+            return f"{told}, nor a checkerboard of any other size; the whole board must be in the frame, sharp and lit"
+        return f"{told}, but one of {columns}×{rows} inner corners; give checkerboard:{columns}x{rows}"
+    shown = "; ".join(f"{name}: {rejection.text}" for name, rejection in rejections[:REASONS_SHOWN])
+    more = f"; and {len(rejections) - REASONS_SHOWN} more" if len(rejections) > REASONS_SHOWN else ""
+    return f"none of {len(frames)} frames can be used: {shown}{more}"
+
+
+def _workers(wanted: int, frames: int, size: ImageSize) -> int:
+    if wanted:
+        return min(wanted, frames)
+    return min(os.cpu_count() or 1, frames) if frames * size[0] * size[1] >= WORTH_A_POOL else 1
+
+
+def _mapped(look: Callable[[Path], _Looked], frames: Sequence[Path], workers: int) -> Iterator[_Looked]:
+    """One result a frame, in their order."""
+    if workers <= 1:
+        yield from _mapped_here(look, frames)
+        return
+    # A forked worker would inherit the threads of whoever draws the progress bar.
+    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+    context = multiprocessing.get_context(method)
+    if method == "forkserver":
+        context.set_forkserver_preload([__name__, "cv2"])
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool:
+        try:
+            yield from pool.map(look, frames)
+        except BrokenProcessPool:
+            raise CalibrationError(
+                "a process that looks at frames was ended from outside, as when memory runs out; use --workers 1"
+            ) from None
+        finally:
+            # After Ctrl-C, or when nobody wants the rest, only the frames in hand are finished.
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _mapped_here(look: Callable[[Path], _Looked], frames: Sequence[Path]) -> Iterator[_Looked]:
+    """In this process, by one thread as in a worker: some of OpenCV's detectors depend on how many there are."""
+    import cv2
+
+    threads = cv2.getNumThreads()
+    try:
+        for path in frames:
+            cv2.setNumThreads(1)
+            looked = look(path)
+            cv2.setNumThreads(threads)
+            yield looked
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def _start_worker() -> None:
+    """One thread each; Ctrl-C is the parent's affair, and no worker outlives it."""
+    import cv2
+
+    cv2.setNumThreads(1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

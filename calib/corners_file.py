@@ -1,0 +1,205 @@
+"""corners.json: what was seen, bit for bit, so that a calibration can be solved again without its frames.
+
+JSON writes a float64 with as many digits as bring the same float64 back. The document says which pixel
+origin it counts in, names no folder, and matches schemas/corners-1.schema.json.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import stat
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.atomic import write_files
+from calibrary.calib.board import Board, Pattern
+from calibrary.calib.observations import ControlPoints, Observations, View
+from calibrary.calibration import CameraKey
+from calibrary.calibration_json import Json, camera_json
+from calibrary.errors import InputError, ParseError
+from calibrary.schemas import require
+
+__all__ = ["corners_sha256", "decode_corners", "encode_corners", "read_corners", "write_corners"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+SCHEMA: Final = "corners-1"
+MAX_BYTES: Final = 64_000_000
+BOARD_FIELDS: Final = ("pattern", "columns", "rows", "square_mm", "dictionary", "marker_mm")
+
+
+def write_corners(observations: Observations, path: Path) -> None:
+    """Write the document, whole or not at all.
+
+    Raises:
+        InputError: it cannot be written there.
+    """
+    write_files({path: encode_corners(observations)})
+
+
+def read_corners(path: Path) -> Observations:
+    """Read the document.
+
+    Raises:
+        InputError: it is no regular file, or cannot be read.
+        ParseError: it is broken, longer than 64 MB, or contradicts itself.
+    """
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise InputError("is no regular file", source=path.name)
+        if status.st_size > MAX_BYTES:
+            raise ParseError(f"is {status.st_size} bytes long, wanted at most {MAX_BYTES}", source=path.name)
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path.name) from None
+    return decode_corners(content, source=path.name)
+
+
+def encode_corners(observations: Observations) -> bytes:
+    """The document's bytes: the same observations give the same bytes, one view a line."""
+    board = observations.board
+    on_board = isinstance(board, Board)
+    head: dict[str, Json] = {
+        "schema": SCHEMA,
+        "pixel_origin": "corner",
+        "image_size": list(observations.image_size),
+        "camera": camera_json(observations.camera),
+        "focus": observations.focus,
+        "firmware": observations.firmware,
+        "board": {name: getattr(board, name) for name in BOARD_FIELDS} if on_board else None,
+        "control_points_mm": None if isinstance(board, Board) else board.points.tolist(),
+    }
+    lines = [f"{_dump(key)}: {_dump(value)}" for key, value in head.items()]
+    views = ",\n  ".join(_dump(_view_json(view)) for view in observations.views)
+    return ("{\n" + ",\n".join([*lines, f'"views": [\n  {views}\n]']) + "\n}\n").encode()
+
+
+def corners_sha256(observations: Observations) -> str:
+    """Of the document's bytes: which corners a calibration was made from."""
+    return hashlib.sha256(encode_corners(observations)).hexdigest()
+
+
+def decode_corners(content: bytes, *, source: str | None = None) -> Observations:
+    """The document from its bytes.
+
+    Args:
+        content: at most 64 MB.
+        source: what errors call it.
+
+    Raises:
+        ParseError: it is broken or contradicts itself.
+    """
+    document = _parsed(content, source)
+    # The numbers are many; the schema sees each list of them once, as what it is, and numpy looks inside.
+    require(document, SCHEMA, source=source)
+    try:
+        board = _board(document)
+        views = [
+            _view(view, len(board.points), source, f"views[{index}]")
+            for index, view in enumerate(document["views"])
+        ]
+        width, height = document["image_size"]
+        return Observations(
+            board=board,
+            image_size=(width, height),
+            views=tuple(views),
+            camera=_camera(document["camera"]),
+            focus=document["focus"],
+            firmware=document["firmware"],
+        )
+    except InputError as error:
+        raise ParseError(error.message, source=source, place=error.place) from None
+
+
+def _parsed(content: bytes, source: str | None) -> Any:
+    if len(content) > MAX_BYTES:
+        raise ParseError(f"is {len(content)} bytes long, wanted at most {MAX_BYTES}", source=source)
+    try:
+        return json.loads(content.decode("utf-8"), object_pairs_hook=_unique, parse_constant=_not_finite)
+    except UnicodeDecodeError:
+        raise ParseError("is not UTF-8, wanted a JSON document of corners", source=source) from None
+    except json.JSONDecodeError as error:
+        raise ParseError(f"is no JSON: {error.msg}", source=source, place=f"line {error.lineno}") from None
+    except (ValueError, RecursionError) as error:
+        raise ParseError(f"is no JSON of corners: {str(error) or 'nested too deep'}", source=source) from None
+
+
+def _unique(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        raise ValueError("a key stands twice in one object")
+    return found
+
+
+def _not_finite(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _board(document: Mapping[str, Any]) -> Board | ControlPoints:
+    board, points = document["board"], document["control_points_mm"]
+    if (board is None) == (points is None):
+        raise ParseError("wanted either a board or control_points_mm, and null for the other", place="board")
+    if board is None:
+        return ControlPoints(points=_numbers(points, "control_points_mm"))
+    return Board(**{**board, "pattern": Pattern(board["pattern"])})
+
+
+def _camera(camera: Mapping[str, Any]) -> CameraKey:
+    size = camera["image_size"]
+    values = {field.name: camera[field.name] for field in fields(CameraKey)}
+    return CameraKey(**{**values, "image_size": tuple(size) if size is not None else None})
+
+
+def _view(view: Mapping[str, Any], points: int, source: str | None, place: str) -> View:
+    ids, x, y = (_numbers(view[key], f"{place}.{key}") for key in ("ids", "x", "y"))
+    if not len(ids) == len(x) == len(y) or ids.ndim != 1 or x.ndim != 1 or y.ndim != 1:
+        raise ParseError(
+            f"holds {len(ids)} ids, {len(x)} x and {len(y)} y: wanted as many", source=source, place=place
+        )
+    if (ids % 1 != 0).any() or len(np.unique(ids)) != len(ids) or ((ids < 0) | (ids >= points)).any():
+        raise ParseError(f"wanted whole ids below {points}, each once", source=source, place=f"{place}.ids")
+    return View(
+        name=view["name"],
+        sha256=view["sha256"],
+        ids=ids.astype(np.intp),
+        image_points=np.column_stack([x, y]),
+        sharpness_px=view["sharpness_px"],
+        spacing_px=view["spacing_px"],
+    )
+
+
+def _numbers(values: Sequence[object], place: str) -> FloatArray:
+    """A list, or a list of lists, of finite numbers; what JSON calls true is none."""
+    flat = [item for row in values for item in (row if isinstance(row, list) else [row])]
+    if any(type(item) not in {int, float} for item in flat):
+        raise ParseError("holds something that is no number", place=place)
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (ValueError, OverflowError):
+        raise ParseError("holds rows of different lengths, or numbers too large", place=place) from None
+    if not np.isfinite(array).all():
+        raise ParseError("holds a number too large", place=place)
+    return array
+
+
+def _view_json(view: View) -> dict[str, Json]:
+    return {
+        "name": view.name,
+        "sha256": view.sha256,
+        "sharpness_px": view.sharpness_px,
+        "spacing_px": view.spacing_px,
+        "ids": view.ids.tolist(),
+        "x": view.image_points[:, 0].tolist(),
+        "y": view.image_points[:, 1].tolist(),
+    }
+
+
+def _dump(value: Json) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,85 @@
+"""How well the corners determine the camera: its full covariance, poses and warp marginalised.
+
+With S the normal matrix after eliminating every pose, C = s²·S⁻¹ where s² = rss / (2N − n − 6V). Its diagonal is
+what ``cv2.calibrateCameraExtended`` gives as standard deviations (right since OpenCV 4.8.1, too large by 1.46 in 4.6
+and 4.7); OpenCV gives no correlations. This is the scatter that corner noise alone causes. What a bent board, a rolling
+shutter or a poor model add to it only :mod:`calibrary.calib.kappa` shows.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.adjustment import Adjusted, reduce
+from calibrary.calibration import Covariance
+from calibrary.errors import CalibrationError
+
+__all__ = ["Identifiability", "identifiability", "lens_condition", "lens_covariance"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identifiability:
+    """What the views say least about.
+
+    Attributes:
+        condition: of the normal matrix with every parameter in its own unit (Jacobi scaling).
+        weakest: share of each parameter in the combination that is determined worst; squares add up to one.
+    """
+
+    condition: float
+    weakest: dict[str, float]
+
+    @property
+    def culprits(self) -> tuple[str, ...]:
+        """The parameters that carry most of that combination, the largest share first."""
+        ordered = sorted(self.weakest, key=lambda name: -abs(self.weakest[name]))
+        return tuple(name for name in ordered if abs(self.weakest[name]) > 0.3)
+
+
+def lens_covariance(adjusted: Adjusted) -> Covariance:
+    """Of the lens model's parameters, by their names.
+
+    Raises:
+        CalibrationError: the corners do not determine them.
+    """
+    matrix = reduce(adjusted.linear, adjusted.free).matrix
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    values, vectors = (
+        np.linalg.eigh(matrix / np.outer(scale, scale)) if (scale > 0).all() else (np.zeros(1), matrix)
+    )
+    if not values[0] > 0:
+        raise CalibrationError(
+            "the views do not determine all parameters: tilt the board in several directions and fill the frame"
+        )
+    names = adjusted.state.model.parameters
+    lens = slice(len(names))
+    inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
+    inverse = (inverse + inverse.T) / 2
+    return Covariance.from_matrix(names, adjusted.variance * inverse[lens, lens])
+
+
+def lens_condition(adjusted: Adjusted) -> float:
+    """Ratio of the largest to the smallest eigenvalue of the scaled normal matrix; inf where it is singular."""
+    matrix = reduce(adjusted.linear, adjusted.free).matrix
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    if not (np.isfinite(matrix).all() and (scale > 0).all()):
+        return math.inf
+    values = np.linalg.eigvalsh(matrix / np.outer(scale, scale))
+    return float(values[-1] / values[0]) if values[0] > 0 else math.inf
+
+
+def identifiability(adjusted: Adjusted) -> Identifiability:
+    """The combination of parameters that the views determine worst."""
+    matrix = reduce(adjusted.linear, adjusted.free).matrix
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    _, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    names = (*adjusted.state.model.parameters, "warp across", "warp down")
+    shares = dict(zip(names, vectors[:, 0].tolist(), strict=False))
+    return Identifiability(condition=lens_condition(adjusted), weakest=shares)

@@ -1,0 +1,68 @@
+"""One call for every pattern: where a board's points are in an image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Final
+
+from calibrary.calib.board import Board, Pattern
+from calibrary.calib.detectors.checkerboard import find_checkerboard
+from calibrary.calib.detectors.circles import find_circles
+from calibrary.calib.detectors.markers import check_charuco, find_aprilgrid, find_charuco
+from calibrary.calib.found import Found, NotFound
+from calibrary.calib.frames import Gray
+from calibrary.conventions import Origin, canonical_from_file
+from calibrary.errors import InputError
+
+__all__ = ["check_detectable", "detect"]
+
+DETECTORS: Final[Mapping[Pattern, Callable[[Gray, Board], Found | NotFound]]] = {
+    Pattern.CHECKERBOARD: find_checkerboard,
+    Pattern.CHARUCO: find_charuco,
+    Pattern.APRILGRID: find_aprilgrid,
+    Pattern.CIRCLES: find_circles,
+}
+
+FEWEST_ALONG_A_SIDE = 3
+"""OpenCV looks for no smaller checkerboard."""
+
+
+def check_detectable(board: Board) -> None:
+    """Make sure that a board can be looked for at all.
+
+    Raises:
+        InputError: it is too small, or the installed OpenCV too old for it.
+    """
+    if board.pattern is Pattern.CHARUCO:
+        check_charuco()
+    if not board.has_markers and min(board.columns, board.rows) < FEWEST_ALONG_A_SIDE:
+        raise InputError(
+            f"a {board.pattern.value} of {board.columns}×{board.rows}: wanted at least {FEWEST_ALONG_A_SIDE} points "
+            "along each side, better 8"
+        )
+
+
+def detect(gray: Gray, board: Board) -> Found | NotFound:
+    """Where a board's points are in an image.
+
+    Looked for in a small copy, measured in the image itself; see the modules of :mod:`calibrary.calib.detectors`.
+    A checkerboard is begun at the same square in every image where its colours tell its ends apart.
+
+    Args:
+        gray: (H, W) as stored.
+        board: what to look for.
+
+    Returns:
+        Points in the canonical origin, or why there are none.
+
+    Raises:
+        InputError: the board cannot be looked for; see :func:`check_detectable`.
+    """
+    check_detectable(board)
+    found = DETECTORS[board.pattern](gray, board)
+    if isinstance(found, NotFound):
+        return found
+    height, width = gray.shape
+    offset = canonical_from_file((0.0, 0.0), Origin.PIXEL_CENTRE, (width, height))
+    return replace(found, points=found.points + offset)

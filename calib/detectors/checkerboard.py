@@ -1,0 +1,116 @@
+"""Checkerboards: found in a small copy of the image, measured in the image itself."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.board import Board
+from calibrary.calib.detectors.refinement import half_window, reduced, refined
+from calibrary.calib.detectors.reliability import reliable
+from calibrary.calib.found import Found, NotFound, Reason
+from calibrary.calib.frames import Gray
+from calibrary.calib.lattice import goes_on, is_even, overhangs, smallest_spacing, squares_share, upright
+
+__all__ = ["find_checkerboard"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+LARGEST_SHIFT = 0.5
+"""Of the spacing, by which measuring may move a corner; more means it jumped to another."""
+
+ADAPTIVE_SIDE = 800
+"""px of the longer side of the copy that adaptive thresholds are tried in."""
+
+FEWEST_SQUARES = 0.8
+"""Share of cells that must look like squares; glare and an occluding finger take a few."""
+
+
+def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
+    """The board's inner corners, all of them but those that are displaced or at the frame's border.
+
+    Args:
+        gray: (H, W).
+        board: a checkerboard.
+
+    Returns:
+        Points in px as OpenCV counts them.
+    """
+    small, scale = reduced(gray)
+    rough = _detected(small, (board.columns, board.rows))
+    if rough is None:
+        return NotFound(
+            reason=Reason.NO_BOARD, text=f"no checkerboard of {board.columns}×{board.rows} inner corners"
+        )
+    if not is_even(rough):
+        return NotFound(reason=Reason.UNEVEN, text="what looks like the board is folded or torn")
+    if np.any(scale > 1):
+        # The step to the full image is then below a pixel of the small one however large the frame.
+        rough = (refined(small, rough, half_window(smallest_spacing(rough))) + 0.5) * scale - 0.5
+    spacing = smallest_spacing(rough)
+    half = half_window(spacing)
+    lattice = refined(gray, rough, half)
+    shift = float(np.hypot(*(lattice - rough).reshape(-1, 2).T).max())
+    if shift > LARGEST_SHIFT * spacing or not is_even(lattice):
+        return NotFound(
+            reason=Reason.UNEVEN,
+            text=f"measuring moved a corner by {shift:.1f} px of a spacing of {spacing:.1f} px: it is no regular board",
+        )
+    lattice = upright(lattice, gray)
+    if squares_share(gray, lattice) < FEWEST_SQUARES:
+        return NotFound(
+            reason=Reason.UNEVEN, text="what looks like the board has no alternating dark and light squares"
+        )
+    direction = goes_on(gray, lattice)
+    if direction is not None:
+        return NotFound(
+            reason=Reason.LARGER_BOARD,
+            text=f"the board has more {direction} than {board.columns}×{board.rows} inner corners; count them again",
+        )
+    direction = overhangs(gray, lattice)
+    if direction is not None:
+        return NotFound(
+            reason=Reason.NO_BOARD,
+            text=f"the board has fewer {direction} than {board.columns}×{board.rows} inner corners; count them again",
+        )
+    ids = np.arange(board.columns * board.rows)
+    measure = partial(refined, gray, half=half)
+    return reliable(
+        gray,
+        board,
+        ids,
+        lattice.reshape(-1, 2),
+        half=half,
+        spacing_px=smallest_spacing(lattice),
+        measure=measure,
+    )
+
+
+def _detected(small: Gray, size: tuple[int, int]) -> FloatArray | None:
+    """(rows, columns, 2) of corners to about a pixel.
+
+    One after the other: the older detector without its adaptive thresholds, which finds nearly every board and gives up
+    quickly; findChessboardCornersSB, whose corners are biased, so that it only says where they are; and the
+    adaptive thresholds, slow on every texture, in a smaller copy and only where something looks like squares.
+    """
+    import cv2
+
+    def as_lattice(found: bool, corners: Any) -> FloatArray | None:  # noqa: FBT001 - OpenCV's pair
+        if not found or corners is None or np.size(corners) != 2 * size[0] * size[1]:
+            return None
+        return np.asarray(corners, dtype=np.float64).reshape(size[1], size[0], 2)
+
+    lattice = as_lattice(*cv2.findChessboardCorners(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE))
+    if lattice is None:
+        flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
+        lattice = as_lattice(*cv2.findChessboardCornersSB(small, size, flags=flags))
+    if lattice is None:
+        smaller, scale = reduced(small, ADAPTIVE_SIDE)
+        if cv2.checkChessboard(smaller, size):
+            flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+            lattice = as_lattice(*cv2.findChessboardCorners(smaller, size, flags=flags))
+            lattice = (lattice + 0.5) * scale - 0.5 if lattice is not None else None
+    return lattice

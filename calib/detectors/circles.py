@@ -1,0 +1,154 @@
+"""Grids of dark discs.
+
+A disc's image is an ellipse whose centre is not the image of the disc's centre: the nearer half looks larger. The
+difference is reckoned from the grid's own perspective and taken off; what the lens bends within a disc stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.board import Board
+from calibrary.calib.detectors.refinement import reduced
+from calibrary.calib.detectors.reliability import reliable
+from calibrary.calib.found import Found, NotFound, Reason, Remark
+from calibrary.calib.frames import Gray
+from calibrary.calib.lattice import Lattice, beyond, homography, is_even, mapped, smallest_spacing, upright
+
+__all__ = ["find_circles"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+WINDOW_SHARE = 0.48
+"""Of the spacing, to each side of a disc: almost up to the middle between two."""
+RIM_POINTS = 64
+NAMED_BIAS_PX = 0.02
+
+
+def find_circles(gray: Gray, board: Board) -> Found | NotFound:
+    """The centres of all discs of a grid.
+
+    Args:
+        gray: (H, W).
+        board: a grid of discs in rows and columns.
+
+    Returns:
+        Points in px as OpenCV counts them.
+    """
+    import cv2
+
+    missing = NotFound(reason=Reason.NO_BOARD, text=f"no grid of {board.columns}×{board.rows} discs")
+    small, scale = reduced(gray)
+    for flags in (cv2.CALIB_CB_SYMMETRIC_GRID, cv2.CALIB_CB_SYMMETRIC_GRID | cv2.CALIB_CB_CLUSTERING):
+        found, centres = cv2.findCirclesGrid(small, (board.columns, board.rows), flags=flags)
+        if found and centres is not None:
+            break
+    else:
+        return missing
+    rough = (np.reshape(centres, (board.rows, board.columns, 2)).astype(np.float64) + 0.5) * scale - 0.5
+    if not is_even(rough):
+        return NotFound(reason=Reason.UNEVEN, text="what looks like the grid is folded or torn")
+    spacing = smallest_spacing(rough)
+    lattice = upright(_centroids(gray, rough, WINDOW_SHARE * spacing), None)
+    if not np.isfinite(lattice).all() or not is_even(lattice):
+        return missing
+    if direction := _goes_on(gray, lattice):
+        text = f"the grid has more {direction} than {board.columns}×{board.rows} discs; count them again"
+        return NotFound(reason=Reason.LARGER_BOARD, text=text)
+    bias = _perspective_bias(board, lattice)
+    points = lattice.reshape(-1, 2) - bias
+    radius = (board.marker_mm or 0) / 2 / board.square_mm * smallest_spacing(lattice)
+    ids = np.arange(len(points))
+    found_points = reliable(
+        gray, board, ids, points, half=int(np.ceil(radius)), spacing_px=smallest_spacing(lattice)
+    )
+    largest = float(np.hypot(*bias.T).max())
+    if isinstance(found_points, NotFound) or largest < NAMED_BIAS_PX:
+        return found_points
+    text = f"tilted discs look up to {largest:.2f} px off centre; reckoned out, but a checkerboard has no such bias"
+    remark = Remark(reason=Reason.PERSPECTIVE_BIAS, text=text)
+    return replace(found_points, remarks=(*found_points.remarks, remark))
+
+
+def _centroids(gray: Gray, rough: Lattice, reach: float) -> Lattice:
+    """Each disc's centre of darkness, each pixel weighed by how far it is from paper to print; NaN for a lost one.
+
+    The disc is looked for again around each result, so that the window lies evenly about it.
+    """
+    height, width = gray.shape
+    centres = rough.reshape(-1, 2).copy()
+    rows, columns = rough.shape[:2]
+    for _ in range(3):
+        for index, (x, y) in enumerate(centres):
+            if not (np.isfinite(x) and np.isfinite(y)):
+                continue
+            left, top = max(0, round(x - reach)), max(0, round(y - reach))
+            patch = gray[top : min(height, round(y + reach) + 1), left : min(width, round(x + reach) + 1)]
+            u, v = _centroid(patch)
+            centres[index] = left + u, top + v
+    return centres.reshape(rows, columns, 2)
+
+
+def _centroid(patch: Gray) -> FloatArray:
+    """(x, y) within a patch of paper with one dark disc in it."""
+    if min(patch.shape) < 3:
+        return np.full(2, np.nan)
+    dark, light = np.percentile(patch, (5, 90))
+    if light - dark < 8:
+        return np.full(2, np.nan)
+    y, x = np.indices(patch.shape, dtype=np.float64)
+    # Noise on paper and print weighs nothing; the rim, with its blur, by its share.
+    weight = np.clip((light - patch) / (light - dark) * 1.4 - 0.2, 0.0, 1.0)
+    total = weight.sum()
+    return np.array([(weight * x).sum(), (weight * y).sum()]) / total
+
+
+def _perspective_bias(board: Board, lattice: Lattice) -> FloatArray:
+    """(N, 2) px from each disc's centre, as the plane's perspective shows it, to the middle of its image."""
+    places = board.points[:, :2]
+    H = homography(places, lattice.reshape(-1, 2))
+    if H is None:
+        return np.zeros_like(places)
+    angle = np.linspace(0, 2 * np.pi, RIM_POINTS, endpoint=False)
+    rim = np.column_stack([np.cos(angle), np.sin(angle)]) * (board.marker_mm or 0) / 2
+    seen = mapped(H, (places[:, None] + rim).reshape(-1, 2)).reshape(len(places), -1, 2)
+    return _area_centres(seen) - mapped(H, places)
+
+
+def _area_centres(outlines: FloatArray) -> FloatArray:
+    """(N, 2) centroids of the areas inside (N, M, 2) outlines, by the shoelace formula."""
+    following = np.roll(outlines, -1, axis=1)
+    cross = outlines[..., 0] * following[..., 1] - outlines[..., 1] * following[..., 0]
+    return np.asarray(
+        ((outlines + following) * cross[..., None]).sum(axis=1) / (3 * cross.sum(axis=1))[:, None]
+    )
+
+
+def _goes_on(gray: Gray, lattice: Lattice) -> str | None:
+    """In which direction more discs follow, if any do."""
+    height, width = gray.shape
+
+    def levels(at: FloatArray) -> FloatArray:
+        x, y = np.rint(at.reshape(-1, 2)).astype(np.intp).T
+        inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        return gray[y[inside], x[inside]].astype(np.float64)
+
+    between = (lattice[:-1, :-1] + lattice[1:, 1:]) / 2
+    middle = (np.median(levels(lattice)) + np.median(levels(between))) / 2
+    for name, view in (("rows", lattice), ("columns", lattice.transpose(1, 0, 2))):
+        for side in (view, view[::-1]):
+            outer = beyond(side, (-1.0, -1.5))
+            if outer is None or np.isnan(outer).any():
+                continue
+            discs, paper = levels(outer[0]), levels((outer[1][:-1] + outer[1][1:]) / 2)
+            if (
+                min(discs.size, paper.size) >= 2
+                and (discs < middle).mean() > 0.8
+                and (paper > middle).mean() > 0.8
+            ):
+                return name
+    return None

@@ -1,0 +1,83 @@
+"""What a detector answers: the points it found, or why there are none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Found", "NotFound", "Reason", "Remark"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.intp]
+
+
+class Reason(StrEnum):
+    """What is wrong with a frame or its view of the board; stable, for programs."""
+
+    UNREADABLE = "unreadable"
+    NO_BOARD = "no-board"
+    LARGER_BOARD = "larger-board"
+    UNEVEN = "uneven"
+    FEW_POINTS = "few-points"
+    DISPLACED_CORNERS = "displaced-corners"
+    AT_BORDER = "at-border"
+    BLURRED = "blurred"
+    DRAGGED = "dragged"
+    SMALL = "small"
+    LOW_CONTRAST = "low-contrast"
+    OVEREXPOSED = "overexposed"
+    GLARE = "glare"
+    SAME_FILE = "same-file"
+    SAME_POSE = "same-pose"
+    PERSPECTIVE_BIAS = "perspective-bias"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Remark:
+    """Something a person should know of one frame.
+
+    Attributes:
+        reason: which kind.
+        text: what was measured, what was wanted and what to do, without the frame's name.
+        rejects: whether the view must not be calibrated with.
+    """
+
+    reason: Reason
+    text: str
+    rejects: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """The board's points as seen in one image.
+
+    Attributes:
+        ids: (N,) indices into :attr:`Board.points`, ascending.
+        points: (N, 2) px in the canonical origin.
+        spacing_px: smallest distance between neighbouring points.
+        lattice: (rows, columns, 2) px as OpenCV counts them, where all points of a grid were seen.
+        remarks: what the detector left out or could not do.
+    """
+
+    ids: IntArray
+    points: FloatArray
+    spacing_px: float
+    lattice: FloatArray | None = None
+    remarks: tuple[Remark, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotFound:
+    """No board, and why.
+
+    Attributes:
+        reason: which kind.
+        text: what was found and what was wanted, without the frame's name.
+    """
+
+    reason: Reason
+    text: str

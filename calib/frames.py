@@ -1,0 +1,246 @@
+"""The frames of a calibration: read as the sensor stored them, and made sure to be of one camera at one focus.
+
+A frame is taken as stored: EXIF Orientation says how a person should see it, while K is of the sensor's rows
+and columns, and a camera that is rolled between two frames would otherwise change its K.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import mmap
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.image_head import ImageHead, check_complete, read_head
+from calibrary.calibration import CameraKey, ImageSize
+from calibrary.errors import InputError, ParseError
+
+__all__ = ["Frame", "Gray", "Setting", "frame_size", "group_frames", "read_frame", "the_one_setting"]
+
+Gray: TypeAlias = NDArray[np.uint8]
+Samples: TypeAlias = NDArray[Any]
+"""(H, W) of 8 or 16 bits."""
+
+LARGEST_FILE = 1 << 31
+"""Bytes; an uncompressed 16-bit colour frame of the largest sensors is just below."""
+
+NAMES_SHOWN = 3
+MOSAIC_CONTRAST = 0.05
+"""Share of the mean level by which the colours of a mosaic must differ to be told from a gray frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """One image as detection wants it.
+
+    Attributes:
+        name: the file's name, without its folder.
+        sha256: of the file's bytes.
+        gray: (H, W) as stored, 8 bit; deeper images are stretched to it.
+    """
+
+    name: str
+    sha256: str
+    gray: Gray
+
+    @property
+    def size(self) -> ImageSize:
+        """(width, height) px."""
+        return self.gray.shape[1], self.gray.shape[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """What must not change between the frames of one calibration.
+
+    Attributes:
+        camera: which camera, as the frames say.
+        image_size: (width, height) px as stored.
+        focus: how the lens was focused, in words; None where the frames do not say.
+    """
+
+    camera: CameraKey
+    image_size: ImageSize
+    focus: str | None = None
+
+
+def read_frame(path: Path) -> Frame:
+    """Read and decode one image.
+
+    Raises:
+        InputError: it cannot be read, is cut short, or holds no camera's frame; see
+            :func:`calibrary.calib.image_head.read_head`.
+    """
+    content = _content(path)
+    with _named_after(path):
+        head = read_head(content)
+        check_complete(content, head)
+        gray = _decoded(content, head)
+    return Frame(name=path.name, sha256=hashlib.sha256(content).hexdigest(), gray=gray)
+
+
+def frame_size(path: Path) -> ImageSize:
+    """(width, height) px as stored, from the head of the file alone.
+
+    Raises:
+        InputError: as :func:`read_frame`, as far as the head tells.
+    """
+    try:
+        with (
+            path.open("rb") as file,
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
+            _named_after(path),
+        ):
+            return read_head(content).size
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+    # An empty file, or one that cannot be mapped where it lies.
+    whole = _content(path)
+    with _named_after(path):
+        return read_head(whole).size
+
+
+@contextmanager
+def _named_after(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(error.message, source=path.name, place=error.place) from None
+
+
+def _content(path: Path) -> bytes:
+    try:
+        if not path.is_file():
+            problem = "is a folder" if path.is_dir() else "does not exist, or is no ordinary file"
+            raise InputError(f"{problem}; give the frames as files", source=path.name)
+        if (size := path.stat().st_size) > LARGEST_FILE:
+            raise InputError(f"a file of {size} bytes; wanted at most {LARGEST_FILE}", source=path.name)
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path.name) from None
+
+
+def _decoded(content: bytes, head: ImageHead) -> Gray:
+    import cv2
+
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+    except (cv2.error, MemoryError):
+        pixels = None
+    width, height = head.size
+    if pixels is None or pixels.shape[:2] != (height, width):
+        raise ParseError(
+            f"the {head.kind.upper()} of {width}×{height} px cannot be decoded; copy it from the camera again, "
+            "or save it as PNG"
+        )
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise ParseError(f"pixels of {pixels.dtype}; wanted 8 or 16 bits")
+    samples: Samples = pixels
+    if head.kind != "jpeg" and head.channels == 1 and _is_mosaic(samples):
+        raise ParseError(
+            "a gray image that is a raw colour mosaic (Bayer): its even and odd pixels differ in level; "
+            "develop it to gray or RGB first"
+        )
+    return _eight_bit(samples)
+
+
+def _eight_bit(pixels: Samples) -> Gray:
+    """8 bits; of 16 the range that is used, since 10, 12 or 14 bits often stand in 16."""
+    if pixels.dtype == np.uint8:
+        return pixels.astype(np.uint8, copy=False)
+    darkest, lightest = np.percentile(pixels[::4, ::4], (0.05, 99.95))
+    span = max(float(lightest - darkest), 1.0)
+    levels = (pixels.astype(np.float32) - np.float32(darkest)) * np.float32(255 / span)
+    eight: Gray = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+    return eight
+
+
+def _is_mosaic(pixels: Samples) -> bool:
+    """Whether the four places of a 2 × 2 tile have the levels of a Bayer pattern: one diagonal green, the other not.
+
+    In a gray image all four see the same scene and agree within far less than a percent.
+    """
+    height, width = (side - side % 2 for side in pixels.shape)
+    a, b, c, d = (
+        float(np.mean(pixels[y:height:2, x:width:2], dtype=np.float64)) for y, x in np.ndindex(2, 2)
+    )
+    mean = (a + b + c + d) / 4
+    for green, others in (((a, d), (b, c)), ((b, c), (a, d))):
+        level = sum(green) / 2
+        if abs(green[0] - green[1]) < 0.4 * MOSAIC_CONTRAST * mean and any(
+            abs(other - level) > MOSAIC_CONTRAST * mean for other in others
+        ):
+            return True
+    return False
+
+
+def group_frames(
+    frames: Iterable[Path], setting: Callable[[Path], Setting] | Mapping[Path, Setting]
+) -> dict[Setting, tuple[Path, ...]]:
+    """The frames by what must not change between them, in order of first appearance.
+
+    Args:
+        frames: files.
+        setting: what each frame's metadata says; reading it is the caller's affair.
+    """
+    look_up = setting.__getitem__ if isinstance(setting, Mapping) else setting
+    groups: dict[Setting, tuple[Path, ...]] = {}
+    for path in frames:
+        key = look_up(path)
+        groups[key] = (*groups.get(key, ()), path)
+    return groups
+
+
+def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
+    """The setting that all frames share.
+
+    Raises:
+        InputError: they differ in size, camera or focus; the message names the frames of each.
+    """
+    sizes: dict[str, list[Path]] = {}
+    cameras: dict[CameraKey, list[Path]] = {}
+    focuses: dict[str, list[Path]] = {}
+    for setting, paths in groups.items():
+        sizes.setdefault("{}×{} px".format(*setting.image_size), []).extend(paths)
+        cameras.setdefault(replace(setting.camera, image_size=None), []).extend(paths)
+        focuses.setdefault(setting.focus or "a focus they do not tell", []).extend(paths)
+    if not groups:
+        raise InputError("no frames; give the images of the board")
+    if len(cameras) > 1:
+        raise InputError(_differing("cameras", _named(cameras), "calibrate one camera at a time"))
+    if len(sizes) > 1:
+        raise InputError(_differing("sizes", sizes, "calibrate one size at a time"))
+    if len(focuses) > 1:
+        why = "each focus has a focal length of its own: lock it, and calibrate one at a time"
+        raise InputError(_differing("focus settings", focuses, why))
+    return next(iter(groups))
+
+
+def _named(cameras: Mapping[CameraKey, list[Path]]) -> dict[str, list[Path]]:
+    """Each camera by its name and, where names are alike, by what tells it apart."""
+    differing = [
+        field.name for field in fields(CameraKey) if len({getattr(key, field.name) for key in cameras}) > 1
+    ]
+    hidden = [name for name in differing if name in {"serial", "firmware"}]
+    named: dict[str, list[Path]] = {}
+    for key, paths in cameras.items():
+        parts = [f"{name} {getattr(key, name) or 'unknown'}" for name in hidden]
+        named.setdefault(", ".join([str(key), *parts]), []).extend(paths)
+    return named
+
+
+def _differing(what: str, groups: Mapping[str, Sequence[Path]], remedy: str) -> str:
+    parts = []
+    for label, paths in sorted(groups.items(), key=lambda item: -len(item[1])):
+        names = ", ".join(path.name for path in paths[:NAMES_SHOWN])
+        more = ", …" if len(paths) > NAMES_SHOWN else ""
+        parts.append(f"{len(paths)} of {label} ({names}{more})")
+    return f"the frames are of {len(groups)} {what}: {'; '.join(parts)}; {remedy}"

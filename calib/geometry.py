@@ -1,0 +1,156 @@
+"""How the views were taken: tilt, depth, how much of the frame they cover, and which are there twice."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.adjustment import Adjusted
+from calibrary.calib.network import linearise
+from calibrary.calibration import ImageSize
+
+__all__ = ["Coverage", "Geometry", "coverage", "duplicates", "geometry"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+CELLS: Final = (8, 6)
+"""Columns and rows that the frame is divided into."""
+BORDER: Final = 0.1
+"""Width of the border ring, as a fraction of the frame's sides."""
+BORDER_PARTS: Final = 24
+ALMOST_ALL_PAIRS: Final = 90.0
+"""Percentile: one view that stands out is no spread."""
+SAME_PLACE: Final = 1e-3
+"""Two views whose corners lie on average this fraction of the frame's width apart, or a pixel, show one pose."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Coverage:
+    """Where corners were seen.
+
+    Attributes:
+        cells: (6, 8) which cells of the frame hold a corner.
+        border: fraction of the parts of a ring along the frame's edge, a tenth of its sides wide, that hold one.
+        reach: how far from the middle corners were seen, 1 at the frame's corners; mean of its four quarters.
+    """
+
+    cells: BoolArray
+    border: float
+    reach: float
+
+    @property
+    def fraction(self) -> float:
+        """Of the cells."""
+        return float(self.cells.mean())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Geometry:
+    """How the board was held.
+
+    Attributes:
+        tilt_spread_deg: angle between the boards' normals that nine of ten pairs of views stay below.
+        roll_spread_deg: largest angle between two boards' rows as seen along the axis, at most 90°.
+        depth_ratio: farthest over nearest corner.
+        distance_mm: median distance of the boards.
+        coverage: of the frame.
+    """
+
+    tilt_spread_deg: float
+    roll_spread_deg: float
+    depth_ratio: float
+    distance_mm: float
+    coverage: Coverage
+
+
+def geometry(adjusted: Adjusted, image_size: ImageSize) -> Geometry:
+    """Measure a solution's views; those set aside do not count."""
+    network, state = adjusted.network, adjusted.state
+    used = network.used
+    turns, places = state.rotations[used], state.translations[used]
+    inside = network.points[used] @ turns.transpose(0, 2, 1) + places[:, None, :]
+    distance = np.linalg.norm(inside, axis=-1)[network.seen[used]]
+    return Geometry(
+        tilt_spread_deg=_tilt_spread(turns[:, :, 2]),
+        roll_spread_deg=_roll_spread(turns[:, :, 0]),
+        depth_ratio=float(distance.max() / max(distance.min(), 1e-300)),
+        distance_mm=float(np.median(np.linalg.norm(places, axis=1))),
+        coverage=coverage(network.pixels[network.seen], image_size),
+    )
+
+
+def coverage(pixels: FloatArray, image_size: ImageSize) -> Coverage:
+    """Of a frame by corners, (N, 2) px."""
+    columns, rows = CELLS
+    share = pixels / np.array(image_size)
+    share = share[((share >= 0) & (share < 1)).all(axis=1)]
+    cells = np.zeros((rows, columns), dtype=np.bool_)
+    cells[(share[:, 1] * rows).astype(np.intp), (share[:, 0] * columns).astype(np.intp)] = True
+
+    away = share - 0.5
+    ring = np.abs(away).max(axis=1) > 0.5 - BORDER
+    part = ((np.arctan2(away[ring, 1], away[ring, 0]) / (2 * math.pi) + 0.5) * BORDER_PARTS).astype(np.intp)
+    border = len(np.unique(part % BORDER_PARTS)) / BORDER_PARTS
+
+    offset = away * np.array(image_size)
+    radius = np.linalg.norm(offset, axis=1) / (0.5 * math.hypot(*image_size))
+    quarter = 2 * (away[:, 1] >= 0) + (away[:, 0] >= 0)
+    reach = float(np.mean([radius[quarter == q].max(initial=0.0) for q in range(4)]))
+    return Coverage(cells=cells, border=border, reach=reach)
+
+
+def duplicates(adjusted: Adjusted, image_size: ImageSize) -> tuple[tuple[int, int], ...]:
+    """(view, the earlier view that shows the same pose) for every view but the first of each pose.
+
+    Poses are compared by where they put the same points of the board, so a burst from a tripod counts as
+    one view however its noise differs, and whichever corners each frame showed.
+    """
+    rows = np.flatnonzero(adjusted.network.used)
+    places = _corner_places(adjusted)[rows]
+    nearest = max(1.0, SAME_PLACE * image_size[0])
+    found: list[tuple[int, int]] = []
+    kept: list[int] = []
+    for at in range(len(rows)):
+        gaps = np.sqrt(((places[kept] - places[at]) ** 2).sum(axis=-1).mean(axis=-1)) if kept else np.empty(0)
+        same = np.flatnonzero(gaps < nearest)
+        if len(same):
+            found.append((int(rows[at]), int(rows[kept[same[0]]])))
+        else:
+            kept.append(at)
+    return tuple(found)
+
+
+def _corner_places(adjusted: Adjusted) -> FloatArray:
+    """(V, 4, 2) px: where each pose puts four points of the board, whether they were seen there or not."""
+    network = adjusted.network
+    all_points = network.points[network.seen]
+    low, high = all_points.min(axis=0), all_points.max(axis=0)
+    four = np.array([[x, y, (low[2] + high[2]) / 2] for x in (low[0], high[0]) for y in (low[1], high[1])])
+    views = len(network.seen)
+    board = replace(
+        network,
+        points=np.broadcast_to(four, (views, 4, 3)).copy(),
+        pixels=np.zeros((views, 4, 2)),
+        seen=np.ones((views, 4), dtype=np.bool_),
+        bend=np.zeros((views, 4, 2)),
+    )
+    linear = linearise(board, adjusted.state)
+    if linear is None:
+        return np.full((views, 4, 2), np.nan)
+    return -linear.residuals.reshape(views, 4, 2)
+
+
+def _tilt_spread(normals: FloatArray) -> float:
+    cosines = np.clip(normals @ normals.T, -1.0, 1.0)[np.triu_indices(len(normals), 1)]
+    return float(np.degrees(np.percentile(np.arccos(cosines), ALMOST_ALL_PAIRS))) if len(cosines) else 0.0
+
+
+def _roll_spread(rows: FloatArray) -> float:
+    angle = np.arctan2(rows[:, 1], rows[:, 0])
+    gaps = np.abs(angle[:, None] - angle) % math.pi
+    return float(np.degrees(np.minimum(gaps, math.pi - gaps).max(initial=0.0)))

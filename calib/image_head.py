@@ -1,0 +1,263 @@
+"""What the head of an image file says of its pixels, and which files hold no camera's frame.
+
+A decoder is too kind: it fills the missing half of a JPEG with gray, makes something of CMYK, shows the thumbnail
+of a DNG and takes a colour mosaic for a gray picture. Corners found there calibrate nothing, so what a file
+holds is read here before anything is decoded.
+
+Sources: ITU-T T.81 annex B (JPEG), W3C PNG 3, TIFF 6.0 with BigTIFF, DNG 1.7 (tags of TIFF/EP).
+"""
+
+from __future__ import annotations
+
+import mmap
+import re
+import struct
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from calibrary.calibration import ImageSize
+from calibrary.errors import ParseError, UnknownFormatError
+
+__all__ = ["FileBytes", "ImageHead", "check_complete", "read_head"]
+
+FileBytes: TypeAlias = bytes | mmap.mmap
+
+LARGEST_PIXELS: Final = 400_000_000
+"""The largest sensors that fly have 280 million; a head that promises more is broken or hostile."""
+
+SMALLEST_SIDE: Final = 64
+"""px; below that no board has room."""
+
+MOST_ENTRIES: Final = 4096
+"""Of one TIFF directory; real ones have below a hundred."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageHead:
+    """How an image file keeps its pixels.
+
+    Attributes:
+        kind: "jpeg", "png" or "tiff".
+        size: (width, height) px as stored, no EXIF rotation applied.
+        channels: samples per pixel, alpha and palette not counted out.
+        bits: per sample.
+    """
+
+    kind: str
+    size: ImageSize
+    channels: int
+    bits: int
+
+
+def read_head(content: FileBytes) -> ImageHead:
+    """What a file says of its pixels.
+
+    Raises:
+        UnknownFormatError: it is neither JPEG nor PNG nor TIFF.
+        ParseError: it is broken, or holds something no corner may be measured in: CMYK, a colour mosaic, a raw
+            image, floating point, several images, too many or too few pixels.
+    """
+    start = content[:16]
+    if start[:3] == b"\xff\xd8\xff":
+        head = _jpeg_head(content)
+    elif start[:8] == b"\x89PNG\r\n\x1a\n":
+        head = _png_head(content)
+    elif start[:4] in {b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"}:
+        head = _tiff_head(content)
+    else:
+        found = "an empty file" if not start else f"starts with {start[:8].hex(' ')}"
+        raise UnknownFormatError(f"{found}; wanted a JPEG, PNG or TIFF as the camera wrote it")
+    width, height = head.size
+    if min(head.size) < SMALLEST_SIDE or width * height > LARGEST_PIXELS:
+        raise ParseError(
+            f"an image of {width}×{height} px; wanted at least {SMALLEST_SIDE} px a side and at most "
+            f"{LARGEST_PIXELS // 1_000_000} million pixels"
+        )
+    return head
+
+
+def check_complete(content: FileBytes, head: ImageHead) -> None:
+    """Make sure that the file goes on to the end of its pixels.
+
+    Raises:
+        ParseError: it was cut short.
+    """
+    end = {"jpeg": _jpeg_end, "png": _png_end, "tiff": _tiff_end}[head.kind](content)
+    if end is None:
+        raise ParseError(
+            f"the {head.kind.upper()} is cut short after {len(content)} bytes; copy it from the camera again"
+        )
+
+
+JPEG_END, JPEG_SCAN = 0xD9, 0xDA
+JPEG_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+JPEG_MARKER_IN_SCAN: Final = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
+"""A marker that ends entropy-coded data: no stuffed zero and no restart."""
+
+
+def _jpeg_segment(content: FileBytes, at: int) -> tuple[int, int, int] | None:
+    """(marker, start of its payload, end of it) of the segment at ``at``; None where the file ends."""
+    while content[at : at + 2] == b"\xff\xff":
+        at += 1
+    head = content[at : at + 4]
+    if len(head) >= 2 and head[0] == 0xFF and head[1] == JPEG_END:
+        return JPEG_END, at + 2, at + 2
+    if len(head) < 4:
+        return None
+    length = int.from_bytes(head[2:])
+    if head[0] != 0xFF or length < 2:
+        raise ParseError(
+            f"no JPEG segment at byte {at}, where one should start; copy it from the camera again"
+        )
+    return head[1], at + 4, at + 2 + length
+
+
+def _jpeg_head(content: FileBytes) -> ImageHead:
+    at = 2
+    while (segment := _jpeg_segment(content, at)) is not None:
+        marker, start, at = segment
+        if marker in {JPEG_END, JPEG_SCAN}:
+            break
+        if marker not in JPEG_FRAMES:
+            continue
+        payload = content[start : start + 6]
+        if len(payload) < 6:
+            break
+        bits, height, width, channels = struct.unpack(">BHHB", payload)
+        if channels == 4:
+            raise ParseError(
+                "a CMYK JPEG, made by a program for print; wanted the frame as the camera wrote it"
+            )
+        if bits != 8 or channels not in {1, 3}:
+            raise ParseError(f"a JPEG of {channels} components of {bits} bits; wanted 1 or 3 of 8")
+        return ImageHead(kind="jpeg", size=(width, height), channels=channels, bits=bits)
+    raise ParseError(f"a JPEG of {len(content)} bytes without a frame; copy it from the camera again")
+
+
+def _jpeg_end(content: FileBytes) -> int | None:
+    at = 2
+    while (segment := _jpeg_segment(content, at)) is not None:
+        marker, _, at = segment
+        if marker == JPEG_END:
+            return at
+        if marker == JPEG_SCAN:
+            found = JPEG_MARKER_IN_SCAN.search(content, at)
+            if found is None:
+                return None
+            at = found.start()
+    return None
+
+
+def _png_head(content: FileBytes) -> ImageHead:
+    chunk = content[8:33]
+    if len(chunk) < 25 or chunk[4:8] != b"IHDR":
+        raise ParseError("a PNG without its header; copy it from the camera again")
+    width, height, bits, colour = struct.unpack(">IIBB", chunk[8:18])
+    channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(colour)
+    if channels is None:
+        raise ParseError(f"a PNG of colour type {colour}, which there is not; copy it from the camera again")
+    at = 33
+    while (kind := content[at + 4 : at + 8]) and kind not in {b"IDAT", b"IEND"}:
+        if kind == b"acTL":
+            raise ParseError("an animated PNG; wanted one frame a file")
+        at += 12 + int.from_bytes(content[at : at + 4])
+    return ImageHead(kind="png", size=(width, height), channels=channels, bits=bits)
+
+
+def _png_end(content: FileBytes) -> int | None:
+    at = 8
+    while len(kind := content[at + 4 : at + 8]) == 4:
+        at += 12 + int.from_bytes(content[at : at + 4])
+        if kind == b"IEND":
+            return at
+    return None
+
+
+NEW_SUBFILE_TYPE, WIDTH, HEIGHT, BITS, PHOTOMETRIC = 254, 256, 257, 258, 262
+STRIP_OFFSETS, CHANNELS, STRIP_SIZES = 273, 277, 279
+TILE_OFFSETS, TILE_SIZES, SAMPLE_FORMAT, DNG_VERSION = 324, 325, 339, 50706
+TIFF_TYPES: Final = {1: "B", 3: "H", 4: "I", 16: "Q"}
+"""BYTE, SHORT, LONG and LONG8: the only types of the tags that are read here."""
+
+UNFIT_PHOTOMETRIC: Final = {
+    5: "a CMYK TIFF, made by a program for print; wanted the frame as the camera wrote it",
+    32803: "a TIFF that holds the sensor's raw colour mosaic (Bayer); develop it to gray or RGB first",
+    34892: "a TIFF of raw linear data; develop it to gray or RGB first",
+}
+
+TiffTags: TypeAlias = dict[int, tuple[int, ...]]
+
+
+def _tiff_directory(content: FileBytes, at: int, order: str, *, big: bool) -> tuple[TiffTags, int]:
+    """The numeric tags of the directory at ``at``, and where the next one is."""
+    count_type, entry_size, word = ("Q", 20, "Q") if big else ("H", 12, "I")
+    head, inline = struct.calcsize(count_type), struct.calcsize(word)
+    (count,) = _unpack(content, at, order + count_type)
+    if count > MOST_ENTRIES:
+        raise ParseError(f"a TIFF directory of {count} entries; copy it from the camera again")
+    tags: TiffTags = {}
+    for entry in range(at + head, at + head + count * entry_size, entry_size):
+        tag, kind = _unpack(content, entry, order + "HH")
+        (number,) = _unpack(content, entry + 4, order + word)
+        if kind not in TIFF_TYPES or number > LARGEST_PIXELS // SMALLEST_SIDE:
+            continue
+        values = f"{order}{number}{TIFF_TYPES[kind]}"
+        place = entry + 4 + inline
+        if struct.calcsize(values) > inline:
+            (place,) = _unpack(content, place, order + word)
+        tags[tag] = _unpack(content, place, values)
+    (following,) = _unpack(content, at + head + count * entry_size, order + word)
+    return tags, following
+
+
+def _unpack(content: FileBytes, at: int, form: str) -> tuple[int, ...]:
+    size = struct.calcsize(form)
+    raw = content[at : at + size]
+    if len(raw) < size:
+        raise ParseError(
+            f"the TIFF is cut short after {len(content)} bytes: its directory points to byte {at}; "
+            "copy it from the camera again"
+        )
+    return struct.unpack(form, raw)
+
+
+def _tiff_first(content: FileBytes) -> tuple[TiffTags, TiffTags | None]:
+    """The tags of the first directory, and of the second where there is one."""
+    order = "<" if content[:1] == b"I" else ">"
+    big = b"+" in content[2:4]
+    (at,) = _unpack(content, 8, order + "Q") if big else _unpack(content, 4, order + "I")
+    tags, following = _tiff_directory(content, at, order, big=big)
+    second = _tiff_directory(content, following, order, big=big)[0] if following else None
+    return tags, second
+
+
+def _tiff_head(content: FileBytes) -> ImageHead:
+    tags, second = _tiff_first(content)
+    if DNG_VERSION in tags:
+        raise ParseError("a raw DNG; develop it to a TIFF with lens corrections off")
+    if any(tag not in tags or not tags[tag] for tag in (WIDTH, HEIGHT, PHOTOMETRIC)):
+        raise ParseError("a TIFF whose first directory is no image; copy it from the camera again")
+    photometric = tags[PHOTOMETRIC][0]
+    if photometric in UNFIT_PHOTOMETRIC:
+        raise ParseError(UNFIT_PHOTOMETRIC[photometric])
+    if second is not None and WIDTH in second and not (_subfile_type(second) & 1):
+        raise ParseError("a TIFF of several images; wanted one frame a file")
+    bits = max(tags.get(BITS) or (1,))
+    if bits not in {8, 16} or set(tags.get(SAMPLE_FORMAT) or (1,)) != {1}:
+        kind = "floating-point or signed" if set(tags.get(SAMPLE_FORMAT) or (1,)) != {1} else "packed"
+        raise ParseError(f"a TIFF of {kind} samples of {bits} bits; wanted unsigned ones of 8 or 16")
+    channels = (tags.get(CHANNELS) or (1,))[0]
+    return ImageHead(kind="tiff", size=(tags[WIDTH][0], tags[HEIGHT][0]), channels=channels, bits=bits)
+
+
+def _subfile_type(tags: TiffTags) -> int:
+    """NewSubfileType: bit 0 marks a smaller copy of another image."""
+    return (tags.get(NEW_SUBFILE_TYPE) or (0,))[0]
+
+
+def _tiff_end(content: FileBytes) -> int | None:
+    tags, _ = _tiff_first(content)
+    offsets = tags.get(STRIP_OFFSETS) or tags.get(TILE_OFFSETS) or ()
+    sizes = tags.get(STRIP_SIZES) or tags.get(TILE_SIZES) or ()
+    end = max((at + size for at, size in zip(offsets, sizes, strict=False)), default=0)
+    return end if 0 < end <= len(content) else None

@@ -1,0 +1,185 @@
+"""The lens models a board can be solved for, as functions of their parameters with exact derivatives.
+
+A solver wants ∂px/∂parameter and ∂px/∂point for thousands of points at once; :mod:`calibrary.distortion` wants
+one camera's map and its inverse. The formulas are the same, and tests hold the two together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calibration import ImageSize, Intrinsics
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, Rational
+from calibrary.errors import InputError
+
+__all__ = ["Projected", "Solvable"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+Projected: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""Pixels (…, 2), ∂px/∂parameters (…, 2, n) and ∂px/∂point (…, 2, 3)."""
+
+PINHOLE: Final = ("fx", "fy", "cx", "cy")
+PERSPECTIVE: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+
+
+class Solvable(StrEnum):
+    """A lens model by the name that ``--model`` takes, from the fewest parameters up."""
+
+    K1K2 = "k1k2"
+    K1K2K3 = "k1k2k3"
+    K1K2P1P2 = "k1k2p1p2"
+    FISHEYE = "fisheye"
+    BROWN = "brown"
+    RATIONAL = "rational"
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """The distortion coefficients that are solved for."""
+        return _COEFFICIENTS[self]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """fx, fy, cx, cy and the coefficients: the order of every matrix and vector about this model."""
+        return PINHOLE + self.coefficients
+
+    def distortion(self, values: Mapping[str, float]) -> Distortion:
+        """The lens with these coefficients; those the model does not solve for are zero."""
+        if self is Solvable.FISHEYE:
+            return KannalaBrandt(**{name: values[name] for name in self.coefficients})
+        kind = Rational if self is Solvable.RATIONAL else BrownConrady
+        return kind(**{name: values.get(name, 0.0) for name in kind.names()})
+
+    def intrinsics(self, values: Mapping[str, float], image_size: ImageSize) -> Intrinsics:
+        """K's four numbers among the parameters."""
+        return Intrinsics(**{name: values[name] for name in PINHOLE}, image_size=image_size)
+
+    def values(self, intrinsics: Intrinsics, distortion: Distortion | None) -> FloatArray:
+        """A calibration as this model's vector of parameters.
+
+        Raises:
+            InputError: the camera has skew, or a distortion this model cannot hold.
+        """
+        theirs = {} if distortion is None else distortion.coefficients
+        fisheye = isinstance(distortion, KannalaBrandt)
+        if intrinsics.skew or (
+            any(value and name not in self.coefficients for name, value in theirs.items())
+            or (bool(theirs) and fisheye is not (self is Solvable.FISHEYE))
+        ):
+            raise InputError(f"a {self.value} model cannot hold {distortion} with skew {intrinsics.skew:g}")
+        pinhole = [getattr(intrinsics, name) for name in PINHOLE]
+        return np.array(pinhole + [theirs.get(name, 0.0) for name in self.coefficients])
+
+    def project(self, parameters: FloatArray, points: FloatArray) -> Projected:
+        """Pixels of points in the camera frame, with their derivatives.
+
+        Args:
+            parameters: in the order of :attr:`parameters`.
+            points: (…, 3), in front of the camera for a perspective model.
+        """
+        if self is Solvable.FISHEYE:
+            return _fisheye(parameters, points)
+        return _perspective(parameters, points, self.coefficients)
+
+
+_COEFFICIENTS: Final[Mapping[Solvable, tuple[str, ...]]] = {
+    Solvable.K1K2: ("k1", "k2"),
+    Solvable.K1K2K3: ("k1", "k2", "k3"),
+    Solvable.K1K2P1P2: ("k1", "k2", "p1", "p2"),
+    Solvable.FISHEYE: ("k1", "k2", "k3", "k4"),
+    Solvable.BROWN: ("k1", "k2", "p1", "p2", "k3"),
+    Solvable.RATIONAL: PERSPECTIVE,
+}
+
+
+def _perspective(parameters: FloatArray, points: FloatArray, coefficients: tuple[str, ...]) -> Projected:
+    """OpenCV's rational model and all that it holds (:class:`~calibrary.distortion.Rational`)."""
+    value = dict.fromkeys(PERSPECTIVE, 0.0) | dict(zip(coefficients, parameters[4:].tolist(), strict=True))
+    p1, p2 = value["p1"], value["p2"]
+    inverse_depth = 1.0 / points[..., 2]
+    x, y = points[..., 0] * inverse_depth, points[..., 1] * inverse_depth
+    xx, yy, xy = x * x, y * y, x * y
+    r2 = xx + yy
+    r4, r6 = r2 * r2, r2 * r2 * r2
+    over = 1.0 / (1.0 + value["k4"] * r2 + value["k5"] * r4 + value["k6"] * r6)
+    gain = (1.0 + value["k1"] * r2 + value["k2"] * r4 + value["k3"] * r6) * over
+    slope = over * (
+        value["k1"] + 2 * value["k2"] * r2 + 3 * value["k3"] * r4
+        - gain * (value["k4"] + 2 * value["k5"] * r2 + 3 * value["k6"] * r4)
+    )  # fmt: skip
+    u = x * gain + 2 * p1 * xy + p2 * (r2 + 2 * xx)
+    v = y * gain + p1 * (r2 + 2 * yy) + 2 * p2 * xy
+
+    by_coefficient = {
+        "k1": lambda: (x * r2 * over, y * r2 * over),
+        "k2": lambda: (x * r4 * over, y * r4 * over),
+        "k3": lambda: (x * r6 * over, y * r6 * over),
+        "p1": lambda: (2 * xy, r2 + 2 * yy),
+        "p2": lambda: (r2 + 2 * xx, 2 * xy),
+        "k4": lambda: (-x * gain * r2 * over, -y * gain * r2 * over),
+        "k5": lambda: (-x * gain * r4 * over, -y * gain * r4 * over),
+        "k6": lambda: (-x * gain * r6 * over, -y * gain * r6 * over),
+    }
+    columns = [by_coefficient[name]() for name in coefficients]
+    cross = 2 * slope * xy + 2 * p1 * x + 2 * p2 * y
+    ux = gain + 2 * slope * xx + 2 * p1 * y + 6 * p2 * x
+    vy = gain + 2 * slope * yy + 6 * p1 * y + 2 * p2 * x
+    by_point = np.empty((*points.shape[:-1], 2, 3))
+    by_point[..., 0, 0], by_point[..., 0, 1] = ux * inverse_depth, cross * inverse_depth
+    by_point[..., 1, 0], by_point[..., 1, 1] = cross * inverse_depth, vy * inverse_depth
+    by_point[..., 0, 2] = -(ux * x + cross * y) * inverse_depth
+    by_point[..., 1, 2] = -(cross * x + vy * y) * inverse_depth
+    return _in_pixels(parameters, u, v, columns, by_point)
+
+
+def _fisheye(parameters: FloatArray, points: FloatArray) -> Projected:
+    """Kannala and Brandt's model (:class:`~calibrary.distortion.KannalaBrandt`)."""
+    k1, k2, k3, k4 = parameters[4:]
+    X, Y, Z = points[..., 0], points[..., 1], points[..., 2]
+    # The map is smooth on the axis, its formula is not; 1e-9 of the distance beside it the two agree to 1e-18.
+    distance2 = X * X + Y * Y + Z * Z
+    r, nearest = np.hypot(X, Y), 1e-9 * np.sqrt(distance2)
+    on_axis = r < nearest
+    r = np.maximum(r, nearest)
+    theta = np.arctan2(r, Z)
+    t2 = theta * theta
+    seen = theta * (1 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4))))
+    slope = 1 + t2 * (3 * k1 + t2 * (5 * k2 + t2 * (7 * k3 + t2 * 9 * k4)))
+    unit_x, unit_y, stretch = np.where(on_axis, 1.0, X / r), np.where(on_axis, 0.0, Y / r), seen / r
+    columns = []
+    power = theta
+    for _ in range(4):
+        power = power * t2
+        columns.append((unit_x * power, unit_y * power))
+    # d(seen · X/r): along the radius it follows the slope, across it the stretch.
+    radial, across = slope * Z / distance2, stretch
+    by_point = np.empty((*points.shape[:-1], 2, 3))
+    by_point[..., 0, 0] = radial * unit_x**2 + across * unit_y**2
+    by_point[..., 1, 1] = radial * unit_y**2 + across * unit_x**2
+    by_point[..., 0, 1] = by_point[..., 1, 0] = (radial - across) * unit_x * unit_y
+    by_point[..., 0, 2] = -slope * X / distance2
+    by_point[..., 1, 2] = -slope * Y / distance2
+    return _in_pixels(parameters, X * stretch, Y * stretch, columns, by_point)
+
+
+def _in_pixels(
+    parameters: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    columns: list[tuple[FloatArray, FloatArray]],
+    by_point: FloatArray,
+) -> Projected:
+    """K applied to observed coordinates and to their derivatives."""
+    fx, fy, cx, cy = parameters[:4]
+    by_parameter = np.zeros((*u.shape, 2, 4 + len(columns)))
+    by_parameter[..., 0, 0], by_parameter[..., 1, 1] = u, v
+    by_parameter[..., 0, 2] = by_parameter[..., 1, 3] = 1.0
+    for index, (du, dv) in enumerate(columns, start=4):
+        by_parameter[..., 0, index], by_parameter[..., 1, index] = fx * du, fy * dv
+    by_point[..., 0, :] *= fx
+    by_point[..., 1, :] *= fy
+    return np.stack([fx * u + cx, fy * v + cy], axis=-1), by_parameter, by_point

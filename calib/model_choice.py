@@ -1,0 +1,229 @@
+"""Which lens model the corners ask for, and whether they ask for a bent board.
+
+Models are compared by Schwarz's criterion, BIC = n·ln(rss/n) + k·ln n with n measured coordinates and k
+parameters (G. Schwarz, "Estimating the dimension of a model", 1978). Parameters are added only where they lower it
+by more than 10. The rational model's extra terms are all radial, so for it this *is* the test of whether
+a radial pattern is left in the residuals. The warp's two parameters are tested by an F-test instead, because a bent
+board is not a property of the camera.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from calibrary.calib.adjustment import Adjusted, adjust, reduce
+from calibrary.calib.covariance import lens_condition
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.network import State, linearise
+from calibrary.calibration import ImageSize
+from calibrary.errors import CalibrationError, InputError
+
+__all__ = ["Candidate", "WarpTest", "as_model", "best_model", "f_test", "has_sound_lens", "warp_test"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+BIC_MARGIN: Final = 10.0
+WARP_LEVEL: Final = 0.01
+WORST_CONDITION: Final = 1e8
+WORST_RATIONAL: Final = 1e13
+"""Numerator and denominator nearly cancel in every rational lens, which harms no pixel; past this nothing is left
+of float64's sixteen digits."""
+FIRST_ORDER_SHARE: Final = 0.5
+"""A larger model is tried when the slope alone promises this share of what it must gain."""
+FISHEYE_FROM_RAD: Final = math.radians(40)
+"""Nearer the axis the perspective and the fisheye polynomials are series of one another: nothing to choose."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A model that was tried.
+
+    Attributes:
+        model: its name.
+        rms_px: of its residuals.
+        bic: Schwarz's criterion; only differences mean something.
+        condition: of the scaled normal matrix of the lens.
+        refused: why it may not be chosen, None where it may.
+    """
+
+    model: Solvable
+    rms_px: float
+    bic: float
+    condition: float
+    refused: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WarpTest:
+    """Whether the board's warp was kept.
+
+    Attributes:
+        f: the statistic, of 2 and ``dof`` degrees of freedom.
+        dof: of the larger model.
+        p: chance of such an F without a warp.
+        warp_mm: as it would be.
+    """
+
+    f: float
+    dof: int
+    p: float
+    warp_mm: tuple[float, float]
+
+    @property
+    def keeps_warp(self) -> bool:
+        """P < 0.01."""
+        return self.p < WARP_LEVEL
+
+
+def best_model(
+    current: Adjusted, image_size: ImageSize, models: Sequence[Solvable], *, warp: bool
+) -> tuple[Adjusted, tuple[Candidate, ...]]:
+    """The model with the fewest parameters within 10 of the best BIC.
+
+    Args:
+        current: a good adjustment with any of the models.
+        image_size: (width, height) px.
+        models: to choose from; one of them is no choice, but it is still checked.
+        warp: whether the board's warp is solved for too.
+
+    Raises:
+        CalibrationError: none of them can be solved for.
+    """
+    tried: list[tuple[Candidate, Adjusted]] = []
+    for model in sorted(models, key=lambda m: len(m.parameters)):
+        # From the model before, which is nearer than the one the corners came with may be.
+        same_kind = [
+            pair[1] for pair in tried if (pair[0].model is Solvable.FISHEYE) is (model is Solvable.FISHEYE)
+        ]
+        nearest = min(same_kind, key=lambda adjusted: adjusted.rss, default=current)
+        if model is Solvable.RATIONAL and same_kind and not _pays(nearest, model, warp=warp):
+            continue
+        with suppress(CalibrationError):
+            adjusted = adjust(current.network, as_model(nearest.state, model), warp=warp)
+            tried.append((_candidate(adjusted, image_size), adjusted))
+    candidates = tuple(candidate for candidate, _ in tried)
+    allowed = [pair for pair in tried if pair[0].refused is None] or (tried if len(models) == 1 else [])
+    if not allowed:
+        raise CalibrationError(
+            "no lens model can be determined from these views: tilt the board more, fill the frame"
+        )
+    least = min(candidate.bic for candidate, _ in allowed)
+    near = [pair for pair in allowed if pair[0].bic <= least + BIC_MARGIN]
+    return min(near, key=lambda pair: (len(pair[0].model.parameters), pair[0].bic))[1], candidates
+
+
+def warp_test(near: Adjusted) -> tuple[WarpTest, Adjusted, Adjusted]:
+    """Solve without and with the board's warp, and compare.
+
+    Returns:
+        The comparison, the flat board's adjustment and the bent one's.
+
+    Raises:
+        CalibrationError: the warp cannot be determined.
+    """
+    flat = adjust(near.network, replace(near.state, warp=np.zeros(2)))
+    bent = adjust(near.network, near.state, warp=True)
+    f, p = f_test(flat.rss, bent.rss, 2, bent.dof)
+    w0, w1 = bent.state.warp.tolist()
+    return WarpTest(f=f, dof=bent.dof, p=p, warp_mm=(w0, w1)), flat, bent
+
+
+def f_test(rss: float, rss_with: float, extra: int, dof_with: int) -> tuple[float, float]:
+    """(F, p) of ``extra`` more parameters that bring the sum of squares from ``rss`` to ``rss_with``."""
+    if dof_with <= 0 or extra <= 0:
+        return 0.0, 1.0
+    f = max(rss - rss_with, 0.0) / extra / max(rss_with / dof_with, 1e-300)
+    return f, float(fdtrc(extra, dof_with, f))
+
+
+def as_model(state: State, model: Solvable) -> State:
+    """The same camera as a starting point for another model."""
+    if state.model is model:
+        return state
+    values = dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
+    if state.model is Solvable.RATIONAL:
+        # The quotient's power series.
+        k1 = values["k1"] - values["k4"]
+        k2 = values["k2"] - values["k5"] - values["k4"] * k1
+        k3 = values["k3"] - values["k6"] - values["k5"] * k1 - values["k4"] * k2
+        values |= {"k1": k1, "k2": k2, "k3": k3}
+    if (state.model is Solvable.FISHEYE) is not (model is Solvable.FISHEYE):
+        values |= _across(values, to_fisheye=model is Solvable.FISHEYE)
+    return replace(
+        state, model=model, parameters=np.array([values.get(name, 0.0) for name in model.parameters])
+    )
+
+
+def has_sound_lens(adjusted: Adjusted, image_size: ImageSize) -> bool:
+    """Whether every ray through the frame's corners and edges exists and is the only one seen there."""
+    state, (width, height) = adjusted.state, image_size
+    values = dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
+    x, y = np.meshgrid(np.linspace(0, width, 9), np.linspace(0, height, 7))
+    K = adjusted.state.parameters
+    observed = np.column_stack([(x.ravel() - K[2]) / K[0], (y.ravel() - K[3]) / K[1]])
+    try:
+        rays = state.model.distortion(values).rays(observed)
+    except InputError:
+        return False
+    return bool(np.isfinite(rays).all())
+
+
+def _across(values: Mapping[str, float], *, to_fisheye: bool) -> dict[str, float]:
+    """The first radial term of tan θ and θ traded for one another; the rest is left to the adjustment.
+
+    tan θ = θ + θ³/3 + …, so a perspective r·(1 + k1·r²) is θ·(1 + (k1 + 1/3)·θ²) near the axis.
+    """
+    shift = 1 / 3 if to_fisheye else -1 / 3
+    return {
+        "k1": values["k1"] + shift,
+        "k2": 0.0,
+        "k3": 0.0,
+        "k4": 0.0,
+        "k5": 0.0,
+        "k6": 0.0,
+        "p1": 0.0,
+        "p2": 0.0,
+    }
+
+
+def _pays(smaller: Adjusted, model: Solvable, *, warp: bool) -> bool:
+    """Whether a larger model can pay for its parameters, judged by the slope of the sum of squares.
+
+    A search through a model that does not pay is long and ends in a flat valley, so it is not begun.
+    """
+    n, more = smaller.network.scalars, len(model.parameters) - len(smaller.state.parameters)
+    linear = linearise(smaller.network, as_model(smaller.state, model))
+    if linear is None:
+        return False
+    reduced = reduce(linear, np.arange(len(model.parameters) + (2 if warp else 0)))
+    scale = np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
+    values, vectors = np.linalg.eigh(reduced.matrix / np.outer(scale, scale))
+    sure = values > values[-1] / WORST_CONDITION
+    gain = float(((vectors.T @ (reduced.right / scale))[sure] ** 2 / values[sure]).sum())
+    left = max(smaller.rss - gain, 1e-3 * smaller.rss)
+    return n * math.log(smaller.rss / left) > FIRST_ORDER_SHARE * (more * math.log(n) + BIC_MARGIN)
+
+
+def _candidate(adjusted: Adjusted, image_size: ImageSize) -> Candidate:
+    n, k = adjusted.network.scalars, len(adjusted.free)
+    bic = n * math.log(max(adjusted.rss, 1e-300) / max(n, 1)) + k * math.log(max(n, 2))
+    cond = lens_condition(adjusted)
+    refused = None
+    worst = WORST_RATIONAL if adjusted.state.model is Solvable.RATIONAL else WORST_CONDITION
+    if cond > worst:
+        refused = "these views do not determine its parameters"
+    elif adjusted.state.model in {Solvable.RATIONAL, Solvable.FISHEYE} and not has_sound_lens(
+        adjusted, image_size
+    ):
+        refused = "it folds back inside the frame"
+    return Candidate(
+        model=adjusted.state.model, rms_px=adjusted.rms_px, bic=bic, condition=cond, refused=refused
+    )

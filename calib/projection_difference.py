@@ -1,0 +1,377 @@
+"""How far apart two calibrations of one camera are, in pixels, and whether that is more than their noise.
+
+Two calibrations may differ in every number and still be the same camera: a shift of the principal point, say, is
+nearly a rotation of the camera, which no user of it notices. So the rays of the one are turned by the rotation that
+brings them nearest to the other before they are compared (mrcal, "Differencing calibrations", for points at
+infinity, which is where the ground is for a camera in the air)::
+
+    p = unproject₁(q)        dq = project₂(R p) − q        R minimises Σ w |dq|²
+
+The rotation takes part of the parameters' noise with it. With G = ∂dq/∂(θ₁, θ₂) and J = ∂dq/∂R, what is left is
+P G where P = I − J (Jᵀ W J)⁻¹ Jᵀ W, so Cov(dq) = (P G) C (P G)ᵀ. The mean of |dq|² is then a weighted sum of χ²₁, whose
+tail Satterthwaite's approximation gives (F. E. Satterthwaite, "An approximate distribution of estimates of variance
+components", 1946).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import chdtrc
+
+from calibrary.calibration import Calibration, Covariance, ImageSize
+from calibrary.errors import CalibrationError, InputError
+
+__all__ = [
+    "ProjectionDifference",
+    "Uncertainty",
+    "pixel_grid",
+    "projection_difference",
+    "projection_uncertainty",
+]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+_PixelsOf: TypeAlias = Callable[[Calibration], FloatArray]
+
+GRID: Final = (33, 25)
+"""Columns and rows, the frame's edges included."""
+FOCUS: Final = 1 / 6
+"""Radius about the middle, in the frame's shorter side, that the rotation is fitted to where nothing says better."""
+CENTRE: Final = 0.25
+"""Half-width of the centre, in the frame's shorter side."""
+STEP_RAD: Final = 1e-6
+STEP_SIGMAS: Final = 0.05
+MAX_TURNS: Final = 20
+SETTLED_RAD: Final = 1e-10
+"""A ten-thousandth of a thousandth of a pixel at any focal length."""
+FEWEST_PIXELS: Final = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ProjectionDifference:
+    """Two calibrations compared over the frame.
+
+    Attributes:
+        pixels: (R, C, 2) px, where the first calibration sees a direction.
+        vectors: (R, C, 2) px from there to where the second, turned, sees it; NaN where one of them sees nothing.
+        rotation_rad: (3,) axis times angle of R, from the first camera's frame to the second's.
+        std_px: (R, C) px, of the vectors in their worst direction; None where no covariance is known.
+        p: chance of a mean square this large from noise alone; None where no covariance is known.
+        image_size: (width, height) px.
+        region: (R, C) where it is judged: both see something, and the noise is below a limit where it is known.
+    """
+
+    pixels: FloatArray
+    vectors: FloatArray
+    rotation_rad: FloatArray
+    std_px: FloatArray | None
+    p: float | None
+    image_size: ImageSize
+    region: BoolArray
+
+    @property
+    def lengths_px(self) -> FloatArray:
+        """(R, C) px, of the vectors."""
+        return np.asarray(np.linalg.norm(self.vectors, axis=-1))
+
+    @property
+    def rms_px(self) -> float:
+        """Over the region."""
+        return _rms(self.lengths_px[self.region])
+
+    @property
+    def max_px(self) -> float:
+        """In the region."""
+        return float(self.lengths_px[self.region].max(initial=0.0))
+
+    @property
+    def centre_rms_px(self) -> float:
+        """Over the middle quarter of the region."""
+        return _rms(self.lengths_px[self.region & _within(self.pixels, self.image_size, CENTRE)])
+
+    @property
+    def rotation_deg(self) -> float:
+        """How far the second camera is turned against the first."""
+        return math.degrees(float(np.linalg.norm(self.rotation_rad)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Uncertainty:
+    """What a calibration's covariance means in pixels, directions at infinity, the camera free to turn.
+
+    Attributes:
+        pixels: (R, C, 2) px.
+        std_px: (R, C) px, in the worst direction; NaN where nothing is seen.
+    """
+
+    pixels: FloatArray
+    std_px: FloatArray
+
+
+def pixel_grid(image_size: ImageSize, shape: tuple[int, int] = GRID) -> FloatArray:
+    """(rows, columns, 2) px, evenly over the frame and its edges.
+
+    Args:
+        image_size: (width, height) px.
+        shape: (columns, rows).
+    """
+    x, y = np.meshgrid(np.linspace(0, image_size[0], shape[0]), np.linspace(0, image_size[1], shape[1]))
+    return np.stack([x, y], axis=-1)
+
+
+def projection_difference(
+    first: Calibration,
+    second: Calibration,
+    *,
+    shape: tuple[int, int] = GRID,
+    weights: ArrayLike | None = None,
+    covariances: tuple[Covariance, Covariance] | None = None,
+    trusted_px: float = 1.0,
+) -> ProjectionDifference:
+    """Compare two calibrations of one frame size.
+
+    Args:
+        first: whose pixels are looked at.
+        second: what it is compared with; any model.
+        shape: (columns, rows) of the grid.
+        weights: (rows, columns) what each pixel counts for in the rotation. By default the inverse of the
+            variance where covariances are given, else a disc about the middle.
+        covariances: of the two calibrations' parameters, independent of one another, κ² already in them.
+        trusted_px: pixels whose standard deviation exceeds this are left out of the region.
+
+    Raises:
+        InputError: the sizes differ, or a weight is negative.
+        CalibrationError: they see too little in common, or no rotation brings them together.
+    """
+    size = first.intrinsics.image_size
+    if size != second.intrinsics.image_size:
+        raise InputError(
+            "calibrations of {}×{} and of {}×{} frames cannot be compared: scale one first".format(
+                *size, *second.intrinsics.image_size
+            )
+        )
+    pixels = pixel_grid(size, shape)
+    flat = pixels.reshape(-1, 2)
+    rays = first.unproject(flat)
+    given = None if weights is None else _weights(weights, pixels.shape[:2])
+    W = _focus(pixels, size) if given is None else given
+    R, seen = _fitted(second, rays, flat, W)
+    std, propagated = None, None
+    if covariances is not None:
+        G = _sensitivity(first, second, R, flat, covariances)
+        if given is None:
+            J = _seen_by_turn(second, rays @ R.T, seen)
+            W = _inverse_variance(_remaining(J, W * seen, G), seen)
+            R, seen = _fitted(second, rays, flat, W)
+            G = _sensitivity(first, second, R, flat, covariances)
+        J = _seen_by_turn(second, rays @ R.T, seen)
+        propagated = _remaining(J, W * seen, G).reshape(len(flat), 2, -1)
+        std = np.where(seen, _worst(propagated), np.nan)
+    vectors = np.where(seen[:, None], second.project(rays @ R.T) - flat, np.nan)
+    region = seen if std is None else seen & (np.nan_to_num(std, nan=np.inf) <= trusted_px)
+    grid = pixels.shape[:2]
+    return ProjectionDifference(
+        pixels=pixels,
+        vectors=vectors.reshape(pixels.shape),
+        rotation_rad=_vector(R),
+        std_px=None if std is None else std.reshape(grid),
+        p=None if propagated is None else _chance(vectors[region], propagated[region]),
+        image_size=size,
+        region=region.reshape(grid),
+    )
+
+
+def projection_uncertainty(
+    calibration: Calibration, covariance: Covariance, *, shape: tuple[int, int] = GRID
+) -> Uncertainty:
+    """Standard deviation in px over the frame, with the rotation that nobody notices taken out.
+
+    Args:
+        calibration: around which the covariance is propagated.
+        covariance: of its parameters, κ² already in it.
+        shape: (columns, rows) of the grid.
+
+    Raises:
+        CalibrationError: it sees too little of its own frame.
+    """
+    pixels = pixel_grid(calibration.intrinsics.image_size, shape)
+    flat = pixels.reshape(-1, 2)
+    rays = calibration.unproject(flat)
+    seen = np.isfinite(rays).all(axis=1)
+    G = _columns(calibration, covariance, lambda other: other.project(rays)) @ _root(covariance)
+    G = G.reshape(2 * len(flat), -1)
+    seen &= np.isfinite(G).reshape(len(flat), -1).all(axis=1)
+    G = np.where(np.repeat(seen, 2)[:, None], G, 0.0)
+    J = _seen_by_turn(calibration, rays, seen)
+    W = (seen & _within(pixels, calibration.intrinsics.image_size, 0.5).ravel()).astype(np.float64)
+    if np.count_nonzero(W) < FEWEST_PIXELS:
+        raise CalibrationError("the calibration sees next to nothing of its own frame")
+    left = _remaining(J, W, G)
+    left = _remaining(J, _inverse_variance(left, seen), G)
+    std = np.where(seen, _worst(left.reshape(len(flat), 2, -1)), np.nan)
+    return Uncertainty(pixels=pixels, std_px=std.reshape(pixels.shape[:2]))
+
+
+def _fitted(
+    second: Calibration, rays: FloatArray, flat: FloatArray, W: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """The rotation, and which pixels both calibrations see after it."""
+    R = np.eye(3)
+    for _ in range(MAX_TURNS):
+        turned = rays @ R.T
+        miss = second.project(turned) - flat
+        J = _by_turn(second, turned)
+        seen = np.isfinite(miss).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
+        used = seen & (W > 0)
+        if used.sum() < FEWEST_PIXELS:
+            raise CalibrationError("the calibrations see too little of the frame in common to be compared")
+        root = np.sqrt(W[used])
+        A = (J[used] * root[:, None, None]).reshape(-1, 3)
+        step = -np.linalg.lstsq(A, (miss[used] * root[:, None]).ravel(), rcond=None)[0]
+        length = float(np.linalg.norm(step))
+        if length > 0.2:
+            step *= 0.2 / length
+        R = _rotation(step) @ R
+        if length < SETTLED_RAD:
+            return R, seen
+    return R, seen
+
+
+def _by_turn(camera: Calibration, rays: FloatArray) -> FloatArray:
+    """(N, 2, 3) px per rad: ∂project(turned ray)/∂turn at no turn, by central differences."""
+    J = np.empty((len(rays), 2, 3))
+    for axis in range(3):
+        turn = _rotation(STEP_RAD * np.eye(3)[axis])
+        J[:, :, axis] = (camera.project(rays @ turn.T) - camera.project(rays @ turn)) / (2 * STEP_RAD)
+    return J
+
+
+def _remaining(J: FloatArray, W: FloatArray, G: FloatArray) -> FloatArray:
+    """(2N, n) P G: what of changes of the pixels is left when the best rotation has followed them."""
+    flat, w = J.reshape(-1, 3), np.repeat(W, 2)
+    weighed = flat.T * w
+    return np.asarray(G - flat @ np.linalg.solve(weighed @ flat, weighed @ G))
+
+
+def _seen_by_turn(camera: Calibration, rays: FloatArray, seen: BoolArray) -> FloatArray:
+    return np.where(seen[:, None, None], _by_turn(camera, rays), 0.0)
+
+
+def _sensitivity(
+    first: Calibration,
+    second: Calibration,
+    R: FloatArray,
+    flat: FloatArray,
+    covariances: tuple[Covariance, Covariance],
+) -> FloatArray:
+    """(2N, n₁ + n₂) G·L, L the root of both covariances; zero where something is not seen."""
+    rays = first.unproject(flat)
+    by_first = _columns(first, covariances[0], lambda other: second.project(other.unproject(flat) @ R.T))
+    by_second = _columns(second, covariances[1], lambda other: other.project(rays @ R.T))
+    both = np.concatenate([by_first @ _root(covariances[0]), by_second @ _root(covariances[1])], axis=-1)
+    both[~np.isfinite(both).all(axis=(1, 2))] = 0.0
+    return both.reshape(2 * len(flat), -1)
+
+
+def _columns(calibration: Calibration, covariance: Covariance, pixels: _PixelsOf) -> FloatArray:
+    """(N, 2, n) ∂pixels/∂parameter, by central differences of a small part of each standard deviation."""
+    columns = []
+    for name, sigma in covariance.std.items():
+        step = STEP_SIGMAS * sigma
+        if step == 0:
+            columns.append(np.zeros_like(pixels(calibration)))
+            continue
+        up, down = pixels(_changed(calibration, name, step)), pixels(_changed(calibration, name, -step))
+        columns.append((up - down) / (2 * step))
+    return np.stack(columns, axis=-1)
+
+
+def _changed(calibration: Calibration, name: str, by: float) -> Calibration:
+    if name in {"fx", "fy", "cx", "cy", "skew"}:
+        K = calibration.intrinsics
+        return replace(calibration, intrinsics=replace(K, **{name: getattr(K, name) + by}))
+    lens = calibration.distortion
+    if lens is None or name not in lens.coefficients:
+        raise InputError(f"the covariance speaks of {name!r}, which this calibration has not got")
+    return replace(calibration, distortion=replace(lens, **{name: lens.coefficients[name] + by}))
+
+
+def _root(covariance: Covariance) -> FloatArray:
+    """L with C = L Lᵀ, also of a matrix that is singular or, by rounding, a little worse."""
+    C = covariance.matrix
+    scale = np.sqrt(np.diag(C))
+    safe = np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh(C / np.outer(safe, safe))
+    return np.asarray(safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _worst(propagated: FloatArray) -> FloatArray:
+    """(N,) px: the longer half-axis of each pixel's error ellipse, from (N, 2, n)."""
+    C = propagated @ propagated.transpose(0, 2, 1)
+    mean, half = (C[:, 0, 0] + C[:, 1, 1]) / 2, (C[:, 0, 0] - C[:, 1, 1]) / 2
+    return np.asarray(np.sqrt(mean + np.hypot(half, C[:, 0, 1])))
+
+
+def _inverse_variance(left: FloatArray, seen: BoolArray) -> FloatArray:
+    variance = (left**2).sum(axis=1).reshape(-1, 2).sum(axis=1)
+    floor = 1e-6 * float(np.median(variance[seen])) if seen.any() else 1.0
+    return np.where(seen, 1.0 / np.maximum(variance, max(floor, 1e-300)), 0.0)
+
+
+def _chance(vectors: FloatArray, propagated: FloatArray) -> float | None:
+    """P(mean |dq|² as large as this), by Satterthwaite's scaled χ²."""
+    if len(vectors) == 0:
+        return None
+    M = propagated.reshape(2 * len(vectors), -1)
+    shares = np.linalg.eigvalsh(M.T @ M) / len(vectors)
+    mean, variance = float(shares.sum()), 2 * float((shares**2).sum())
+    if not (mean > 0 and variance > 0):
+        return None
+    dof = 2 * mean**2 / variance
+    return float(chdtrc(dof, float((vectors**2).sum() / len(vectors)) * dof / mean))
+
+
+def _weights(weights: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    W = np.asarray(weights, dtype=np.float64)
+    if W.shape != shape or not (W >= 0).all():
+        raise InputError(f"weights of shape {W.shape}: wanted {shape} numbers, none of them negative")
+    return W.ravel()
+
+
+def _within(pixels: FloatArray, image_size: ImageSize, share: float) -> BoolArray:
+    """Which pixels lie within a part of the frame's shorter side of its middle."""
+    offset = np.linalg.norm(pixels - np.array(image_size) / 2, axis=-1)
+    return np.asarray(offset <= share * min(image_size))
+
+
+def _focus(pixels: FloatArray, image_size: ImageSize) -> FloatArray:
+    """(N,) 1 in a disc about the middle, a larger one where the grid is coarse, else 0."""
+    offset = np.linalg.norm(pixels - np.array(image_size) / 2, axis=-1).ravel()
+    nearest = np.sort(offset)[: 2 * FEWEST_PIXELS]
+    return np.asarray(offset <= max(FOCUS * min(image_size), nearest[-1]), dtype=np.float64)
+
+
+def _rms(lengths: FloatArray) -> float:
+    return float(np.sqrt(np.mean(lengths**2))) if len(lengths) else 0.0
+
+
+def _rotation(vector: FloatArray) -> FloatArray:
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    first, second = np.sinc(angle / math.pi), 0.5 * np.sinc(angle / (2 * math.pi)) ** 2
+    return np.asarray(np.eye(3) + first * cross + second * (cross @ cross))
+
+
+def _vector(R: FloatArray) -> FloatArray:
+    """Axis times angle of a rotation by less than half a turn."""
+    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    sine = float(np.linalg.norm(axis))
+    angle = math.atan2(sine, (float(np.trace(R)) - 1) / 2)
+    return axis if sine < 1e-9 else axis * (angle / sine)

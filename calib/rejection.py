@@ -1,0 +1,107 @@
+"""Which views and corners to leave out: those that stand out from the others, by robust statistics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.adjustment import Adjusted, adjust
+from calibrary.calib.network import Network, linearise
+
+__all__ = ["Gate", "residual_lengths", "screened", "view_rms"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+NORMAL_MAD: Final = 1.4826
+"""Median absolute deviation of a normal distribution to its standard deviation."""
+RAYLEIGH_MEDIAN: Final = 1.1774
+"""Median length of a two-dimensional error of unit standard deviation by coordinate."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gate:
+    """How far out is out.
+
+    Attributes:
+        corner_sigmas: a corner this many standard deviations off is set aside. The length of a normal
+            two-dimensional error passes 5.5 once in four million corners.
+        corner_floor_px: corners that fit better than this are never set aside.
+        view_mads: a view whose rms is this many (normalised) median absolute deviations over the median is.
+        view_floor: a view's rms must also exceed the median by this fraction.
+        fewest_views: with fewer there is no telling which of them stands out.
+        most_views: at most this fraction of the views is set aside, the worst of them.
+        most_corners: a view that would lose more than this fraction of its corners is judged as a whole.
+    """
+
+    corner_sigmas: float = 5.5
+    corner_floor_px: float = 0.05
+    view_mads: float = 3.5
+    view_floor: float = 0.3
+    fewest_views: int = 8
+    most_views: float = 0.2
+    most_corners: float = 0.1
+
+
+def residual_lengths(adjusted: Adjusted) -> FloatArray:
+    """(V, M) px, how far each corner is from where it is projected."""
+    shape = adjusted.network.seen.shape
+    return np.asarray(np.linalg.norm(adjusted.linear.residuals.reshape(*shape, 2), axis=-1))
+
+
+def view_rms(adjusted: Adjusted) -> FloatArray:
+    """(V,) px, the root mean square length of each view's residuals; NaN where no corner counts."""
+    lengths, seen = residual_lengths(adjusted), adjusted.network.seen
+    counts = seen.sum(axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt((lengths**2 * seen).sum(axis=1) / counts))
+
+
+def screened(everything: Network, adjusted: Adjusted, gate: Gate) -> BoolArray:
+    """(V, M) which corners to go on with, judged afresh for all of them by the camera as it is now.
+
+    Args:
+        everything: all views with all of their corners.
+        adjusted: a camera from some of them.
+        gate: the limits.
+    """
+    posed = adjust(everything, adjusted.state, poses_only=True)
+    seen = _without_corners(posed, gate)
+    if (seen != everything.seen).any():
+        # A corner far off has dragged its view's pose, and so its neighbours: without it they are judged again.
+        refitted = adjust(everything.only(seen), posed.state, poses_only=True)
+        linear = linearise(everything, refitted.state)
+        if linear is not None:
+            seen = _without_corners(replace(posed, state=refitted.state, linear=linear), gate)
+    return _without_views(adjust(everything.only(seen), posed.state, poses_only=True), gate)
+
+
+def _without_corners(adjusted: Adjusted, gate: Gate) -> BoolArray:
+    seen, lengths = adjusted.network.seen, residual_lengths(adjusted)
+    overall = float(np.median(lengths[seen])) / RAYLEIGH_MEDIAN
+    own = np.array(
+        [np.median(row[mask]) if mask.any() else 0.0 for row, mask in zip(lengths, seen, strict=True)]
+    )
+    # A blurred view is noisier than the others: that alone makes none of its corners wrong.
+    sigma = np.maximum(own / RAYLEIGH_MEDIAN, overall)
+    limit = np.maximum(gate.corner_sigmas * sigma, gate.corner_floor_px)
+    bad = seen & (lengths > limit[:, None])
+    too_many = bad.sum(axis=1) > gate.most_corners * seen.sum(axis=1)
+    bad[too_many] = False
+    return np.asarray(seen & ~bad)
+
+
+def _without_views(adjusted: Adjusted, gate: Gate) -> BoolArray:
+    seen, rms = adjusted.network.seen.copy(), view_rms(adjusted)
+    rows = np.flatnonzero(adjusted.network.used)
+    if len(rows) < gate.fewest_views:
+        return seen
+    middle = float(np.median(rms[rows]))
+    spread = NORMAL_MAD * float(np.median(np.abs(rms[rows] - middle)))
+    limit = max(middle + gate.view_mads * spread, middle * (1 + gate.view_floor))
+    worst = rows[np.argsort(-rms[rows])][: int(gate.most_views * len(rows))]
+    seen[[row for row in worst if rms[row] > limit]] = False
+    return seen

@@ -1,0 +1,208 @@
+"""What a calibration from a board consists of, and its JSON (schemas/calibration-result-1.schema.json)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.kappa import SplitHalf
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.model_choice import Candidate, WarpTest
+from calibrary.calib.observations import Observations
+from calibrary.calib.projection_difference import ProjectionDifference, Uncertainty
+from calibrary.calib.verdict import Evidence, Limits, Reason, Verdict
+from calibrary.calibration import Calibration
+from calibrary.calibration_json import Json, calibration_json
+
+__all__ = ["CalibrationResult", "ViewResult", "Why", "Without", "result_json"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+
+class Why(StrEnum):
+    """Why a view does not count."""
+
+    TOO_FEW_CORNERS = "too-few-corners"
+    DUPLICATE = "duplicate"
+    MISFIT = "misfit"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Without:
+    """A view's dismissal.
+
+    Attributes:
+        why: by name.
+        message: in words, with its number.
+    """
+
+    why: Why
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ViewResult:
+    """One view, whether it counts or not.
+
+    Attributes:
+        name: the frame's.
+        rms_px: of the corners that count; of all of them where the view does not. None without a pose.
+        without: why it does not count, None where it does.
+        corners_out: (the board's point, px by which it is off) for each corner set aside.
+        rotation: (3, 3) board to camera; None where the view has no pose, as the next two.
+        translation_mm: (3,) the middle of the board in the camera frame.
+        residuals_px: (N, 2) observed − projected, in the order of the view's corners.
+    """
+
+    name: str
+    rms_px: float | None = None
+    without: Without | None = None
+    corners_out: tuple[tuple[int, float], ...] = ()
+    rotation: FloatArray | None = None
+    translation_mm: FloatArray | None = None
+    residuals_px: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CalibrationResult:
+    """A calibration with all that speaks for and against it.
+
+    Attributes:
+        calibration: K and distortion, its quality with covariance and κ², its provenance.
+        verdict: whether to trust it, and why.
+        evidence: what the verdict was judged by.
+        limits: what it was held against.
+        model: the lens model, chosen or given.
+        candidates: the models that were compared.
+        warp: the test for a bent board; None where there was none.
+        views: every view that was given, in its order.
+        halves: of the views, against one another; None where there were too few.
+        half_difference: the same in pixels, for the median split.
+        uncertainty: of a direction, in px over the frame, κ² included.
+        observations: what all this was made from.
+        versions: of the programs.
+    """
+
+    calibration: Calibration
+    verdict: Verdict
+    evidence: Evidence
+    limits: Limits
+    model: Solvable
+    candidates: tuple[Candidate, ...]
+    warp: WarpTest | None
+    views: tuple[ViewResult, ...]
+    halves: SplitHalf | None
+    half_difference: ProjectionDifference | None
+    uncertainty: Uncertainty | None
+    observations: Observations
+    versions: Mapping[str, str]
+
+    @property
+    def rms_by_view(self) -> dict[str, float]:
+        """Px by the frame's name, for the views that count."""
+        return {
+            view.name: view.rms_px for view in self.views if view.rms_px is not None and view.without is None
+        }
+
+    @property
+    def views_out(self) -> tuple[ViewResult, ...]:
+        """The views that do not count."""
+        return tuple(view for view in self.views if view.without is not None)
+
+
+def result_json(result: CalibrationResult) -> dict[str, Json]:
+    """One JSON object; what is not a finite number is null."""
+    evidence = result.evidence
+    seen = evidence.geometry
+    versions: dict[str, Json] = dict(result.versions)
+    limits: dict[str, Json] = asdict(result.limits)
+    return {
+        "schema": "calibration-result-1",
+        "verdict": result.verdict.outcome.value,
+        "reasons": [_reason(reason) for reason in result.verdict.reasons],
+        "calibration": calibration_json(result.calibration),
+        "model": result.model.value,
+        "candidates": [_candidate(candidate) for candidate in result.candidates],
+        "warp": _warp(result.warp, kept=evidence.is_warped),
+        "views": [_view(view) for view in result.views],
+        "geometry": {
+            "tilt_spread_deg": seen.tilt_spread_deg,
+            "roll_spread_deg": seen.roll_spread_deg,
+            "depth_ratio": _finite(seen.depth_ratio),
+            "distance_mm": seen.distance_mm,
+            "coverage": {
+                "cells": [[bool(cell) for cell in row] for row in seen.coverage.cells],
+                "fraction": seen.coverage.fraction,
+                "border": seen.coverage.border,
+                "reach": seen.coverage.reach,
+            },
+        },
+        "noise_px": evidence.noise_px,
+        "condition": _finite(evidence.condition),
+        "kappa2_by_split": list(result.halves.by_split) if result.halves is not None else [],
+        "stretch": asdict(evidence.stretch) if evidence.stretch is not None else None,
+        "shutter": asdict(evidence.shutter) if evidence.shutter is not None else None,
+        "uncertainty_px": _map(result.uncertainty.std_px) if result.uncertainty is not None else None,
+        "half_difference_px": _map(result.half_difference.vectors)
+        if result.half_difference is not None
+        else None,
+        "limits": limits,
+        "versions": versions,
+    }
+
+
+def _reason(reason: Reason) -> dict[str, Json]:
+    return {
+        "code": reason.code,
+        "severity": reason.severity.value,
+        "measured": _finite(reason.measured),
+        "limit": reason.limit,
+        "message": reason.message,
+    }
+
+
+def _candidate(candidate: Candidate) -> dict[str, Json]:
+    return {
+        "model": candidate.model.value,
+        "rms_px": candidate.rms_px,
+        "bic": candidate.bic,
+        "condition": _finite(candidate.condition),
+        "refused": candidate.refused,
+    }
+
+
+def _warp(warp: WarpTest | None, *, kept: bool) -> Json:
+    if warp is None:
+        return None
+    return {"mm": list(warp.warp_mm), "f": _finite(warp.f), "p": warp.p, "kept": kept}
+
+
+def _view(view: ViewResult) -> dict[str, Json]:
+    return {
+        "name": view.name,
+        "rms_px": view.rms_px,
+        "without": {"why": view.without.why.value, "message": view.without.message} if view.without else None,
+        "corners_out": [{"id": at, "px": px} for at, px in view.corners_out],
+        "rotation": _map(view.rotation),
+        "translation_mm": _map(view.translation_mm),
+        "residuals_px": _map(view.residuals_px),
+    }
+
+
+def _map(values: FloatArray | None) -> Json:
+    """Nested lists, with null for what is not finite."""
+    if values is None:
+        return None
+    if values.ndim == 1:
+        return [_finite(value) for value in values.tolist()]
+    return [_map(row) for row in values]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

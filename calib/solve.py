@@ -1,0 +1,197 @@
+"""From corners to a camera: start, set outliers aside, choose the model, bend the board, and start over if need be.
+
+Outliers are judged by the camera, and the camera by what is left: the two are repeated, from all corners every
+time, until nothing changes. Otherwise a model too simple at first would cost the corners at the frame's edge,
+which are the ones that show that it is too simple.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.adjustment import Adjusted, adjust
+from calibrary.calib.geometry import duplicates
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.model_choice import (
+    FISHEYE_FROM_RAD,
+    Candidate,
+    WarpTest,
+    as_model,
+    best_model,
+    warp_test,
+)
+from calibrary.calib.network import Network, State, linearise
+from calibrary.calib.rejection import Gate, screened
+from calibrary.calib.start import start
+from calibrary.calibration import ImageSize, Intrinsics
+from calibrary.errors import CalibrationError
+
+__all__ = ["Solution", "solve"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+ROUNDS: Final = 4
+FEWEST_POSES: Final = 3
+"""Each pose of a plane gives two equations for K's four numbers; two can do it only where nothing else is unknown."""
+ALL: Final = tuple(Solvable)
+PERSPECTIVE: Final = tuple(model for model in Solvable if model is not Solvable.FISHEYE)
+POOR_START_PX: Final = 2.0
+"""A perspective start that misses by more than this may be no perspective camera at all: a fisheye is tried."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solution:
+    """The camera that was found, and what was tried on the way.
+
+    Attributes:
+        adjusted: the minimum; its network says which corners counted.
+        everything: all corners of the views that took part; those that repeat another take none.
+        repeats: (view, the earlier view that shows the same pose).
+        warp: None for points that do not bend, or where the warp was not asked for.
+        candidates: the models that were compared.
+    """
+
+    adjusted: Adjusted
+    everything: Network
+    repeats: tuple[tuple[int, int], ...]
+    warp: WarpTest | None
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def state(self) -> State:
+        """Lens, warp and poses."""
+        return self.adjusted.state
+
+    @property
+    def is_warped(self) -> bool:
+        """Whether the board's warp is part of the solution."""
+        return _is_bent(self.adjusted)
+
+    def at_its_pose(self, row: int) -> Adjusted:
+        """One view alone before the solution's camera, with the residuals of all of its corners.
+
+        Its pose is the one that fits the corners that count best, or all of them where none does.
+        """
+        rows = np.array([row])
+        whole, state = self.everything.views(rows), self.state.views(rows)
+        counted = self.adjusted.network.views(rows)
+        posed = adjust(counted if counted.seen.any() else whole, state, poses_only=True)
+        linear = linearise(whole, posed.state)
+        return posed if linear is None else replace(posed, network=whole, linear=linear)
+
+
+def solve(
+    network: Network,
+    image_size: ImageSize,
+    *,
+    model: Solvable | None = None,
+    guess: Intrinsics | None = None,
+    warp: bool = True,
+    gate: Gate | None = None,
+) -> Solution:
+    """Find the camera.
+
+    Args:
+        network: views with at least six corners each that are not on a line.
+        image_size: (width, height) px.
+        model: the lens model, None to choose by the corners.
+        guess: an initial K, such as an ingest gate's seed.
+        warp: whether the board may turn out to be bent.
+        gate: limits for views and corners to be set aside; None for the usual ones.
+
+    Raises:
+        CalibrationError: no camera explains the corners, or they do not determine one.
+    """
+    gate = gate or Gate()
+    models = (model,) if model is not None else ALL
+    current = _first(network, image_size, model, guess)
+    repeats = duplicates(current, image_size)
+    if repeats:
+        network = _without([later for later, _ in repeats], network)
+        current = adjust(network, current.state)
+    current = adjust(network.only(screened(network, current, gate)), current.state)
+    tested: WarpTest | None = None
+    candidates: tuple[Candidate, ...] = ()
+    for _ in range(ROUNDS):
+        sensible = models if len(models) == 1 or _is_wide(current) else PERSPECTIVE
+        current, candidates, tested = _chosen(current, image_size, sensible, warp=warp and network.is_planar)
+        seen = screened(network, current, gate)
+        if (seen == current.network.seen).all():
+            break
+        current = adjust(network.only(seen), current.state, warp=_is_bent(current))
+    return Solution(adjusted=current, everything=network, repeats=repeats, warp=tested, candidates=candidates)
+
+
+def _first(
+    network: Network, image_size: ImageSize, model: Solvable | None, guess: Intrinsics | None
+) -> Adjusted:
+    """A start in the model that was asked for, or in the kind of model that fits better."""
+    first = model or Solvable.BROWN
+    try:
+        found = start(network, image_size, first, guess)
+        if model is Solvable.FISHEYE:
+            return found
+        with suppress(CalibrationError):
+            # Outliers are told from a plain lens by the richest model that a start can bear.
+            found = adjust(network, as_model(found.state, Solvable.BROWN if model is None else model))
+    except CalibrationError:
+        if model is not None:
+            raise
+        return start(network, image_size, Solvable.FISHEYE, guess)
+    if model is None and found.rms_px > POOR_START_PX:
+        with suppress(CalibrationError):
+            fisheye = start(network, image_size, Solvable.FISHEYE, guess)
+            return min(found, fisheye, key=lambda adjusted: adjusted.rss)
+    return found
+
+
+def _chosen(
+    current: Adjusted, image_size: ImageSize, models: Sequence[Solvable], *, warp: bool
+) -> tuple[Adjusted, tuple[Candidate, ...], WarpTest | None]:
+    """Warp, then the model, then the warp by that model: a bent board and a poor model can pass for each other."""
+    tested, current = _bent_if_need_be(current) if warp else (None, current)
+    current, candidates = best_model(current, image_size, models, warp=_is_bent(current))
+    if not warp:
+        return current, candidates, None
+    was_bent = _is_bent(current)
+    tested, current = _bent_if_need_be(current)
+    if _is_bent(current) is not was_bent:
+        current, candidates = best_model(current, image_size, models, warp=_is_bent(current))
+    return current, candidates, tested
+
+
+def _bent_if_need_be(current: Adjusted) -> tuple[WarpTest | None, Adjusted]:
+    try:
+        tested, flat, bent = warp_test(current)
+    except CalibrationError:
+        return None, current
+    return tested, bent if tested.keeps_warp else flat
+
+
+def _is_bent(adjusted: Adjusted) -> bool:
+    return len(adjusted.free) > len(adjusted.state.parameters)
+
+
+def _without(rows: Sequence[int], network: Network) -> Network:
+    seen = network.seen.copy()
+    seen[list(rows)] = False
+    if int(seen.any(axis=1).sum()) < FEWEST_POSES and network.is_planar:
+        raise CalibrationError(
+            f"{len(seen)} views show the board in {int(seen.any(axis=1).sum())} place(s) only: move and tilt it "
+            "between the frames"
+        )
+    return network.only(seen)
+
+
+def _is_wide(adjusted: Adjusted) -> bool:
+    """Whether corners lie so far off the axis that a fisheye model means something else than a perspective one."""
+    state, network = adjusted.state, adjusted.network
+    inside = network.points @ state.rotations.transpose(0, 2, 1) + state.translations[:, None, :]
+    angle = np.arctan2(np.hypot(inside[..., 0], inside[..., 1]), inside[..., 2])
+    return bool(angle[network.seen].max() > FISHEYE_FROM_RAD)

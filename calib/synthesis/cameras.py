@@ -1,0 +1,167 @@
+"""Cameras to photograph with: a unit of a known model that nobody owns, and what it writes into its frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+import numpy as np
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt
+from calibrary.errors import InputError
+from calibrary.known_camera import KnownCamera, Projection
+from calibrary.synthetic import ExifField, ExifTags, Rational, XmpDescription, XmpPacket, attributes
+from calibrary.synthetic.xmp import DRONE_DJI
+
+__all__ = ["Head", "example_camera", "head", "unit_of"]
+
+EXAMPLE = KnownCamera(
+    make="Example",
+    models=("Board 2.8",),
+    title="made-up camera",
+    native_size=(1920, 1440),
+    pitch_um=3.3,
+    focal_mm=4.8,
+    fx_over_w=0.7576,
+)
+"""For who only wants to see how well a board of this size would do."""
+
+_PITCH: Rational = (1_000_000, 3300)
+"""Pixels per millimetre of the made-up camera."""
+
+FOCAL_SPREAD, CENTRE_SPREAD = 0.004, 0.004
+"""Standard deviations between units of one model: of f, and of the centre as a share of the width."""
+RADIAL = (-0.075, 0.03, -0.008)
+"""Of Brown's polynomial, k1 r², k2 r⁴ and k3 r⁶ at the frame's corner: a UAV's lens, six per cent inwards."""
+TANGENTIAL = 2e-4
+FIRST_FRAME = datetime(2024, 5, 17, 9, 30, 12)
+"""Of the first frame; EXIF dates have no zone."""
+
+
+_REQUIRED = (
+    ExifField("XResolution", ((72, 1),)),
+    ExifField("YResolution", ((72, 1),)),
+    ExifField("ResolutionUnit", (2,)),
+    ExifField("YCbCrPositioning", (1,)),
+    ExifField("ExifVersion", b"0230"),
+    ExifField("ComponentsConfiguration", b"\1\2\3\0"),
+    ExifField("FlashpixVersion", b"0100"),
+    ExifField("ColorSpace", (1,)),
+)
+"""What the standard demands of a JPEG; the resolution is that of paper."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Head:
+    """What stands before a frame's pixels."""
+
+    exif: ExifTags
+    xmp: XmpPacket | None = None
+
+
+def example_camera(seed: int) -> Calibration:
+    """A made-up camera of 1920×1440 px with a wide lens."""
+    return unit_of(EXAMPLE, seed)
+
+
+def unit_of(camera: KnownCamera, seed: int) -> Calibration:
+    """One unit of a model: its focal length, centre and lens lie where those of a real one might.
+
+    Args:
+        camera: what is known of the model.
+        seed: which unit.
+
+    Raises:
+        InputError: it is not known how the model's focal length counts in pixels.
+    """
+    if camera.native_size is None or camera.fx_over_w is None:
+        raise InputError(
+            f"{camera.title}: its frame and focal length in pixels are not known; wanted another camera, or its "
+            "calibration as a file"
+        )
+    random = np.random.default_rng([seed, 3])
+    width, height = camera.native_size
+    fx = camera.fx_over_w * width * (1 + FOCAL_SPREAD * random.standard_normal())
+    shift = CENTRE_SPREAD * width * random.standard_normal(2)
+    intrinsics = Intrinsics(
+        fx=fx,
+        fy=fx * (1 + 0.0005 * random.standard_normal()),
+        cx=width / 2 + shift[0],
+        cy=height / 2 + shift[1],
+        image_size=camera.native_size,
+    )
+    return Calibration(
+        camera=CameraKey(
+            make=camera.make,
+            model=camera.models[0],
+            sub_camera=camera.sub_camera,
+            lens=camera.lens,
+            focal_mm=camera.focal_mm,
+            image_size=camera.native_size,
+        ),
+        intrinsics=intrinsics,
+        distortion=_lens(camera, intrinsics, random),
+        grade=Grade.CALIBRATED,
+        provenance=Provenance(kind="synthesis", source=camera.title, tag=f"seed {seed}"),
+        notes=("a made-up unit: the truth of rendered frames, not of any camera",),
+    )
+
+
+def _lens(camera: KnownCamera, K: Intrinsics, random: np.random.Generator) -> Distortion:
+    if camera.projection is Projection.FISHEYE:
+        k1, k2 = random.normal((0.01, -0.004), 0.004)
+        return KannalaBrandt(k1=k1, k2=k2, k3=0.0, k4=0.0)
+    width, height = K.image_size
+    corner = float(np.hypot(width / K.fx, height / K.fy)) / 2
+    k1, k2, k3 = (
+        share * (1 + 0.1 * random.standard_normal()) / corner ** (2 * power)
+        for power, share in enumerate(RADIAL, start=1)
+    )
+    p1, p2 = TANGENTIAL * random.standard_normal(2)
+    return BrownConrady(k1=k1, k2=k2, p1=float(p1), p2=float(p2), k3=k3)
+
+
+def head(calibration: Calibration, known: KnownCamera | None, number: int) -> Head:
+    """What the camera writes into its frame ``number``, counted from 0.
+
+    Args:
+        calibration: which camera.
+        known: what else is known of its model.
+        number: of the frame; one is taken every four seconds.
+    """
+    key = calibration.camera
+    taken = FIRST_FRAME + timedelta(seconds=4 * number)
+    exif = ExifTags(
+        make=key.make,
+        model=key.model,
+        description="rendered frame of a calibration board",
+        date_time=f"{taken:%Y:%m:%d %H:%M:%S}",
+        orientation=1,
+        exposure_time=(1, 320),
+        f_number=(56, 10),
+        iso=100,
+        focal_mm=_rational(key.focal_mm),
+        focal_35mm=round(known.focal_35mm) if known is not None and known.focal_35mm is not None else None,
+        pixel_size=calibration.intrinsics.image_size,
+        lens_model=key.lens,
+        # No real model here writes it; of the made-up one nobody would know the pitch otherwise.
+        focal_plane_resolution=(_PITCH, _PITCH) if key.make == EXAMPLE.make else None,
+        focal_plane_unit=4 if key.make == EXAMPLE.make else None,
+        overrides=_REQUIRED,
+    )
+    return Head(exif=exif, xmp=_sub_camera_tag(key))
+
+
+def _sub_camera_tag(key: CameraKey) -> XmpPacket | None:
+    """DJI's ImageSource: the heads of one drone share their Model, and only this tag tells them apart."""
+    if key.sub_camera is None or key.make is None or key.make.upper() != "DJI":
+        return None
+    words = {"thermal": "InfraredCamera"}
+    source = words.get(key.sub_camera, f"{key.sub_camera.title().replace('-', '')}Camera")
+    items = attributes(DRONE_DJI, ImageSource=source)
+    return XmpPacket(descriptions=(XmpDescription(about="DJI Meta Data", items=items),))
+
+
+def _rational(value: float | None) -> Rational | None:
+    return (round(value * 1000), 1000) if value is not None else None

@@ -1,0 +1,130 @@
+"""A folder of frames as a camera would have left it, and the truth behind them in a file beside them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from calibrary.calib.board import Board
+from calibrary.calib.synthesis.cameras import Head
+from calibrary.calib.synthesis.observe import Truth
+from calibrary.calib.synthesis.render import render_raw
+from calibrary.calibration_json import Json, calibration_json
+from calibrary.errors import InputError
+from calibrary.synthetic import write_jpeg
+
+__all__ = ["TRUTH_NAME", "check_empty", "write_frames"]
+
+TRUTH_NAME: Final = "truth.json"
+
+
+def check_empty(out: Path) -> None:
+    """Make sure that nothing is there that frames could be mistaken for, or written over.
+
+    Raises:
+        InputError: ``out`` is a file or a folder with something in it.
+    """
+    try:
+        if out.is_dir():
+            if next(out.iterdir(), None) is not None:
+                raise InputError("is not empty; wanted a new or an empty folder", source=str(out))
+        elif out.exists():
+            raise InputError("is a file; wanted a new or an empty folder", source=str(out))
+    except OSError as error:
+        raise InputError(f"cannot be looked into: {error.strerror}", source=str(out)) from None
+
+
+def write_frames(
+    out: Path, truth: Truth, seed: int, head: Callable[[int], Head], done: Callable[[int], None] | None = None
+) -> Path:
+    """Render every pose and write JPEGs and their truth; nothing is left of a run that does not end well.
+
+    Args:
+        out: a new or an empty folder.
+        truth: what is photographed, and how.
+        seed: of noise, backdrop and glare.
+        head: EXIF and XMP of a frame by its number.
+        done: told how many frames there are after each.
+
+    Returns:
+        The truth's file.
+
+    Raises:
+        InputError: ``out`` is not empty or cannot be written to, or the settings are of no JPEG.
+    """
+    check_empty(out)
+    if truth.settings.quality is None:
+        raise InputError("frames without a quality cannot be JPEGs; wanted 1 … 95", place="quality")
+    made = not out.exists()
+    unfinished = out / ".unfinished"
+    try:
+        unfinished.mkdir(parents=True)
+        frames = []
+        for number in range(len(truth.poses)):
+            frames.append(_write_frame(unfinished, truth, seed, head(number), number))
+            if done is not None:
+                done(number + 1)
+        (unfinished / TRUTH_NAME).write_text(_document(truth, seed, frames), encoding="utf-8")
+        # The truth comes last: where it is, all frames are.
+        for path in sorted(unfinished.iterdir(), key=lambda path: (path.name == TRUTH_NAME, path.name)):
+            path.rename(out / path.name)
+        unfinished.rmdir()
+    except BaseException as error:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        if made:
+            with suppress(OSError):
+                out.rmdir()
+        if isinstance(error, OSError):
+            raise InputError(f"cannot be written: {error.strerror or error}", source=str(out)) from None
+        raise
+    return out / TRUTH_NAME
+
+
+def _write_frame(folder: Path, truth: Truth, seed: int, head: Head, number: int) -> Json:
+    pose, settings = truth.poses[number], truth.settings
+    pixels = render_raw(truth.board, truth.calibration, pose, settings, seed * 100_003 + number)
+    path = write_jpeg(
+        folder / f"board_{number + 1:04}.jpg",
+        truth.calibration.intrinsics.image_size,
+        exif=head.exif,
+        xmp=head.xmp,
+        pixels=pixels.astype(np.uint8, copy=False),
+        quality=settings.quality or 0,
+    )
+    return {
+        "name": path.name,
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "pose": {"rotation": list(pose.rotation), "translation_mm": list(pose.translation_mm)},
+        "corners": [[float(x), float(y)] for x, y in truth.corners(number)],
+    }
+
+
+def _document(truth: Truth, seed: int, frames: list[Json]) -> str:
+    document: dict[str, Json] = {
+        "schema": "calibrary/truth-1",
+        "tool": f"calibrary {version('calibrary')}",
+        "seed": seed,
+        "board": _board(truth.board),
+        "settings": asdict(truth.settings),
+        "calibration": calibration_json(truth.calibration),
+        "frames": frames,
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def _board(board: Board) -> dict[str, Json]:
+    return {
+        "name": str(board),
+        "square_mm": board.square_mm,
+        "dictionary": board.dictionary,
+        "marker_mm": board.marker_mm,
+    }

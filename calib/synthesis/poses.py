@@ -1,0 +1,139 @@
+"""Poses such as a careful person holds a board in: tilted, near and far, all over the frame."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.artwork import paper_rim
+from calibrary.calib.board import Board
+from calibrary.calib.synthesis.sheet import Pose, rotation_matrix
+from calibrary.calibration import Calibration
+from calibrary.errors import InputError
+
+__all__ = ["poses"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+TRIES = 128
+"""Poses drawn at a time; where none of them fits, the board is moved further away."""
+SHRINK, MOST_SHRINKS = 0.95, 60
+FACING_DEG = 50.0
+"""Cameras that see further from their axis than this are shown the board's face, not a plane across the axis."""
+MARGIN = 0.008
+"""Kept free along the frame's rim, as a share of its width."""
+
+
+def poses(
+    board: Board,
+    calibration: Calibration,
+    count: int,
+    seed: int,
+    max_tilt_deg: float = 35.0,
+    fill: tuple[float, float] = (0.3, 0.85),
+    *,
+    roll_deg: float = 20.0,
+    reach: float = 1.0,
+) -> tuple[Pose, ...]:
+    """Poses with the whole board in the frame, evenly at random.
+
+    Args:
+        board: what is photographed.
+        calibration: the camera.
+        count: how many.
+        seed: the same arguments give the same poses.
+        max_tilt_deg: largest tilt about the board's x and y axis each.
+        fill: least and most of the frame's width that the sheet's longer side takes up, seen face on.
+        roll_deg: largest turn about the viewing direction.
+        reach: share of the frame's width and height, about its middle, that the board may reach into.
+
+    Raises:
+        InputError: there is no such pose.
+    """
+    random = np.random.default_rng([seed, 7])
+    return tuple(_pose(board, calibration, random, max_tilt_deg, fill, roll_deg, reach) for _ in range(count))
+
+
+def _pose(
+    board: Board,
+    calibration: Calibration,
+    random: np.random.Generator,
+    max_tilt_deg: float,
+    fill: tuple[float, float],
+    roll_deg: float,
+    reach: float,
+) -> Pose:
+    K = calibration.intrinsics
+    size = np.array(K.image_size, dtype=np.float64)
+    rim = paper_rim(board)
+    middle, length = rim.mean(axis=0), float(np.ptp(rim, axis=0).max())
+    facing = _half_view_deg(calibration) > FACING_DEG
+    share = random.uniform(*fill)
+    for _ in range(MOST_SHRINKS):
+        tilts = np.radians(random.uniform(-max_tilt_deg, max_tilt_deg, (TRIES, 2)))
+        rolls = np.radians(random.uniform(-roll_deg, roll_deg, TRIES))
+        rays = calibration.unproject(size / 2 + random.uniform(-0.5, 0.5, (TRIES, 2)) * size * reach)
+        zero = np.zeros(TRIES)
+        turns = rotation_matrix(np.column_stack([zero, zero, rolls]))
+        turns = turns @ rotation_matrix(np.column_stack([tilts, zero]))
+        distance = K.fx * length / (share * size[0])
+        if facing:
+            turns, places = _towards(rays) @ turns, rays * distance
+        else:
+            places = rays / rays[:, 2:] * distance
+        seen = calibration.project(
+            ((rim - middle) @ turns.transpose(0, 2, 1) + places[:, None]).reshape(-1, 3)
+        )
+        fitting = np.flatnonzero(_inside(seen.reshape(TRIES, -1, 2), size, reach))
+        if len(fitting):
+            turn, place = turns[fitting[0]], places[fitting[0]]
+            tx, ty, tz = place - turn @ middle
+            return Pose(rotation=_vector(turn), translation_mm=(float(tx), float(ty), float(tz)))
+        share *= SHRINK
+    raise InputError(
+        f"{board} of {board.square_mm:g} mm squares fits nowhere into a {K.image_size[0]}×{K.image_size[1]} frame; "
+        "wanted a smaller fill, less tilt or more reach"
+    )
+
+
+def _inside(seen: FloatArray, size: FloatArray, reach: float) -> NDArray[np.bool_]:
+    """Which of (n, M, 2) px outlines lie within reach."""
+    free = size * (1 - reach) / 2 + MARGIN * size[0]
+    return np.asarray(((seen > free) & (seen < size - free)).all(axis=(1, 2)))
+
+
+def _half_view_deg(calibration: Calibration) -> float:
+    """Angle between the axis and the direction seen in the middle of the frame's left edge."""
+    height = calibration.intrinsics.image_size[1]
+    ray = calibration.unproject([[0.0, height / 2]])[0]
+    return math.degrees(math.acos(ray[2])) if np.isfinite(ray).all() else 90.0
+
+
+def _towards(rays: FloatArray) -> FloatArray:
+    """(N, 3, 3): the shortest turns from the optical axis to each direction."""
+    x, y, z = rays.T
+    sine = np.hypot(x, y)
+    angle = np.arctan2(sine, z) / np.maximum(sine, 1e-12)
+    return rotation_matrix(np.column_stack([-y * angle, x * angle, 0 * z]))
+
+
+def _vector(rotation: FloatArray) -> tuple[float, float, float]:
+    """Axis times angle of a rotation, by the quaternion whose largest part is taken from the diagonal."""
+    (a, b, c), trace = np.diag(rotation), float(np.trace(rotation))
+    parts = np.array([trace, a, b, c])
+    # Rows of 4 q qᵀ; the one of the largest part has no small divisor.
+    skew = rotation - rotation.T
+    w = np.array([1 + trace, skew[2, 1], skew[0, 2], skew[1, 0]])
+    both = rotation + rotation.T
+    x = np.array([skew[2, 1], 1 + 2 * a - trace, both[0, 1], both[0, 2]])
+    y = np.array([skew[0, 2], both[0, 1], 1 + 2 * b - trace, both[1, 2]])
+    z = np.array([skew[1, 0], both[0, 2], both[1, 2], 1 + 2 * c - trace])
+    row = (w, x, y, z)[int(np.argmax(parts))]
+    quaternion = row / np.linalg.norm(row) * (1.0 if row[0] >= 0 else -1.0)
+    sine = float(np.linalg.norm(quaternion[1:]))
+    scale = 2.0 if sine < 1e-12 else 2 * math.atan2(sine, float(quaternion[0])) / sine
+    rx, ry, rz = quaternion[1:] * scale
+    return float(rx), float(ry), float(rz)

@@ -1,0 +1,243 @@
+"""The light that reaches the sensor from a board and what stands behind it, averaged over each pixel's area."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.artwork import Artwork, Box, artwork, paper, paper_rim
+from calibrary.calib.board import Board
+from calibrary.calib.synthesis.settings import Settings
+from calibrary.calib.synthesis.sheet import Pose, Sheet, Shutter, seen_points
+from calibrary.calib.synthesis.surroundings import backdrop, lamp
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
+from calibrary.distortion import Distortion
+
+__all__ = ["light"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+Light: TypeAlias = NDArray[np.float32]
+Window: TypeAlias = tuple[slice, slice]
+
+STRIP_PIXELS = 1 << 18
+"""Pixels worked on at a time: two dozen columns of this length stay near the processor."""
+SAMPLES = 4
+"""Boxes along each side of a pixel that an edge runs through."""
+REACH = 2.0
+"""How far around a pixel, in its widths, must be of one tone for it to be taken as of one tone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Plane:
+    """The printed sheet under one pose: from directions to mm on the sheet."""
+
+    board: Board
+    pose: Pose
+    sheet: Sheet
+
+    def hit(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where (…, 3) directions in the camera frame meet the sheet, in mm as printed nominally."""
+        rotation = self.pose.matrix
+        ox, oy, oz = -rotation.T @ np.array(self.pose.translation_mm)
+        dx, dy, dz = np.moveaxis(rays @ rotation, -1, 0)
+        with np.errstate(all="ignore"):
+            reach = self._reach((ox, oy, oz), (dx, dy, dz))
+            reach[~(reach > 0)] = np.nan
+            sx, sy = self.sheet.stretch
+            return (ox + reach * dx) / sx, (oy + reach * dy) / sy
+
+    def _reach(
+        self, origin: tuple[float, float, float], ray: tuple[FloatArray, FloatArray, FloatArray]
+    ) -> FloatArray:
+        """How far along each direction: the root of a quadratic that goes over into the plane's."""
+        (ox, oy, oz), (dx, dy, dz) = origin, ray
+        a, b = self.sheet.warp_mm
+        if a == b == 0:
+            return np.asarray(-oz / dz)
+        (u0, du), (v0, dv) = self.sheet.unit_axes(self.board)
+        pu, qu, pv, qv = (ox - u0) / du, dx / du, (oy - v0) / dv, dy / dv
+        square = a * qu**2 + b * qv**2
+        linear = 2 * (a * pu * qu + b * pv * qv) + dz
+        constant = a * pu**2 + b * pv**2 + oz - a - b
+        root = np.sqrt(linear**2 - 4 * square * constant)
+        return np.asarray(-2 * constant / (linear + np.copysign(root, linear)))
+
+
+def light(board: Board, calibration: Calibration, pose: Pose, settings: Settings, seed: int) -> Light:
+    """The frame before the lens blurs it.
+
+    Args:
+        board: what is photographed.
+        calibration: the true camera.
+        pose: of the board.
+        settings: tones, texture, glare, sheet and shutter are used.
+        seed: of backdrop and glare.
+
+    Returns:
+        (H, W), 1 where the sensor saturates.
+    """
+    size = calibration.intrinsics.image_size
+    plane = _Plane(board=board, pose=pose, sheet=settings.sheet)
+    outline = _outline(plane, calibration, settings.shutter)
+    frame = backdrop(size, settings, np.random.default_rng([seed, 0]))
+    glare = lamp(size, outline, settings.glare, np.random.default_rng([seed, 1]))
+    art, sheet_box = artwork(board), paper(board)
+    for window in _strips(_window(outline, size)):
+        x, y = plane.hit(_rays(calibration, settings.shutter, window))
+        mirrored = glare[window] if glare is not None else None
+        frame[window] = _shade(art, sheet_box, (x, y), settings.tones, (frame[window], mirrored))
+    unseen = _unseen(calibration.intrinsics, calibration.distortion)
+    if unseen is not None:
+        frame[unseen] = 0
+    return frame
+
+
+def _outline(plane: _Plane, calibration: Calibration, shutter: Shutter) -> FloatArray:
+    rim = paper_rim(plane.board) * (*plane.sheet.stretch, 1.0)
+    rim[:, 2] = plane.sheet.height(plane.board, rim[:, 0], rim[:, 1])
+    return seen_points(plane.pose.camera_points(rim), calibration, shutter)
+
+
+def _window(outline: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom of the pixels that may show the sheet; all of them where its outline is lost."""
+    width, height = size
+    if not np.isfinite(outline).all():
+        return 0, 0, width, height
+    # Between two points of the outline the rim may lie a little further out.
+    margin = 8 + 0.01 * max(size)
+    left, top = np.clip(np.floor(outline.min(axis=0) - margin), 0, size)
+    right, bottom = np.clip(np.ceil(outline.max(axis=0) + margin), 0, size)
+    return int(left), int(top), int(right), int(bottom)
+
+
+def _strips(box: tuple[int, int, int, int]) -> Iterator[Window]:
+    left, top, right, bottom = box
+    if right <= left or bottom <= top:
+        return
+    strips = -(-(bottom - top) * (right - left) // STRIP_PIXELS)
+    # Of even height: a strip of a single row would have no slope across it.
+    edges = np.linspace(top, bottom, min(strips, (bottom - top + 1) // 2) + 1).astype(int)
+    for start, stop in pairwise(edges.tolist()):
+        yield slice(start, stop), slice(left, right)
+
+
+@lru_cache(maxsize=1)
+def _camera_rays(intrinsics: Intrinsics, distortion: Distortion | None) -> NDArray[np.float32]:
+    """(H, W, 3) unit directions of the pixels' centres; single precision is 2·10⁻⁴ px at 20 megapixels."""
+    camera = Calibration(
+        camera=CameraKey(),
+        intrinsics=intrinsics,
+        distortion=distortion,
+        grade=Grade.CALIBRATED,
+        provenance=Provenance(kind="synthesis"),
+    )
+    width, height = intrinsics.image_size
+    rays = np.empty((height, width, 3), dtype=np.float32)
+    columns = np.arange(width) + 0.5
+    for window in _strips((0, 0, width, height)):
+        rows = np.arange(window[0].start, window[0].stop) + 0.5
+        pixels = np.column_stack([np.tile(columns, len(rows)), np.repeat(rows, width)])
+        rays[window] = camera.unproject(pixels).reshape(len(rows), width, 3)
+    return rays
+
+
+@lru_cache(maxsize=1)
+def _unseen(intrinsics: Intrinsics, distortion: Distortion | None) -> NDArray[np.bool_] | None:
+    """(H, W) the pixels that no direction leads to, such as those around a fisheye's circle; None if none."""
+    unseen = np.isnan(_camera_rays(intrinsics, distortion)[..., 0])
+    return unseen if unseen.any() else None
+
+
+def _rays(calibration: Calibration, shutter: Shutter, window: Window) -> FloatArray:
+    """Directions of a window's pixels in the camera of the middle row."""
+    rays = _camera_rays(calibration.intrinsics, calibration.distortion)[window].astype(np.float64)
+    if shutter.is_rolling:
+        rows = np.arange(window[0].start, window[0].stop, dtype=np.float64) + 0.5
+        turns = shutter.turns(rows, calibration.intrinsics.image_size[1])
+        rays = rays @ turns.transpose(0, 2, 1)
+    return rays
+
+
+def _shade(
+    art: Artwork,
+    sheet_box: Box,
+    at: tuple[FloatArray, FloatArray],
+    tones: tuple[float, float],
+    around: tuple[Light, Light | None],
+) -> Light:
+    """Light of each pixel of a window whose centres lie at ``at`` on the sheet.
+
+    ``around`` is the light from behind the sheet, and what the sheet mirrors.
+    """
+    behind, mirrored = around
+    x, y = at
+    (xr, xc), (yr, yc) = _slopes(x), _slopes(y)
+    width, height = np.hypot(xr, xc), np.hypot(yr, yc)
+    visible = np.isfinite(width) & np.isfinite(height)
+    on_sheet = visible & (x > sheet_box[0] - width) & (x < sheet_box[2] + width)
+    on_sheet &= (y > sheet_box[1] - height) & (y < sheet_box[3] + height)
+    shaded = behind.copy()
+    index = np.flatnonzero(on_sheet)
+    if not len(index):
+        return shaded
+    x, y, width, height, xr, xc, yr, yc = (
+        values.ravel()[index] for values in (x, y, width, height, xr, xc, yr, yc)
+    )
+    dark = art.tone(x, y, REACH * width, REACH * height)
+    sheet = _inside(sheet_box, x, y, REACH * width, REACH * height)
+    mixed = np.flatnonzero(np.isnan(dark) | (sheet < 1 - 1e-9))
+    if len(mixed):
+        dark[mixed], sheet[mixed] = _integrate(
+            art, sheet_box, *(values[mixed] for values in (x, y, xr, xc, yr, yc))
+        )
+    black, white = tones
+    flat = shaded.ravel()
+    reflected = white + (black - white) * dark
+    if mirrored is not None:
+        reflected += mirrored.ravel()[index]
+    flat[index] = sheet * reflected + (1 - sheet) * flat[index]
+    return shaded
+
+
+def _slopes(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Millimetres per pixel, down the rows and along the columns."""
+    with np.errstate(invalid="ignore"):
+        down = np.gradient(values, axis=0) if values.shape[0] > 1 else np.full_like(values, np.nan)
+        along = np.gradient(values, axis=1) if values.shape[1] > 1 else np.full_like(values, np.nan)
+    return down, along
+
+
+def _integrate(
+    art: Artwork,
+    sheet_box: Box,
+    x: FloatArray,
+    y: FloatArray,
+    xr: FloatArray,
+    xc: FloatArray,
+    yr: FloatArray,
+    yc: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Mean darkness and share of paper of pixels that are neither dark nor white throughout."""
+    width, height = np.hypot(xr, xc) / SAMPLES, np.hypot(yr, yc) / SAMPLES
+    dark, sheet = np.zeros_like(x), np.zeros_like(x)
+    offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
+    for row in offsets:
+        for column in offsets:
+            sx, sy = x + row * xr + column * xc, y + row * yr + column * yc
+            dark += art.darkness(sx, sy, width, height)
+            sheet += _inside(sheet_box, sx, sy, width, height)
+    return dark / SAMPLES**2, sheet / SAMPLES**2
+
+
+def _inside(box: Box, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
+    """The share of upright boxes that lies within one big box."""
+    left, top, right, bottom = box
+    across = np.minimum(x + width / 2, right) - np.maximum(x - width / 2, left)
+    down = np.minimum(y + height / 2, bottom) - np.maximum(y - height / 2, top)
+    return np.asarray(np.clip(across / width, 0, 1) * np.clip(down / height, 0, 1))

@@ -1,0 +1,167 @@
+"""Whether a view of the board is worth calibrating with: measured, with a limit and a way out for each rule."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.board import Board, Pattern
+from calibrary.calib.found import Found, Reason, Remark
+from calibrary.calib.frames import Gray
+from calibrary.calib.lattice import cell_levels, contrast
+from calibrary.calib.observations import View
+
+__all__ = ["edge_widths", "judge_repeats", "judge_view"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+BLURRED_PX, USELESS_PX = 8.0, 14.0
+"""Width of an edge from which corners get noisier (0.04 px and more), and from which they are no use (0.15 px)."""
+
+DRAGGED_PX, DRAGGED_RATIO = 5.0, 1.5
+"""Edges along one direction of the board that are wide, and this much wider than those along the other."""
+
+RISE: Final = 0.8
+"""Share of an edge's height that its width is measured over, the default of OpenCV and ISO 12233's 10 to 90 %."""
+
+SMALL_PX = 15.0
+LOW_CONTRAST = 0.15
+SATURATED, MOSTLY_SATURATED = 253.0, 0.5
+MOST_GLARE = 0.2
+"""Share of the dark squares that may be washed out."""
+
+SAME_POSE_SHARE = 0.02
+"""Of the spacing, that two views' corners lie apart when nothing moved between them but a trembling hand."""
+
+
+def edge_widths(gray: Gray, lattice: FloatArray) -> tuple[float, float]:
+    """Width of a checkerboard's edges in px: of those across its rows, and of those across its columns.
+
+    As ``cv2.estimateChessboardSharpness`` measures; about 3 px is sharp.
+    """
+    import cv2
+
+    rows, columns = lattice.shape[:2]
+    corners = np.ascontiguousarray(lattice.reshape(-1, 1, 2), dtype=np.float32)
+    one, other = (
+        float(cv2.estimateChessboardSharpness(gray, (columns, rows), corners, RISE, vertical)[0][0])
+        for vertical in (False, True)
+    )
+    return one, other
+
+
+def judge_view(gray: Gray, board: Board, found: Found) -> tuple[float | None, tuple[Remark, ...]]:
+    """What is wrong with one view, by itself.
+
+    Args:
+        gray: (H, W), 8 bit.
+        board: which board.
+        found: its points in this image.
+
+    Returns:
+        The mean width of its edges in px, None where the pattern or the part seen does not let it be measured; and
+        remarks, those of the detector first.
+    """
+    remarks = list(found.remarks)
+    # The gaps of an AprilGrid are a quarter of its pitch; what is measured in them has room enough in less.
+    wanted = SMALL_PX / 2 if board.pattern is Pattern.APRILGRID else SMALL_PX
+    if found.spacing_px < wanted:
+        text = f"points {found.spacing_px:.1f} px apart, wanted ≥ {wanted:g}; bring the board nearer"
+        remarks.append(Remark(reason=Reason.SMALL, text=text))
+    if board.pattern is not Pattern.CHECKERBOARD or found.lattice is None:
+        return None, tuple(remarks)
+    remarks += _light(gray, found.lattice)
+    if found.spacing_px < SMALL_PX:
+        # An edge is then measured into the next one.
+        return None, tuple(remarks)
+    widths = edge_widths(gray, found.lattice)
+    remarks += _blur(widths)
+    return float(np.mean(widths)), tuple(remarks)
+
+
+def _blur(widths: tuple[float, float]) -> list[Remark]:
+    thin, wide = sorted(widths)
+    mean = (thin + wide) / 2
+    if wide > DRAGGED_PX and wide > DRAGGED_RATIO * thin:
+        text = (
+            f"dragged: edges {wide:.1f} px wide in one direction and {thin:.1f} px in the other, wanted a ratio "
+            f"< {DRAGGED_RATIO:g}; hold still, or expose shorter"
+        )
+        return [Remark(reason=Reason.DRAGGED, text=text, rejects=wide > USELESS_PX)]
+    if mean > BLURRED_PX:
+        text = f"blurred {mean:.1f} px, wanted < {BLURRED_PX:g}; hold still, and step back to where the lens is sharp"
+        return [Remark(reason=Reason.BLURRED, text=text, rejects=mean > USELESS_PX)]
+    return []
+
+
+def _light(gray: Gray, lattice: FloatArray) -> list[Remark]:
+    levels = cell_levels(gray, lattice)
+    first_is_dark = contrast(gray, lattice) >= 0
+    rows, columns = np.indices(levels.shape)
+    even = (rows + columns) % 2 == 0
+    dark, light = levels[even == first_is_dark], levels[even != first_is_dark]
+    dark, light = dark[~np.isnan(dark)], light[~np.isnan(light)]
+    if not dark.size or not light.size:
+        return []
+    low, high = float(np.median(dark)), float(np.median(light))
+    remarks = []
+    if high - low < LOW_CONTRAST * 255:
+        text = f"contrast of {(high - low) / 2.55:.0f} %, wanted ≥ {100 * LOW_CONTRAST:.0f} %; light the board better"
+        remarks.append(Remark(reason=Reason.LOW_CONTRAST, text=text))
+    if np.mean(light >= SATURATED) > MOSTLY_SATURATED:
+        share = 100 * float(np.mean(light >= SATURATED))
+        text = f"{share:.0f} % of the light squares are overexposed; expose less"
+        remarks.append(Remark(reason=Reason.OVEREXPOSED, text=text))
+    washed = int(np.sum(dark > (low + high) / 2))
+    if washed:
+        text = f"glare over {washed} of {dark.size} dark squares; turn the board away from the lamp"
+        remarks.append(Remark(reason=Reason.GLARE, text=text, rejects=washed > MOST_GLARE * dark.size))
+    return remarks
+
+
+def judge_repeats(views: Sequence[View]) -> dict[int, Remark]:
+    """Which views only repeat an earlier one, and by that make a calibration look surer than it is.
+
+    Args:
+        views: in the order of the frames.
+
+    Returns:
+        By index, what is wrong with the view; the first of a kind is not among them.
+    """
+    by_hash: dict[str, View] = {}
+    kept: list[View] = []
+    repeats: dict[int, Remark] = {}
+    for index, view in enumerate(views):
+        if view.sha256 is not None and view.sha256 in by_hash:
+            text = f"the same file as {by_hash[view.sha256].name}"
+            repeats[index] = Remark(reason=Reason.SAME_FILE, text=text, rejects=True)
+            continue
+        if view.sha256 is not None:
+            by_hash[view.sha256] = view
+        apart, twin = min(
+            ((_apart(view, other), other) for other in kept), key=lambda pair: pair[0], default=(np.inf, view)
+        )
+        if apart < SAME_POSE_SHARE * (view.spacing_px or 0.0):
+            text = (
+                f"the same pose as {twin.name}, corners {apart:.2f} px apart; wanted ≥ "
+                f"{SAME_POSE_SHARE * (view.spacing_px or 0.0):.1f} px: move the board between frames"
+            )
+            repeats[index] = Remark(reason=Reason.SAME_POSE, text=text, rejects=True)
+            continue
+        kept.append(view)
+    return repeats
+
+
+def _apart(view: View, other: View) -> float:
+    """Px (root mean square) between the points two views share; infinite where they share less than half."""
+    if len(view.ids) == len(other.ids) and np.array_equal(view.ids, other.ids):
+        difference = view.image_points - other.image_points
+    else:
+        _, mine, its = np.intersect1d(view.ids, other.ids, assume_unique=True, return_indices=True)
+        if 2 * len(mine) < max(len(view.ids), len(other.ids)):
+            return float("inf")
+        difference = view.image_points[mine] - other.image_points[its]
+    return float(np.sqrt((difference**2).sum(axis=1).mean()))

@@ -1,0 +1,271 @@
+"""``calibrary diff``: whether two calibrations of one camera differ by more than noise, and what changed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.reading import Answers, add_reading_flags
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from calibrary.calibration_json import Json
+    from calibrary.diff.comparison import Comparison, Numbers
+    from calibrary.diff.fleet import Change
+    from calibrary.policy import Policy
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary diff factory.xml adjusted.cam                two files, whatever their formats
+  calibrary diff fc6310r@2026-05-01 fc6310r              an entry of the registry, then and now
+  calibrary diff fc6310r@firmware:01.08 flight/DJI_0001.JPG
+  calibrary diff K.npy camera.xml --camera 2
+  calibrary diff --since v1.0                            every entry that changed since, worst first
+  calibrary diff --firmware 01.08..01.09                 every camera that was calibrated with both
+
+exit code 1: a drift (significant, and at least 0.05 % of the focal length or 0.5 px; a policy may say otherwise),
+or a change of kind other than a resize.
+"""
+
+EXIT_ALARM = 1
+STYLES = {
+    "identical": "green",
+    "within noise": "green",
+    "significant but negligible": "cyan",
+    "drift": "red",
+    "structural": "yellow",
+}
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "diff",
+        help="tell whether K moved: two calibrations, or a fleet then and now",
+        description="Compare two calibrations of one camera, or every entry of a registry with what it was: in "
+        "numbers, in pixels and on the ground, against their noise.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "operands", nargs="*", metavar="A B", help="a file of any format, an image, or KEY[@REV]"
+    )
+    fleet = parser.add_mutually_exclusive_group()
+    fleet.add_argument(
+        "--since", metavar="REV", help="compare the registry with what it was at a commit, tag or day"
+    )
+    fleet.add_argument(
+        "--firmware", metavar="OLD..NEW", help="compare entries of one firmware with those of another"
+    )
+    parser.add_argument(
+        "--registry", type=Path, metavar="PATH", help="see calibrary registry --help for the default"
+    )
+    parser.add_argument("--camera", type=int, metavar="N", help="which camera of a file with several, from 1")
+    parser.add_argument(
+        "--altitude-m", type=float, default=100.0, metavar="M", help="for what it means on the ground (100)"
+    )
+    parser.add_argument("--policy", default="fleet", metavar="NAME|FILE", help="whose limits make an alarm")
+    add_reading_flags(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    wants_fleet = arguments.since is not None or arguments.firmware is not None
+    if wants_fleet == bool(arguments.operands) or len(arguments.operands) not in {0, 2}:
+        arguments.parser.error("wanted two calibrations A B, or --since REV, or --firmware OLD..NEW")
+    if not 0 < arguments.altitude_m < float("inf"):
+        arguments.parser.error("--altitude-m: wanted metres above ground, more than 0")
+    return _fleet(arguments) if wants_fleet else _pair(arguments)
+
+
+def _pair(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import make_console
+    from calibrary.diff.comparison import compare
+    from calibrary.diff.comparison_json import comparison_json
+    from calibrary.keep.operand import Reading, read_operands
+
+    answers = Answers.of(arguments)
+    reading = Reading(
+        registry=arguments.registry,
+        format=answers.format,
+        image_size=answers.image_size,
+        options=answers.options,
+        camera=arguments.camera,
+    )
+    first, second = arguments.operands
+    a, b = read_operands(first, second, reading)
+    comparison = compare(a.calibration, b.calibration, _policy(arguments))
+    labels = (a.label, b.label)
+    if arguments.json:
+        _print(comparison_json(comparison, labels, arguments.altitude_m))
+    else:
+        _show(make_console(stderr=False), comparison, labels, arguments.altitude_m)
+    return EXIT_ALARM if comparison.alarm else 0
+
+
+def _policy(arguments: argparse.Namespace) -> Policy:
+    from calibrary.policy import POLICIES
+    from calibrary.policy_file import read_policy
+
+    return POLICIES.get(arguments.policy) or read_policy(Path(arguments.policy))
+
+
+def _show(console: Console, comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> None:
+    from calibrary.cli.console import plain
+
+    verdict = comparison.verdict.value
+    console.print(f"A  {plain(labels[0])}\nB  {plain(labels[1])}", highlight=False, soft_wrap=True)
+    for step in comparison.steps:
+        console.print(f"   [dim]{plain(step)}[/]", highlight=False, soft_wrap=True)
+    numbers = comparison.numbers
+    if numbers is not None:
+        console.print()
+        console.print(_parameters(numbers))
+        console.print()
+        for name, text in _findings(numbers, altitude_m):
+            console.print(f"[dim]{name:<14}[/]{plain(text)}", highlight=False, soft_wrap=True)
+    kinds = ", ".join(one.kind.value for one in comparison.structural)
+    console.print(
+        f"\n[bold {STYLES[verdict]}]{verdict}{f': {kinds}' if kinds else ''}[/]"
+        + ("  [red]look at it[/]" if comparison.alarm else ""),
+        highlight=False,
+    )
+    for reason in comparison.reasons:
+        console.print(f"  {plain(reason)}", highlight=False, soft_wrap=True)
+
+
+def _parameters(numbers: Numbers) -> object:
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("")
+    for name in ("A", "± σ", "B", "± σ", "Δ", "Δ / σ"):
+        table.add_column(name, justify="right")
+    for row in numbers.parameters:
+        in_px = row.name in {"fx", "fy", "cx", "cy", "skew"}
+        form = "{:.3f}" if in_px else "{:.6g}"
+        table.add_row(
+            row.name,
+            _cell(row.a, form),
+            _cell(row.std_a, "{:.2g}"),
+            _cell(row.b, form),
+            _cell(row.std_b, "{:.2g}"),
+            _cell(row.delta, "{:+.3f}" if in_px else "{:+.3g}"),
+            _cell(row.z, "{:+.1f}"),
+        )
+    return table
+
+
+def _cell(value: float | None, form: str) -> str:
+    return form.format(value) if value is not None else "–"
+
+
+def _findings(numbers: Numbers, altitude_m: float) -> list[tuple[str, str]]:
+    seen, ground = numbers.difference, numbers.ground(altitude_m)
+    region = f"{seen.region.mean():.0%} of the frame" if not seen.region.all() else "the whole frame"
+    lens = [] if numbers.lens_compared else [("distortion", "one of the two is unknown; only K was compared")]
+    return [
+        ("focal length", f"{numbers.focal_change:+.3%}"),
+        (
+            "projection",
+            f"{seen.rms_px:.3g} px rms, {seen.max_px:.3g} px at most over {region}, {seen.centre_rms_px:.3g} px in "
+            f"the centre; the camera turned by {seen.rotation_deg:.3g}°",
+        ),
+        (
+            "on the ground",
+            f"from {altitude_m:g} m (GSD {ground.gsd_cm:.2f} cm): {ground.rms_cm:.2g} cm rms, {ground.max_cm:.2g} cm "
+            f"at most; heights {ground.height_cm:+.2g} cm",
+        ),
+        *lens,
+        ("σ of A", numbers.spread_a.source),
+        ("σ of B", numbers.spread_b.source),
+    ]
+
+
+def _fleet(arguments: argparse.Namespace) -> int:
+    from rich.progress import Progress
+
+    from calibrary.cli.console import make_console
+    from calibrary.diff.fleet import by_firmware, since
+    from calibrary.keep.keeper import Keeper
+    from calibrary.keep.place import require_registry
+
+    keeper, policy = Keeper.open(require_registry(arguments.registry)), _policy(arguments)
+    console = make_console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("comparing", total=None)
+
+        def progress(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        if arguments.since is not None:
+            changes = since(keeper, arguments.since, policy, progress)
+        else:
+            old, dots, new = arguments.firmware.partition("..")
+            if not (old and dots and new):
+                arguments.parser.error("--firmware: wanted OLD..NEW, such as 01.08..01.09")
+            changes = by_firmware(keeper, old, new, policy, progress)
+    if arguments.json:
+        _print({"schema": "calibrary/fleet-diff-1", "changes": [_change_json(change) for change in changes]})
+    else:
+        _show_fleet(make_console(stderr=False), changes)
+    return EXIT_ALARM if any(change.alarm for change in changes) else 0
+
+
+def _show_fleet(console: Console, changes: Sequence[Change]) -> None:
+    from rich.table import Table
+
+    from calibrary.cli.console import plain
+
+    if not changes:
+        console.print("no entry differs")
+        return
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for name, justify in (("entry", "left"), ("verdict", "left"), ("Δf / f", "right"), ("rms px", "right")):
+        table.add_column(name, justify="right" if justify == "right" else "left", overflow="fold")
+    table.add_column("why", overflow="fold")
+    for change in changes:
+        found = change.comparison
+        numbers = found.numbers if found is not None else None
+        verdict = found.verdict.value if found is not None else "not compared"
+        why = (
+            ", ".join(one.kind.value for one in found.structural)
+            if found is not None
+            else change.why_not or ""
+        )
+        table.add_row(
+            plain(change.id),
+            f"[{STYLES.get(verdict, 'dim')}]{verdict}[/]",
+            f"{numbers.focal_change:+.3%}" if numbers is not None else "–",
+            f"{numbers.difference.rms_px:.3g}" if numbers is not None else "–",
+            plain(why),
+        )
+    console.print(table)
+
+
+def _change_json(change: Change) -> dict[str, Json]:
+    found = change.comparison
+    numbers = found.numbers if found is not None else None
+    return {
+        "id": change.id,
+        "verdict": found.verdict.value if found is not None else None,
+        "alarm": change.alarm,
+        "reasons": list(found.reasons) if found is not None else [change.why_not or ""],
+        "structural": [one.kind.value for one in found.structural] if found is not None else [],
+        "focal_change": numbers.focal_change if numbers is not None else None,
+        "rms_px": numbers.difference.rms_px if numbers is not None else None,
+        "max_px": numbers.difference.max_px if numbers is not None else None,
+    }
+
+
+def _print(document: dict[str, Json]) -> None:
+    sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")

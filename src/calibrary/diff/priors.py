@@ -1,0 +1,146 @@
+"""What spread a calibration has of which nobody measured any: by its grade, and said to be so.
+
+A K without a covariance is not an exact K. What its focal length is worth is known from where it came: an EXIF
+focal length is rounded and nominal, a maker's table is of the type and not of the unit, a bundle adjustment
+trades focal length for height. Distortion is given the spread that moves the corners by as many pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calibration import Calibration, Covariance, Grade
+from calibrary.distortion import Distortion
+
+__all__ = ["PRIORS", "Prior", "Spread", "spread_of"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prior:
+    """One standard deviation, as fractions.
+
+    Attributes:
+        focal: of fx and of fy, which err together.
+        aspect: of fx / fy.
+        centre: of cx over the width and cy over the width.
+        lens: of what the distortion does to the corners.
+    """
+
+    focal: float
+    aspect: float
+    centre: float
+    lens: float
+
+
+PRIORS: Final = {
+    Grade.CALIBRATED: Prior(focal=0.001, aspect=0.0002, centre=0.0005, lens=0.01),
+    Grade.ADJUSTED: Prior(focal=0.002, aspect=0.0005, centre=0.001, lens=0.02),
+    Grade.DESIGN: Prior(focal=0.003, aspect=0.001, centre=0.005, lens=0.1),
+    Grade.DERIVED: Prior(focal=0.015, aspect=0.005, centre=0.01, lens=0.2),
+    Grade.PRIOR: Prior(focal=0.05, aspect=0.02, centre=0.02, lens=0.5),
+    Grade.SEED: Prior(focal=0.3, aspect=0.05, centre=0.05, lens=1.0),
+}
+"""Makers' tables hold some 0.3 % of a unit's focal length, EXIF's 1 to 2 %; calibrations of one unit from several
+sets of frames scatter by 0.05 to 0.1 % where their own solves say a third of it."""
+
+SMALLEST_LENS_PX: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """What a calibration's parameters are uncertain by.
+
+    Attributes:
+        covariance: of K's numbers and the distortion's coefficients, κ² in it where that is known.
+        source: where it is from, in words.
+        is_measured: whether it is the calibration's own.
+    """
+
+    covariance: Covariance
+    source: str
+    is_measured: bool
+
+
+def spread_of(calibration: Calibration) -> Spread:
+    """The calibration's own covariance, inflated by its κ²; else its standard deviations; else its grade's prior."""
+    quality, names = calibration.quality, _names(calibration)
+    if quality is not None and quality.covariance is not None and set(names) <= set(quality.covariance.names):
+        inflated = quality.covariance.of(names) * quality.inflation
+        said = f", × κ² = {quality.inflation:.2g}" if quality.inflation > 1 else ""
+        return Spread(
+            covariance=Covariance.from_matrix(names, inflated),
+            source=f"its own covariance{said}",
+            is_measured=True,
+        )
+    prior = _prior(calibration, names)
+    if quality is not None and {"fx", "fy", "cx", "cy"} <= quality.std.keys():
+        own = np.array([quality.std.get(name, np.nan) for name in names]) * np.sqrt(quality.inflation)
+        known = np.isfinite(own)
+        prior[known, :], prior[:, known] = 0.0, 0.0
+        prior[known, known] = own[known] ** 2
+        source = "its own standard deviations" + (
+            "" if known.all() else " of K, its grade's of the distortion"
+        )
+        return Spread(covariance=Covariance.from_matrix(names, prior), source=source, is_measured=True)
+    return Spread(
+        covariance=Covariance.from_matrix(names, prior),
+        source=f"what a K of grade {calibration.grade.value} is usually worth: it states none of its own",
+        is_measured=False,
+    )
+
+
+def _names(calibration: Calibration) -> tuple[str, ...]:
+    lens = calibration.distortion
+    return ("fx", "fy", "cx", "cy", *(lens.coefficients if lens is not None else ()))
+
+
+def _prior(calibration: Calibration, names: tuple[str, ...]) -> FloatArray:
+    prior, K = PRIORS[calibration.grade], calibration.intrinsics
+    C = np.zeros((len(names), len(names)))
+    f = np.array([K.fx, K.fy])
+    C[:2, :2] = np.outer(f, f) * prior.focal**2
+    C[1, 1] += (K.fy * prior.aspect) ** 2
+    C[2, 2] = C[3, 3] = (K.image_size[0] * prior.centre) ** 2
+    for at, name in enumerate(names[4:], start=4):
+        C[at, at] = _lens_std(calibration, name, prior.lens) ** 2
+    return C
+
+
+def _lens_std(calibration: Calibration, name: str, share: float) -> float:
+    """The change of one coefficient that moves the frame's edge by a share of what all of them move it."""
+    lens = calibration.distortion
+    assert lens is not None  # noqa: S101 — only a lens has coefficients
+    rays = _edge_rays(calibration)
+    bend = _furthest(calibration.project(rays) - _pinhole(calibration, rays))
+    value = lens.coefficients[name]
+    step = 1e-4 * max(abs(value), 1e-3)
+    moved = _furthest(_with(calibration, lens, name, value + step).project(rays) - calibration.project(rays))
+    return max(SMALLEST_LENS_PX, share * bend) * step / moved if moved > 0 else abs(value) * share
+
+
+def _edge_rays(calibration: Calibration) -> FloatArray:
+    width, height = calibration.intrinsics.image_size
+    x, y = (np.linspace(0.1, 0.9, 5) * side for side in (width, height))
+    seen = np.array([(a, b) for a in x for b in y])
+    rays = calibration.unproject(seen)
+    return rays[np.isfinite(rays).all(axis=1) & (rays[:, 2] > 0)]
+
+
+def _pinhole(calibration: Calibration, rays: FloatArray) -> FloatArray:
+    return replace(calibration, distortion=None).project(rays)
+
+
+def _with(calibration: Calibration, lens: Distortion, name: str, value: float) -> Calibration:
+    return replace(calibration, distortion=replace(lens, **{name: value}))
+
+
+def _furthest(vectors: FloatArray) -> float:
+    lengths = np.hypot(*vectors.T)
+    lengths = lengths[np.isfinite(lengths)]
+    return float(lengths.max()) if lengths.size else 0.0

@@ -1,0 +1,1 @@
+"""Keeping a fleet's registry: where it lies, which entry is meant, and what is written into it with which reason."""
