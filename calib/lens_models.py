@@ -114,17 +114,17 @@ def _perspective(parameters: FloatArray, points: FloatArray, coefficients: tuple
     u = x * gain + 2 * p1 * xy + p2 * (r2 + 2 * xx)
     v = y * gain + p1 * (r2 + 2 * yy) + 2 * p2 * xy
 
-    by_coefficient = {
-        "k1": lambda: (x * r2 * over, y * r2 * over),
-        "k2": lambda: (x * r4 * over, y * r4 * over),
-        "k3": lambda: (x * r6 * over, y * r6 * over),
-        "p1": lambda: (2 * xy, r2 + 2 * yy),
-        "p2": lambda: (r2 + 2 * xx, 2 * xy),
-        "k4": lambda: (-x * gain * r2 * over, -y * gain * r2 * over),
-        "k5": lambda: (-x * gain * r4 * over, -y * gain * r4 * over),
-        "k6": lambda: (-x * gain * r6 * over, -y * gain * r6 * over),
-    }
-    columns = [by_coefficient[name]() for name in coefficients]
+    def column(name: str) -> tuple[FloatArray, FloatArray]:
+        if name == "p1":
+            return 2 * xy, r2 + 2 * yy
+        if name == "p2":
+            return r2 + 2 * xx, 2 * xy
+        order = int(name[1]) - 1
+        radial = (r2, r4, r6)[order % 3] * over
+        # k4 to k6 divide.
+        return (x * radial, y * radial) if order < 3 else (-x * gain * radial, -y * gain * radial)
+
+    columns = [column(name) for name in coefficients]
     cross = 2 * slope * xy + 2 * p1 * x + 2 * p2 * y
     ux = gain + 2 * slope * xx + 2 * p1 * y + 6 * p2 * x
     vy = gain + 2 * slope * yy + 6 * p1 * y + 2 * p2 * x

@@ -134,8 +134,8 @@ def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArr
     U = U * (values > SMALLEST_SINGULAR * values[:, :1])[:, None, :]
     rank = int((values > SMALLEST_SINGULAR * values[:, :1]).sum())
     e = residuals - np.einsum("vmk,vk->vm", U, np.einsum("vmk,vm->vk", U, residuals))
-    G = by_global - U @ (U.transpose(0, 2, 1) @ by_global)
-    flat = G.reshape(residuals.size, -1)
+    carried: FloatArray = by_global - U @ (U.transpose(0, 2, 1) @ by_global)
+    flat = carried.reshape(residuals.size, -1)
     size = np.linalg.norm(flat, axis=0)
     unit = flat / np.where(size > 0, size, 1.0)
     solution = np.linalg.lstsq(unit, e.ravel(), rcond=1e-10)

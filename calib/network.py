@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calibrary.calib.board import Board
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.observations import Observations
+from calibrary.calib.observations import ControlPoints, Observations
 from calibrary.errors import CalibrationError
 
 __all__ = ["Linear", "Network", "State", "linearise", "turned"]
@@ -89,13 +89,12 @@ class Network:
     @property
     def used(self) -> BoolArray:
         """(V,) which views have a corner that counts."""
-        used: BoolArray = self.seen.any(axis=1)
-        return used
+        return np.asarray(self.seen.any(axis=1), dtype=np.bool_)
 
 
-def _bend(board: Board | object) -> FloatArray:
+def _bend(board: Board | ControlPoints) -> FloatArray:
     """(N, 2) 1 − u² and 1 − v², u and v from −1 to 1 over a board; a cloud of control points does not bend."""
-    points: FloatArray = board.points  # type: ignore[attr-defined]  a Board or ControlPoints: both have points
+    points = board.points
     if not isinstance(board, Board):
         return np.zeros((len(points), 2))
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)

@@ -203,7 +203,7 @@ def projection_uncertainty(
     pixels = pixel_grid(calibration.intrinsics.image_size, shape)
     flat = pixels.reshape(-1, 2)
     rays = calibration.unproject(flat)
-    seen = np.isfinite(rays).all(axis=1)
+    seen: BoolArray = np.asarray(np.isfinite(rays).all(axis=1), dtype=np.bool_)
     G = _columns(calibration, covariance, lambda other: other.project(rays)) @ _root(covariance)
     G = G.reshape(2 * len(flat), -1)
     seen &= np.isfinite(G).reshape(len(flat), -1).all(axis=1)
@@ -227,13 +227,14 @@ def _fitted(
         turned = rays @ R.T
         miss = second.project(turned) - flat
         J = _by_turn(second, turned)
-        seen = np.isfinite(miss).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
+        seen = np.asarray(np.isfinite(miss).all(axis=1) & np.isfinite(J).all(axis=(1, 2)), dtype=np.bool_)
         used = seen & (W > 0)
         if used.sum() < FEWEST_PIXELS:
             raise CalibrationError("the calibrations see too little of the frame in common to be compared")
         root = np.sqrt(W[used])
         A = (J[used] * root[:, None, None]).reshape(-1, 3)
-        step = -np.linalg.lstsq(A, (miss[used] * root[:, None]).ravel(), rcond=None)[0]
+        target = -(miss[used] * root[:, None]).ravel()
+        step = np.asarray(np.linalg.lstsq(A, target, rcond=None)[0], dtype=np.float64)
         length = float(np.linalg.norm(step))
         if length > 0.2:
             step *= 0.2 / length

@@ -92,9 +92,10 @@ def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsi
                 flags=flags | cv2.CALIB_FIX_K3, criteria=FIRST_STEPS,
             )  # fmt: skip
             parameters = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], np.ravel(lens)[:4]])
-            rotations = np.stack([cv2.Rodrigues(turn)[0] for turn in turns])
+            rotations = np.array([cv2.Rodrigues(turn)[0] for turn in turns], dtype=np.float64)
             if len(few) == len(network.seen):
-                yield _state(Solvable.K1K2P1P2, parameters, rotations, np.reshape(places, (-1, 3)))
+                places_mm = np.array([np.ravel(place) for place in places], dtype=np.float64)
+                yield _state(Solvable.K1K2P1P2, parameters, rotations, places_mm)
                 continue
             lens4 = np.ravel(lens)[:4]
 

@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.registry.catalogue import load_catalogue
-from calibrary.schemas import require
+from calibrary.schemas import load, require
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -66,8 +66,18 @@ def test_json_holds_what_a_catalogue_file_holds(capsys: pytest.CaptureFixture[st
     assert sum(map(len, makers.values())) == len(load_catalogue())
 
 
-def test_json_says_which_document_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    assert json.loads(told(capsys, "--json", "M3T"))["schema"] == "calibrary/catalogue-listing-1"
+@pytest.mark.parametrize("words", [[], ["M3T"]])
+def test_json_is_the_document_it_says_it_is(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    document = json.loads(told(capsys, "--json", *words))
+    assert document["schema"] == "calibrary/catalogue-listing-1"
+    require(document, "catalogue-listing-1")
+
+
+def test_the_listing_has_every_word_of_a_catalogue_file_and_the_make() -> None:
+    listing: Any = load("catalogue-listing-1")
+    file: Any = load("catalogue-1")
+    words = file["$defs"]["camera"]["properties"].keys()
+    assert listing["$defs"]["camera"]["properties"].keys() == words | {"make"}
 
 
 def test_an_unknown_model_is_said_and_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:

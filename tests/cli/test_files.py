@@ -10,6 +10,8 @@ import pytest
 
 from calibrary import parsers
 from calibrary.cli.main import main
+from calibrary.errors import ParseError
+from calibrary.schemas import require
 from tests.extract.fleet import DEWARP, P4R, picture
 from tests.house.project import ROOT
 
@@ -46,14 +48,25 @@ def test_inspect_tells_what_a_file_is_why_and_how_it_counts(
 def test_inspect_prints_one_document_for_machines(xml: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "inspect", "--json", xml)
     document = json.loads(out)
+    require(document, "inspect-1")
     assert (code, document["format"], document["warnings"]) == (0, "agisoft_xml", [])
     assert document["calibrations"][0]["intrinsics"]["cx"] == 2731.5
+
+
+def test_a_word_that_inspect_does_not_print_breaks_its_schema(
+    xml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = json.loads(run(capsys, "inspect", "--json", xml)[1])
+    for wrong in ({**document, "grade": "calibrated"}, {**document, "error": 3}, {"files": [document]}):
+        with pytest.raises(ParseError):
+            require(wrong, "inspect-1")
 
 
 def test_inspect_reads_an_image_by_its_metadata(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     image = picture(tmp_path / "a.jpg", **P4R, dewarp=DEWARP)
     _, out, _ = run(capsys, "inspect", "--json", image)
     document = json.loads(out)
+    require(document, "inspect-1")
     assert document["format"] == "image"
     assert document["calibrations"][0]["grade"] == "calibrated"
 
@@ -63,7 +76,9 @@ def test_inspect_walks_a_folder_and_a_file_that_is_none_does_not_stop_it(
 ) -> None:
     (xml.parent / "notes.txt").write_text("nothing to see")
     code, out, _ = run(capsys, "inspect", "--json", xml.parent)
-    files = {one["file"]: one for one in json.loads(out)["files"]}
+    document = json.loads(out)
+    require(document, "inspect-1")
+    files = {one["file"]: one for one in document["files"]}
     assert code == 3
     assert files["camera.xml"]["error"] is None
     assert files["notes.txt"]["calibrations"] == []
@@ -108,7 +123,9 @@ def test_convert_refuses_a_camera_the_file_has_not(xml: Path, capsys: pytest.Cap
 
 def test_formats_lists_every_format_by_its_own_record(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "formats", "--json")
-    listed = json.loads(out)["formats"]
+    document = json.loads(out)
+    require(document, "formats-1")
+    listed = document["formats"]
     assert code == 0
     assert [one["name"] for one in listed] == [record.name for record in parsers.formats()]
 

@@ -130,7 +130,8 @@ def _described(path: Path, answers: Answers) -> Inspected:
 
 def _print_json(inspected: Sequence[Inspected], *, alone: bool) -> None:
     documents = [_json(one) for one in inspected]
-    document: Json = documents[0] if alone else {"files": list(documents)}
+    told: dict[str, Json] = documents[0] if alone else {"files": list(documents)}
+    document: dict[str, Json] = {"schema": "calibrary/inspect-1", **told}
     text = json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False)
     sys.stdout.write(f"{text}\n")
 

@@ -7,12 +7,23 @@ import os
 import sys
 from collections.abc import Sequence
 
-from calibrary.cli import catalogue, convert, extract, formats, inspect
+from calibrary.cli import (
+    calibrate,
+    catalogue,
+    completion,
+    convert,
+    diff,
+    extract,
+    formats,
+    inspect,
+    registry,
+    undistort,
+)
 from calibrary.errors import CalibraryError, CalibrationError, RegistryError, ValidationError
 
 __all__ = ["build_parser", "main"]
 
-COMMANDS = (extract, inspect, convert, catalogue, formats)
+COMMANDS = (extract, calibrate, registry, diff, inspect, convert, undistort, catalogue, formats, completion)
 
 EXIT_POLICY = 1
 EXIT_INPUT = 3

@@ -15,7 +15,7 @@ from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.distortion.polynomial import Jacobian, PolynomialMap
 from calibrary.errors import InputError
 
-__all__ = ["BrownPolynomial"]
+__all__ = ["BrownMap", "BrownPolynomial"]
 
 LARGEST_AFFINITY = 0.1
 
@@ -32,7 +32,7 @@ class BrownPolynomial(OpenCVDistortion):
              + (p1·(r² + 2y²) + 2·p2·x·y)·(1 + h) + s3·r² + s4·r⁴
 
     Raises:
-        InputError: a coefficient is not finite, or b1 or b2 exceeds 0.1: see :class:`_Map`.
+        InputError: a coefficient is not finite, or b1 or b2 exceeds 0.1: see :class:`BrownMap`.
     """
 
     model: ClassVar[str] = "brown-polynomial"
@@ -65,14 +65,14 @@ class BrownPolynomial(OpenCVDistortion):
 
     def _lens(self) -> PolynomialMap:
         """The map; r⁸ and r¹⁰ multiply, where OpenCV's k4 and k5 divide."""
-        return _Map(
+        return BrownMap(
             k1=self.k1, k2=self.k2, k3=self.k3, r8=self.k4, r10=self.k5, p1=self.p1, p2=self.p2, t2=self.p3,
             t4=self.p4, s1=self.s1, s2=self.s2, s3=self.s3, s4=self.s4, b1=self.b1, b2=self.b2,
         )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Map(PolynomialMap):
+class BrownMap(PolynomialMap):
     """OpenCV's map with two more radial terms, tangential terms that grow, and an affinity.
 
     On a circle of radius r, with complex numbers, the image is ``w = m + a·e + b·e² + g·ē`` (e the unit vector;
@@ -126,7 +126,7 @@ class _Map(PolynomialMap):
 
     def in_octave(self, octave: int) -> PolynomialMap:
         """The same map with both radii counted in units of 2**octave."""
-        return _Map(
+        return BrownMap(
             **{name: math.ldexp(getattr(self, name), power * octave) for name, power in _POWERS.items()}
         )
 

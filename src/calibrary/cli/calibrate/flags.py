@@ -1,0 +1,56 @@
+"""The flags that say which board, the same for every word."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calibrary.calib.board import Board
+
+__all__ = ["add_size_flags", "board_of", "number"]
+
+
+def add_size_flags(parser: argparse.ArgumentParser) -> None:
+    """Add ``--square-mm`` and ``--marker-mm``."""
+    parser.add_argument(
+        "--square-mm",
+        type=number(0.01, 10_000),
+        required=True,
+        metavar="MM",
+        help="side of a square; of circles the distance of their centres, of an aprilgrid from tag to tag",
+    )
+    parser.add_argument(
+        "--marker-mm",
+        type=number(0.01, 10_000),
+        metavar="MM",
+        help="side of a marker, diameter of a circle (default: 3/4, 1/1.3 or 1/2 of the square)",
+    )
+
+
+def board_of(text: str, arguments: argparse.Namespace) -> Board:
+    """The board that ``text`` and the size flags describe.
+
+    Raises:
+        InputError: they describe none.
+    """
+    from calibrary.calib.board import parse_board
+
+    return parse_board(text, arguments.square_mm, arguments.marker_mm)
+
+
+def number(low: float, high: float) -> Callable[[str], float]:
+    """An argument's type: a number from ``low`` to ``high``."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r}: wanted a number from {low:g} to {high:g}")
+        return value
+
+    return parse

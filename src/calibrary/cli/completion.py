@@ -1,0 +1,78 @@
+"""``calibrary completion``: a script by which a shell completes commands, flags, files and formats."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary completion bash   > ~/.local/share/bash-completion/completions/calibrary
+  calibrary completion zsh    > ~/.zfunc/_calibrary
+  calibrary completion tcsh   >> ~/.cshrc
+
+zsh looks for it in the folders of fpath, which are to be set before compinit runs.
+A new shell completes from then on; write the script again after an update.
+"""
+
+SHELLS = ("bash", "zsh", "tcsh")
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "completion",
+        help="print a script that completes commands and flags in a shell",
+        description="Print a script that completes commands, flags, files and formats in a shell.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("shell", choices=SHELLS, help="the shell that is to complete")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    import shtab
+
+    from calibrary.cli.main import build_parser
+
+    parser = build_parser()
+    for action in _actions(parser):
+        _say_what_completes(action)
+    script = shtab.complete(parser, shell=arguments.shell)
+    sys.stdout.write(script if script.endswith("\n") else f"{script}\n")
+    return 0
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Every argument of a command and of those below it."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from _actions(below)
+
+
+def _say_what_completes(action: argparse.Action) -> None:
+    """Paths complete as files or folders, formats and their questions by the formats' records."""
+    import shtab
+
+    from calibrary.parsers import formats
+
+    if action.type is Path:
+        kind = shtab.DIRECTORY if action.metavar == "DIR" else shtab.FILE
+        # The attribute that shtab looks for; argparse knows nothing of it.
+        action.complete = kind  # type: ignore[attr-defined]
+    elif action.choices is not None:
+        return
+    elif action.dest == "format":
+        action.choices = [record.name for record in formats() if record.read is not None]
+    elif action.dest == "to":
+        action.choices = [record.name for record in formats() if record.write is not None]
+    elif action.dest == "set":
+        questions = (option for record in formats() for option in record.options)
+        action.choices = sorted({f"{option.name}={value}" for option in questions for value in option.values})

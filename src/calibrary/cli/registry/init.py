@@ -1,0 +1,100 @@
+"""``calibrary registry init``: a registry to begin with, or a copy of one that is somewhere."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+
+if TYPE_CHECKING:
+    from calibrary.keep.beginning import Begun
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary registry init fleet
+  calibrary registry init --bare fleet.git                        to be pushed to
+  calibrary registry init --remote git@example.com:fleet.git      a copy of one that is there
+
+It makes a git repository with registry.yaml, README.md, .gitattributes and a workflow that runs 'calibrary
+registry check' on every push. A repository without a commit is begun in; one with commits is left alone.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "init",
+        help="begin a registry, or copy one",
+        description="Begin a registry of camera calibrations in git, or copy one that is somewhere.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "path", nargs="?", type=Path, metavar="PATH", help="its folder; this one when left out"
+    )
+    parser.add_argument("--remote", metavar="URL", help="copy this one: https://, ssh://, user@host:path, a folder")
+    parser.add_argument("--bare", action="store_true", help="without a work tree, for a server")
+    add_yes_flag(parser, "set up git's diff of entries without asking")
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import make_console, plain
+    from calibrary.keep.beginning import begin, begin_from, folder_for, install_driver
+    from calibrary.keep.welcome import DRIVER, DRIVER_COMMAND
+
+    if arguments.remote is not None:
+        place = arguments.path or folder_for(arguments.remote)
+        begun = begin_from(arguments.remote, place, bare=arguments.bare)
+    else:
+        begun = begin(arguments.path or Path(), bare=arguments.bare)
+    note = make_console(stderr=True)
+    for line in _told(begun):
+        note.print(plain(line), highlight=False, soft_wrap=True)
+    folder = begun.keeper.registry.store.path
+    installed = False
+    if not arguments.bare:
+        question = "Have git show entries by their fields here (git config in this repository)?"
+        if arguments.yes or (can_ask() and agreed(arguments, question)):
+            install_driver(begun.keeper)
+            installed = True
+        else:
+            note.print("to have git show entries by their fields:", highlight=False, soft_wrap=True)
+            line = f'  git -C {folder} config {DRIVER} "{DRIVER_COMMAND}"'
+            note.print(plain(line), highlight=False, soft_wrap=True)
+    if arguments.json:
+        document = {
+            "schema": "calibrary/registry-begun-1",
+            "registry": str(folder),
+            "commit": begun.keeper.registry.commit(),
+            "cloned_from": begun.cloned_from,
+            "files": sorted(begun.files),
+            "textconv": installed,
+        }
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    else:
+        where = "" if folder == Path.cwd() else f" --registry {folder}"
+        note.print(
+            plain(f"next: calibrary registry add FILE{where}"), highlight=False, soft_wrap=True
+        )
+    return 0
+
+
+def _told(begun: Begun) -> list[str]:
+    folder = begun.keeper.registry.store.path
+    if begun.cloned_from is not None and not begun.files:
+        lines = [f"{folder}: a copy of {begun.cloned_from}"]
+    elif begun.cloned_from is not None:
+        lines = [f"{folder}: {begun.cloned_from} was empty, so a registry was begun; push it"]
+    else:
+        lines = [f"{folder}: a registry was begun, with {', '.join(sorted(begun.files))}"]
+    if begun.outer is not None:
+        lines.append(f"it lies in another repository, {begun.outer}, whose .gitignore should name it")
+    return lines

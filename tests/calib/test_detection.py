@@ -1,0 +1,172 @@
+"""Detection: points where the truth says and in its order, and nothing where there is no whole board."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from calibrary.calib.board import Board, parse_board
+from calibrary.calib.board_size import find_board_size
+from calibrary.calib.detect import detect
+from calibrary.calib.detectors.refinement import half_window
+from calibrary.calib.detectors.reliability import reliable
+from calibrary.calib.found import Found, NotFound, Reason
+from calibrary.calib.synthesis import Settings
+from calibrary.errors import CalibrationError, InputError
+from tests.calib.photographs import BOARD, FloatArray, Gray, photograph
+
+NEEDS_4_14 = pytest.mark.skipif(
+    tuple(int(part) for part in cv2.__version__.split(".")[:2]) < (4, 14),
+    reason="ChArUco is refused before 4.14",
+)
+
+NOWHERE: Gray = np.clip(np.random.default_rng(1).normal(120, 40, (480, 640)), 0, 255).astype(np.uint8)
+
+
+def found(gray: Gray, name: str = "checkerboard:9x6") -> Found:
+    answer = detect(gray, parse_board(name, 40.0))
+    assert isinstance(answer, Found), answer
+    return answer
+
+
+def not_found(gray: Gray, name: str = "checkerboard:9x6") -> NotFound:
+    answer = detect(gray, parse_board(name, 40.0))
+    assert isinstance(answer, NotFound)
+    return answer
+
+
+def errors(answer: Found, truth: FloatArray) -> FloatArray:
+    return np.asarray(np.hypot(*(answer.points - truth[answer.ids]).T))
+
+
+class TestEveryPattern:
+    @pytest.mark.parametrize("number", range(3))
+    @pytest.mark.parametrize(
+        ("name", "limit_px"),
+        [
+            ("checkerboard:9x6", 0.15),
+            pytest.param("charuco:8x6", 0.25, marks=NEEDS_4_14),
+            ("aprilgrid:5x4", 0.25),
+            ("circles:9x7", 0.25),
+        ],
+    )
+    def test_points_lie_where_the_truth_says_and_in_its_order(
+        self, name: str, limit_px: float, number: int
+    ) -> None:
+        gray, truth = photograph(name, number)
+        answer = found(gray, name)
+        assert len(answer.ids) >= 0.9 * len(truth)
+        assert errors(answer, truth).max() < limit_px
+        assert np.abs((answer.points - truth[answer.ids]).mean(axis=0)).max() < 0.03
+
+    @pytest.mark.parametrize("name", ["checkerboard:9x6", "aprilgrid:5x4", "circles:9x7"])
+    def test_where_there_is_no_board_it_says_so(self, name: str) -> None:
+        assert not_found(NOWHERE, name).reason is Reason.NO_BOARD
+
+    def test_a_part_of_an_aprilgrid_is_enough(self) -> None:
+        gray, truth = photograph("aprilgrid:5x4", 1)
+        half = gray.copy()
+        half[:, int(truth[:, 0].mean()) :] = 128
+        answer = found(half, "aprilgrid:5x4")
+        assert 16 <= len(answer.ids) < len(truth)
+        assert errors(answer, truth).max() < 0.25
+
+
+class TestCheckerboard:
+    @pytest.mark.parametrize("name", ["checkerboard:9x6", "checkerboard:8x7", "checkerboard:7x4"])
+    def test_a_board_held_upside_down_begins_at_the_same_square(self, name: str) -> None:
+        for upside_down in (False, True):
+            gray, truth = photograph(name, 1, upside_down=upside_down)
+            assert errors(found(gray, name), truth).max() < 0.15
+
+    @pytest.mark.parametrize("name", ["checkerboard:8x6", "checkerboard:6x6", "checkerboard:7x7"])
+    def test_a_board_that_looks_alike_from_both_ends_begins_at_the_left(self, name: str) -> None:
+        for upside_down in (False, True):
+            answer = found(photograph(name, 1, upside_down=upside_down)[0], name)
+            assert answer.lattice is not None
+            run = (answer.lattice[:, -1] - answer.lattice[:, 0]).mean(axis=0)
+            assert run[0] > abs(run[1])
+
+    @pytest.mark.parametrize(("columns", "rows"), [(8, 6), (9, 5), (8, 5), (7, 4), (6, 5), (5, 4)])
+    def test_a_part_of_a_larger_board_is_not_taken_for_the_board(self, columns: int, rows: int) -> None:
+        for number in range(2):
+            not_found(photograph(number=number)[0], f"checkerboard:{columns}x{rows}")
+
+    @pytest.mark.parametrize(("columns", "rows"), [(10, 6), (9, 7), (11, 8), (10, 7)])
+    def test_a_larger_board_is_not_found_in_a_smaller_one(self, columns: int, rows: int) -> None:
+        for number in range(2):
+            not_found(photograph(number=number)[0], f"checkerboard:{columns}x{rows}")
+
+    def test_a_covered_corner_is_left_out_and_named(self) -> None:
+        gray, truth = photograph(number=1)
+        covered = gray.copy()
+        x, y = np.rint(truth[23]).astype(int)
+        answer = found(gray)
+        reach = max(2, int(answer.spacing_px / 7))
+        covered[y - reach : y + reach, x - reach : x + reach] = 128
+        answer = found(covered)
+        if 23 in answer.ids:
+            assert errors(answer, truth)[answer.ids == 23] < 0.35
+        else:
+            assert [remark.reason for remark in answer.remarks] == [Reason.DISPLACED_CORNERS]
+        assert np.median(errors(answer, truth)) < 0.1
+
+    def test_corners_whose_window_leaves_the_frame_are_left_out_and_named(self) -> None:
+        gray = photograph(number=1)[0]
+        seen = found(gray).points
+        shifted = seen - (seen[:, 0].min() - 5.0, 0.0)
+        answer = reliable(gray, BOARD, np.arange(54), shifted, half=7, spacing_px=30.0)
+        assert isinstance(answer, Found)
+        assert [remark.reason for remark in answer.remarks] == [Reason.AT_BORDER]
+        assert np.array_equal(answer.ids, np.flatnonzero(shifted[:, 0] >= 8))
+
+    def test_the_window_grows_with_the_squares_between_three_and_fifteen(self) -> None:
+        assert [half_window(spacing) for spacing in (5, 20, 40, 50, 500)] == [3, 6, 12, 15, 15]
+
+    def test_a_large_frame_gives_the_corners_of_its_full_resolution(self) -> None:
+        small, truth = photograph(number=2)
+        large = cv2.resize(small, None, fx=5, fy=5, interpolation=cv2.INTER_CUBIC).astype(np.uint8)
+        assert np.abs(found(large).points - 5 * truth).max() < 5 * 0.15
+
+    def test_noise_blur_and_dim_light_move_corners_by_a_tenth_of_a_pixel(self) -> None:
+        gray, truth = photograph(settings=Settings(blur_px=1.5, noise=5.0, tones=(0.05, 0.4), quality=75))
+        assert np.sqrt((errors(found(gray), truth) ** 2).mean()) < 0.2
+
+
+class TestBoardsThatCannotBeLookedFor:
+    def test_a_checkerboard_of_two_corners_a_side(self) -> None:
+        with pytest.raises(InputError, match="at least 3 points"):
+            detect(NOWHERE, Board(columns=2, rows=6, square_mm=40))
+
+    def test_charuco_with_an_opencv_that_counts_its_corners_wrongly(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(cv2, "__version__", "4.13.0")
+        with pytest.raises(
+            InputError, match=r"OpenCV 4\.13\.0: before 4\.14 its corners lie half a pixel off"
+        ):
+            detect(NOWHERE, parse_board("charuco:8x6", 40.0))
+
+
+class TestBoardSize:
+    @pytest.mark.parametrize(("columns", "rows"), [(9, 6), (8, 6), (7, 7), (6, 4)])
+    def test_it_is_found_by_trying(self, columns: int, rows: int) -> None:
+        name = f"checkerboard:{columns}x{rows}"
+        assert find_board_size([photograph(name, number)[0] for number in range(2)]) == (columns, rows)
+
+    def test_frames_without_a_board_do_not_vote(self) -> None:
+        assert find_board_size([NOWHERE, photograph()[0]]) == (BOARD.columns, BOARD.rows)
+
+    def test_no_board_is_said(self) -> None:
+        with pytest.raises(CalibrationError, match="no checkerboard found in 1 frames"):
+            find_board_size([NOWHERE])
+
+    def test_two_boards_are_a_question_for_the_user(self) -> None:
+        with pytest.raises(CalibrationError, match="name the right one"):
+            find_board_size([photograph("checkerboard:6x4")[0], photograph()[0]])
+
+    def test_no_more_frames_are_read_than_are_needed(self) -> None:
+        frames = iter([photograph(number=number)[0] for number in (0, 1, 2, 0, 1)])
+        find_board_size(frames)
+        assert len(list(frames)) == 2

@@ -1,0 +1,211 @@
+"""Frames: decoded as the sensor stored them, or refused in one line that says what the file is."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image, TiffImagePlugin
+
+from calibrary.calib.frames import Setting, frame_size, group_frames, read_frame, the_one_setting
+from calibrary.calib.image_head import check_complete, read_head
+from calibrary.calibration import CameraKey
+from calibrary.errors import InputError, ParseError, UnknownFormatError
+from tests.calib.photographs import Gray, encoded, photograph
+
+MOTTLED: Gray = np.clip(np.random.default_rng(3).normal(120, 40, (96, 128)), 0, 255).astype(np.uint8)
+COLOUR: Gray = np.dstack([MOTTLED, MOTTLED[::-1], MOTTLED[:, ::-1]])
+
+
+def written(tmp_path: Path, content: bytes, name: str = "frame.img") -> Path:
+    path = tmp_path / name
+    path.write_bytes(content)
+    return path
+
+
+def refusal(tmp_path: Path, content: bytes) -> str:
+    path = written(tmp_path, content)
+    with pytest.raises(InputError) as caught:
+        read_frame(path)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith("frame.img: ")
+    return str(caught.value)
+
+
+def with_tiff_tag(content: bytes, tag: int, old: int, new: int) -> bytes:
+    """A little-endian TIFF with the value of one SHORT replaced."""
+    entry = tag.to_bytes(2, "little") + b"\x03\0\x01\0\0\0"
+    assert content.count(entry + old.to_bytes(2, "little")) == 1
+    return content.replace(entry + old.to_bytes(2, "little"), entry + new.to_bytes(2, "little"))
+
+
+class TestDecoding:
+    @pytest.mark.parametrize("kind", ["PNG", "TIFF"])
+    def test_gray_is_kept_to_the_bit(self, tmp_path: Path, kind: str) -> None:
+        frame = read_frame(written(tmp_path, encoded(MOTTLED, kind)))
+        assert np.array_equal(frame.gray, MOTTLED)
+        assert frame.size == (128, 96)
+
+    def test_the_hash_is_of_the_files_bytes(self, tmp_path: Path) -> None:
+        content = encoded(MOTTLED, "PNG")
+        frame = read_frame(written(tmp_path, content))
+        assert frame.sha256 == hashlib.sha256(content).hexdigest()
+
+    @pytest.mark.parametrize("kind", ["PNG", "TIFF", "JPEG"])
+    def test_colour_becomes_its_luma(self, tmp_path: Path, kind: str) -> None:
+        frame = read_frame(
+            written(tmp_path, encoded(COLOUR, kind, **({"quality": 100} if kind == "JPEG" else {})))
+        )
+        luma = np.asarray(Image.fromarray(COLOUR).convert("L"), dtype=np.float64)
+        assert np.abs(frame.gray - luma).mean() < 1.5
+
+    @pytest.mark.parametrize("kind", ["PNG", "TIFF"])
+    def test_twelve_bits_in_sixteen_are_stretched_to_eight(self, tmp_path: Path, kind: str) -> None:
+        deep = MOTTLED.astype(np.uint16) * 16
+        frame = read_frame(written(tmp_path, encoded(deep, kind)))
+        assert frame.gray.dtype == np.uint8
+        assert np.ptp(frame.gray) == 255
+        assert np.corrcoef(frame.gray.ravel(), MOTTLED.ravel())[0, 1] > 0.999
+
+    def test_exif_orientation_does_not_turn_the_frame(self, tmp_path: Path) -> None:
+        exif = Image.Exif()
+        exif[0x0112] = 6
+        frame = read_frame(written(tmp_path, encoded(MOTTLED, "JPEG", exif=exif, quality=95)))
+        assert frame.size == (128, 96)
+        assert np.corrcoef(frame.gray.ravel(), MOTTLED.ravel())[0, 1] > 0.98
+
+    def test_data_behind_the_end_of_a_jpeg_does_no_harm(self, tmp_path: Path) -> None:
+        content = encoded(MOTTLED, "JPEG") + b"\xff\xd8 a preview as cameras append it"
+        assert read_frame(written(tmp_path, content)).size == (128, 96)
+
+    def test_a_progressive_jpeg_is_whole_with_all_its_scans(self, tmp_path: Path) -> None:
+        content = encoded(COLOUR, "JPEG", progressive=True)
+        assert read_frame(written(tmp_path, content)).size == (128, 96)
+        assert "cut short" in refusal(tmp_path, content[: len(content) * 3 // 4])
+
+
+class TestRefusals:
+    @pytest.mark.parametrize("kind", ["JPEG", "TIFF"])
+    def test_cmyk(self, tmp_path: Path, kind: str) -> None:
+        out = io.BytesIO()
+        Image.fromarray(COLOUR).convert("CMYK").save(out, kind)
+        assert f"a CMYK {kind}, made by a program for print" in refusal(tmp_path, out.getvalue())
+
+    @pytest.mark.parametrize("kind", ["JPEG", "PNG", "TIFF"])
+    def test_a_file_cut_short(self, tmp_path: Path, kind: str) -> None:
+        content = encoded(COLOUR, kind)
+        assert "cut short after" in refusal(tmp_path, content[: len(content) * 2 // 3])
+
+    def test_a_tiff_that_says_it_is_a_bayer_mosaic(self, tmp_path: Path) -> None:
+        content = with_tiff_tag(encoded(MOTTLED, "TIFF"), 262, 1, 32803)
+        assert "raw colour mosaic (Bayer)" in refusal(tmp_path, content)
+
+    @pytest.mark.parametrize("corner", [(0, 0), (0, 1), (1, 0), (1, 1)])
+    def test_a_bayer_mosaic_that_says_it_is_gray(self, tmp_path: Path, corner: tuple[int, int]) -> None:
+        gray = photograph()[0].astype(np.float64)
+        sensitivity = np.ones_like(gray)
+        y, x = corner
+        sensitivity[y::2, x::2], sensitivity[1 - y :: 2, 1 - x :: 2] = 0.6, 0.8
+        assert "raw colour mosaic (Bayer)" in refusal(
+            tmp_path, encoded((gray * sensitivity).astype(np.uint8), "TIFF")
+        )
+
+    def test_a_raw_dng(self, tmp_path: Path) -> None:
+        tags = TiffImagePlugin.ImageFileDirectory_v2()
+        tags.tagtype[50706] = 1
+        tags[50706] = b"\x01\x04\0\0"
+        assert "raw DNG; develop it" in refusal(tmp_path, encoded(COLOUR, "TIFF", tiffinfo=tags))
+
+    def test_several_images_in_a_tiff(self, tmp_path: Path) -> None:
+        pages = [Image.fromarray(MOTTLED)]
+        content = encoded(MOTTLED, "TIFF", save_all=True, append_images=pages)
+        assert "several images" in refusal(tmp_path, content)
+
+    def test_an_animated_png(self, tmp_path: Path) -> None:
+        other = Image.fromarray(MOTTLED[::-1])
+        assert "animated PNG" in refusal(
+            tmp_path, encoded(MOTTLED, "PNG", save_all=True, append_images=[other])
+        )
+
+    def test_floating_point(self, tmp_path: Path) -> None:
+        assert "floating-point" in refusal(tmp_path, encoded(MOTTLED.astype(np.float32), "TIFF"))
+
+    def test_an_image_that_would_not_fit_into_memory(self, tmp_path: Path) -> None:
+        content = bytearray(encoded(MOTTLED, "PNG"))
+        content[16:24] = (200_000).to_bytes(4) * 2
+        assert "200000×200000 px" in refusal(tmp_path, bytes(content))
+
+    @pytest.mark.parametrize(
+        "content", [b"", b"GIF89a" + bytes(100), b"\0\0\0\x18ftypheic" + bytes(100), bytes(64)]
+    )
+    def test_what_is_no_jpeg_png_or_tiff(self, tmp_path: Path, content: bytes) -> None:
+        assert "wanted a JPEG, PNG or TIFF" in refusal(tmp_path, content)
+        with pytest.raises(UnknownFormatError):
+            frame_size(tmp_path / "frame.img")
+
+    def test_a_folder_and_a_file_that_is_not_there(self, tmp_path: Path) -> None:
+        for path in (tmp_path, tmp_path / "none.jpg"):
+            for read in (read_frame, frame_size):
+                with pytest.raises(InputError, match="give the frames as files"):
+                    read(path)
+
+    @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @given(st.sampled_from(["JPEG", "PNG", "TIFF"]), st.data())
+    def test_no_damage_raises_anything_but_a_parse_error(self, kind: str, data: st.DataObject) -> None:
+        content = bytearray(encoded(COLOUR, kind))
+        for _ in range(data.draw(st.integers(1, 8))):
+            content[data.draw(st.integers(3, min(len(content) - 1, 700)))] = data.draw(st.integers(0, 255))
+        damaged = bytes(content[: data.draw(st.integers(4, len(content)))])
+        with contextlib.suppress(ParseError, UnknownFormatError):
+            check_complete(damaged, read_head(damaged))
+
+
+class TestSettings:
+    CAMERA = CameraKey(make="Acme", model="A1", focal_mm=8.8, serial="ab12", firmware="1.0")
+
+    def shot(self, **changes: object) -> Setting:
+        given: dict[str, object] = {
+            "camera": self.CAMERA,
+            "image_size": (640, 480),
+            "focus": "locked at infinity",
+        }
+        return Setting(**{**given, **changes})  # type: ignore[arg-type] # a table of cases
+
+    def one_setting(self, odd: Setting) -> Setting:
+        frames = {Path(f"a/IMG_{number}.jpg"): self.shot() for number in range(4)} | {Path("a/ODD.jpg"): odd}
+        return the_one_setting(group_frames(frames, frames.__getitem__))
+
+    def test_frames_alike_have_one(self) -> None:
+        assert self.one_setting(self.shot()) == self.shot()
+
+    @pytest.mark.parametrize(
+        ("changes", "told"),
+        [
+            (
+                {"image_size": (480, 640)},
+                "2 sizes: 4 of 640×480 px (IMG_0.jpg, IMG_1.jpg, IMG_2.jpg, …); 1 of 480×640 px",
+            ),
+            ({"camera": CameraKey(make="Acme", model="A2")}, "2 cameras: 4 of Acme A1 8.8 mm"),
+            (
+                {"camera": CameraKey(make="Acme", model="A1", focal_mm=8.8, serial="ff00", firmware="1.0")},
+                "serial ff00",
+            ),
+            ({"focus": "1.5 m"}, "2 focus settings: 4 of locked at infinity"),
+            ({"focus": None}, "1 of a focus they do not tell (ODD.jpg)"),
+        ],
+    )
+    def test_frames_that_differ_are_named(self, changes: dict[str, object], told: str) -> None:
+        with pytest.raises(InputError) as caught:
+            self.one_setting(self.shot(**changes))
+        assert told in str(caught.value)
+        assert "(ODD.jpg)" in str(caught.value)
+
+    def test_no_frames_have_none(self) -> None:
+        with pytest.raises(InputError, match="no frames"):
+            the_one_setting({})

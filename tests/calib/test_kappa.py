@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from calibrary.calib.kappa import chi_square, split_half
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.network import Network
+from calibrary.calib.solve import solve
+from calibrary.errors import CalibrationError
+
+from .solving import SIZE, Session, shoot
+
+
+def _kappa2(how: Session, seed: int) -> float:
+    solved = solve(Network.of(shoot(how=how, seed=seed)), SIZE, model=Solvable.BROWN, warp=False)
+    halves = split_half(solved.adjusted)
+    assert halves is not None
+    return halves.kappa2
+
+
+def test_halves_of_clean_views_agree_as_they_say_they_do() -> None:
+    found = [_kappa2(Session(), seed) for seed in range(4)]
+    assert max(found) < 2.5
+    assert 0.4 < np.median(found) < 1.6
+
+
+def test_a_bow_of_a_two_thousandth_that_is_not_solved_for_is_noticed() -> None:
+    assert min(_kappa2(Session(bow_mm=0.2), seed) for seed in range(3)) > 4
+
+
+def test_the_same_seed_deals_the_same_halves() -> None:
+    solved = solve(Network.of(shoot(seed=3)), SIZE, model=Solvable.K1K2).adjusted
+    first, second, other = split_half(solved), split_half(solved), split_half(solved, seed=1)
+    assert first is not None
+    assert second is not None
+    assert other is not None
+    assert first.by_split == second.by_split != other.by_split
+
+
+def test_five_views_have_no_halves() -> None:
+    solved = solve(Network.of(shoot(how=Session(views=5))), SIZE, model=Solvable.K1K2).adjusted
+    assert split_half(solved) is None
+
+
+def test_chi_square_knows_units_and_refuses_a_parameter_without_variance() -> None:
+    C = np.diag([4.0, 1e-12])
+    assert chi_square(np.array([2.0, 1e-6]), C) == pytest.approx(2.0)
+    with pytest.raises(CalibrationError, match="no variance"):
+        chi_square(np.ones(2), np.diag([1.0, 0.0]))

@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+
+from calibrary.calib.lens_models import Solvable
+from calibrary.calibration import Intrinsics
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, Rational
+from calibrary.errors import InputError
+
+from .solving import BROWN, camera
+
+LENSES: dict[Solvable, Distortion] = {
+    Solvable.K1K2: BrownConrady(k1=-0.1, k2=0.02, p1=0.0, p2=0.0),
+    Solvable.K1K2K3: BrownConrady(k1=-0.1, k2=0.02, p1=0.0, p2=0.0, k3=0.011),
+    Solvable.K1K2P1P2: BrownConrady(k1=-0.1, k2=0.02, p1=1e-3, p2=-2e-3),
+    Solvable.BROWN: BROWN,
+    Solvable.RATIONAL: Rational(k1=0.1, k2=-0.2, p1=1e-3, p2=-2e-3, k3=0.03, k4=0.05, k5=-0.1, k6=0.01),
+    Solvable.FISHEYE: KannalaBrandt(k1=0.05, k2=-0.02, k3=0.004, k4=-0.001),
+}
+
+
+def _points() -> np.ndarray:
+    points = np.random.default_rng(3).normal(0, 0.35, (60, 3))
+    points[:, 2] = 1.0
+    points[0] = (0.0, 0.0, 1.0)
+    return points
+
+
+@pytest.mark.parametrize("model", list(Solvable))
+def test_a_model_projects_as_its_distortion_does(model: Solvable) -> None:
+    truth = camera(distortion=LENSES[model])
+    parameters = model.values(truth.intrinsics, truth.distortion)
+    pixels, _, _ = model.project(parameters, _points())
+    np.testing.assert_allclose(pixels, truth.project(_points()), atol=1e-9)
+
+
+@pytest.mark.parametrize("model", list(Solvable))
+def test_derivatives_are_those_of_the_projection(model: Solvable) -> None:
+    truth = camera(distortion=LENSES[model])
+    parameters, points, h = model.values(truth.intrinsics, truth.distortion), _points(), 1e-6
+    _, by_parameter, by_point = model.project(parameters, points)
+    for index, step in enumerate(h * np.eye(len(parameters))):
+        numeric = (
+            model.project(parameters + step, points)[0] - model.project(parameters - step, points)[0]
+        ) / (2 * h)
+        np.testing.assert_allclose(by_parameter[..., index], numeric, atol=2e-5)
+    for index, step in enumerate(h * np.eye(3)):
+        numeric = (
+            model.project(parameters, points + step)[0] - model.project(parameters, points - step)[0]
+        ) / (2 * h)
+        np.testing.assert_allclose(by_point[..., index], numeric, atol=2e-5)
+
+
+@pytest.mark.parametrize("model", list(Solvable))
+def test_parameters_come_back_as_the_lens_they_were_taken_from(model: Solvable) -> None:
+    truth = camera(distortion=LENSES[model])
+    values = dict(zip(model.parameters, model.values(truth.intrinsics, truth.distortion), strict=True))
+    assert model.distortion(values) == LENSES[model]
+    assert model.intrinsics(values, truth.intrinsics.image_size) == truth.intrinsics
+
+
+def test_a_lens_the_model_cannot_hold_is_refused() -> None:
+    K = Intrinsics(fx=900, fy=900, cx=500, cy=400, image_size=(1000, 800))
+    for model, lens in ((Solvable.K1K2, BROWN), (Solvable.BROWN, LENSES[Solvable.FISHEYE])):
+        with pytest.raises(InputError, match="cannot hold"):
+            model.values(K, lens)

@@ -1,0 +1,136 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibrary.calib.covariance import lens_covariance
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.network import Network
+from calibrary.calib.projection_difference import projection_difference, projection_uncertainty
+from calibrary.calib.solve import solve
+from calibrary.calibration import Calibration, Covariance
+from calibrary.distortion import KannalaBrandt, NoDistortion
+from calibrary.errors import CalibrationError, InputError
+
+from .solving import SIZE, Session, camera, shoot
+
+SHAPE = (17, 13)
+
+
+def _solved(seed: int, truth: Calibration | None = None) -> tuple[Calibration, Covariance]:
+    found = solve(
+        Network.of(shoot(truth, seed=seed, how=Session(views=15))), SIZE, model=Solvable.BROWN, warp=False
+    )
+    values = dict(zip(found.state.model.parameters, found.state.parameters, strict=True))
+    lens = Solvable.BROWN.distortion(values)
+    solved = replace(camera(), intrinsics=Solvable.BROWN.intrinsics(values, SIZE), distortion=lens)
+    return solved, lens_covariance(found.adjusted)
+
+
+def _nudged(**by: float) -> Calibration:
+    base = camera()
+    K = base.intrinsics
+    return replace(
+        base, intrinsics=replace(K, **{name: getattr(K, name) + value for name, value in by.items()})
+    )
+
+
+def test_a_camera_does_not_differ_from_itself() -> None:
+    same = projection_difference(camera(), camera(), shape=SHAPE)
+    assert same.max_px < 1e-7
+    assert same.rotation_deg < 1e-9
+    assert same.region.any()
+
+
+def test_a_shifted_principal_point_is_nearly_a_rotation() -> None:
+    shifted = projection_difference(camera(), _nudged(cx=2.0), shape=SHAPE)
+    assert shifted.rotation_deg == pytest.approx(math.degrees(2 / 1450.37), rel=0.05)
+    assert shifted.centre_rms_px < 0.05
+    # Turned left by as much as the principal point moved right: about +y, in the right-handed frame, by −2/f.
+    assert shifted.rotation_rad[1] == pytest.approx(-2 / 1450.37, rel=0.05)
+
+
+def test_a_longer_focal_length_is_seen_as_far_out_as_it_is_long() -> None:
+    base, K = camera(distortion=NoDistortion()), camera().intrinsics
+    longer = replace(base, intrinsics=replace(K, fx=K.fx * 1.001, fy=K.fy * 1.001))
+    found = projection_difference(base, longer, shape=SHAPE)
+    offset = found.pixels - [K.cx, K.cy]
+    np.testing.assert_allclose(found.vectors, 0.001 * offset, atol=0.02)
+
+
+def test_two_models_of_one_lens_can_be_compared() -> None:
+    equidistant = camera(distortion=KannalaBrandt(k1=0.0, k2=0.0, k3=0.0, k4=0.0))
+    pinhole = camera(distortion=NoDistortion())
+    found = projection_difference(pinhole, equidistant, shape=SHAPE)
+    assert found.region.all()
+    assert found.max_px > 100 > found.centre_rms_px
+
+
+def test_weights_say_where_the_cameras_are_laid_together() -> None:
+    right = np.zeros(SHAPE[::-1])
+    right[:, -4:] = 1.0
+    other = _nudged(fx=1.5)
+    middle = projection_difference(camera(), other, shape=SHAPE)
+    weighted = projection_difference(camera(), other, shape=SHAPE, weights=right)
+    assert weighted.lengths_px[6, -2] < middle.lengths_px[6, -2]
+    assert weighted.lengths_px[6, 8] > middle.lengths_px[6, 8]
+
+
+def test_noise_alone_alarms_no_more_often_than_it_says() -> None:
+    chances = []
+    for seed in range(8):
+        (a, C_a), (b, C_b) = _solved(1000 + seed), _solved(2000 + seed)
+        found = projection_difference(a, b, shape=(9, 7), covariances=(C_a, C_b))
+        assert found.p is not None
+        chances.append(found.p)
+    assert sum(p < 0.05 for p in chances) <= 2
+    assert 0.2 < float(np.median(chances)) < 0.8
+
+
+def test_a_twentieth_of_a_percent_of_focal_length_is_found() -> None:
+    longer = _nudged(fx=0.0015 * 1450, fy=0.0015 * 1450)
+    (a, C_a), (b, C_b) = _solved(1), _solved(2, longer)
+    found = projection_difference(a, b, shape=SHAPE, covariances=(C_a, C_b))
+    assert found.p is not None
+    assert found.p < 0.01
+
+
+def test_uncertainty_is_the_scatter_of_calibrations() -> None:
+    truth = camera()
+    (_, C), scatter = _solved(0), []
+    L = np.linalg.cholesky(C.matrix)
+    rng = np.random.default_rng(0)
+    theta = Solvable.BROWN.values(truth.intrinsics, truth.distortion)
+    stated = projection_uncertainty(truth, C, shape=SHAPE).std_px
+    inside = stated < 0.2
+    weights = np.where(inside, 1.0 / stated**2, 0.0)
+    for _ in range(60):
+        values = dict(zip(C.names, theta + L @ rng.normal(size=len(theta)), strict=True))
+        drawn = replace(
+            truth,
+            intrinsics=Solvable.BROWN.intrinsics(values, SIZE),
+            distortion=Solvable.BROWN.distortion(values),
+        )
+        scatter.append(projection_difference(truth, drawn, shape=SHAPE, weights=weights).vectors)
+    worst = np.sqrt(
+        np.linalg.eigvalsh(np.einsum("kijx,kijy->ijxy", scatter, scatter) / len(scatter))[..., -1]
+    )
+    assert np.median(worst[inside] / stated[inside]) == pytest.approx(1.0, abs=0.15)
+
+
+def test_frames_of_two_sizes_are_not_compared() -> None:
+    with pytest.raises(InputError, match="scale one first"):
+        projection_difference(camera(), camera(size=(960, 720)))
+
+
+def test_cameras_that_see_nothing_in_common_are_not_compared() -> None:
+    away = _nudged(cx=1e6)
+    with pytest.raises((CalibrationError, InputError)):
+        projection_difference(camera(), away, shape=SHAPE)
+
+
+def test_a_covariance_of_another_model_is_refused() -> None:
+    C = Covariance.from_matrix(("fx", "xi"), np.eye(2))
+    with pytest.raises(InputError, match="'xi'"):
+        projection_uncertainty(camera(), C)
