@@ -318,13 +318,16 @@ def _between_halves(
     if halves is None:
         return None
     cameras = []
-    for parameters in halves.halves:
-        values = dict(zip(model.parameters, parameters.tolist(), strict=True))
-        K = model.intrinsics(values, calibration.intrinsics.image_size)
-        cameras.append(replace(calibration, intrinsics=K, distortion=model.distortion(values), quality=None))
     try:
+        for parameters in halves.halves:
+            values = dict(zip(model.parameters, parameters.tolist(), strict=True))
+            K = model.intrinsics(values, calibration.intrinsics.image_size)
+            cameras.append(
+                replace(calibration, intrinsics=K, distortion=model.distortion(values), quality=None)
+            )
         return projection_difference(cameras[0], cameras[1], shape=MAP_SHAPE)
-    except CalibrationError:
+    except (CalibrationError, InputError):
+        # Halves of views that determine nothing may be no cameras at all, or see nothing in common.
         return None
 
 

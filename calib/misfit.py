@@ -133,7 +133,7 @@ def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArr
     U, values, _ = np.linalg.svd(by_view / np.where(scale > 0, scale, 1.0), full_matrices=False)
     U = U * (values > SMALLEST_SINGULAR * values[:, :1])[:, None, :]
     rank = int((values > SMALLEST_SINGULAR * values[:, :1]).sum())
-    e = residuals - np.einsum("vmk,vk->vm", U, np.einsum("vmk,vm->vk", U, residuals))
+    e: FloatArray = residuals - np.einsum("vmk,vk->vm", U, np.einsum("vmk,vm->vk", U, residuals))
     carried: FloatArray = by_global - U @ (U.transpose(0, 2, 1) @ by_global)
     flat = carried.reshape(residuals.size, -1)
     size = np.linalg.norm(flat, axis=0)
@@ -154,9 +154,9 @@ def corner_noise(observations: Observations) -> float | None:
     total, count = 0.0, 0
     weights = np.array(FOURTH_DIFFERENCE)
     for view in observations.views:
-        grid = np.full((len(board.points), 2), np.nan)
-        grid[view.ids] = view.image_points
-        grid = grid.reshape(board.rows, board.columns, 2)
+        corners = np.full((len(board.points), 2), np.nan)
+        corners[view.ids] = view.image_points
+        grid = corners.reshape(board.rows, board.columns, 2)
         for along in (grid, grid.transpose(1, 0, 2)):
             if along.shape[1] < len(weights):
                 continue

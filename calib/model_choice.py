@@ -95,7 +95,7 @@ def best_model(
         warp: whether the board's warp is solved for too.
 
     Raises:
-        CalibrationError: none of them can be solved for.
+        CalibrationError: none of them can be solved at all.
     """
     tried: list[tuple[Candidate, Adjusted]] = []
     for model in sorted(models, key=lambda m: len(m.parameters)):
@@ -110,11 +110,12 @@ def best_model(
             adjusted = adjust(current.network, as_model(nearest.state, model), warp=warp)
             tried.append((_candidate(adjusted, image_size), adjusted))
     candidates = tuple(candidate for candidate, _ in tried)
-    allowed = [pair for pair in tried if pair[0].refused is None] or (tried if len(models) == 1 else [])
-    if not allowed:
+    if not tried:
         raise CalibrationError(
-            "no lens model can be determined from these views: tilt the board more, fill the frame"
+            "no lens model fits these views at all: are they of this board, and of one camera?"
         )
+    # Where nothing is determined the simplest is taken all the same: the verdict will say what is wrong with the views.
+    allowed = [pair for pair in tried if pair[0].refused is None] or tried[:1]
     least = min(candidate.bic for candidate, _ in allowed)
     near = [pair for pair in allowed if pair[0].bic <= least + BIC_MARGIN]
     return min(near, key=lambda pair: (len(pair[0].model.parameters), pair[0].bic))[1], candidates

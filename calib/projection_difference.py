@@ -169,7 +169,6 @@ def projection_difference(
             J = _seen_by_turn(second, rays @ R.T, seen)
             W = _inverse_variance(_remaining(J, W * seen, G), seen)
             R, seen = _fitted(second, rays, flat, W)
-            G = _sensitivity(first, second, R, flat, covariances)
         J = _seen_by_turn(second, rays @ R.T, seen)
         propagated = _remaining(J, W * seen, G).reshape(len(flat), 2, -1)
         std = np.where(seen, _worst(propagated), np.nan)

@@ -92,6 +92,9 @@ def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsi
                 flags=flags | cv2.CALIB_FIX_K3, criteria=FIRST_STEPS,
             )  # fmt: skip
             parameters = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], np.ravel(lens)[:4]])
+            if not (np.isfinite(parameters).all() and (parameters[:2] > 0).all()):
+                # Boards that are all parallel to the sensor leave OpenCV's guess with a negative focal length.
+                continue
             rotations = np.array([cv2.Rodrigues(turn)[0] for turn in turns], dtype=np.float64)
             if len(few) == len(network.seen):
                 places_mm = np.array([np.ravel(place) for place in places], dtype=np.float64)

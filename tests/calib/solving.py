@@ -38,7 +38,7 @@ def camera(
 class Session:
     """How a set of views is taken."""
 
-    views: int = 25
+    views: int = 16
     tilt_deg: float = 35.0
     fill: tuple[float, float] = (0.3, 0.85)
     reach: float = 1.0

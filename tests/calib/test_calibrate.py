@@ -24,7 +24,7 @@ from .solving import BOARD, SIZE, Session, camera, moved, shoot
 
 @pytest.fixture(scope="module")
 def clean() -> CalibrationResult:
-    return calibrate(replace(shoot(), focus="manual", firmware="01.02"))
+    return calibrate(replace(shoot(how=Session(views=25)), focus="manual", firmware="01.02"))
 
 
 def _grave(result: CalibrationResult) -> set[str]:
@@ -58,7 +58,7 @@ def test_the_calibration_says_all_that_a_registry_wants_to_know(clean: Calibrati
     assert (quality.views, quality.points) == (25, 25 * 88)
     assert quality.kappa2 is not None
     assert 0 < quality.kappa2 < 2.5
-    assert quality.rms_px == pytest.approx(0.07, abs=0.005)
+    assert quality.rms_px == pytest.approx(0.07, abs=0.007)
     assert calibration.provenance.source == "checkerboard:11x8"
     assert (calibration.provenance.focus, calibration.provenance.firmware) == ("manual", "01.02")
     assert calibration.provenance.tool is not None
@@ -119,7 +119,7 @@ def _burst() -> Observations:
 
 def _rolling() -> Observations:
     rng, views = np.random.default_rng(4), []
-    for index, pose in enumerate(poses(BOARD, camera(), 25, 4, roll_deg=180.0)):
+    for index, pose in enumerate(poses(BOARD, camera(), 16, 4, roll_deg=180.0)):
         a, b, c = rng.normal(0, 3.0, 3)
         shutter = Shutter(readout_s=0.03, rate_deg_s=(a, b, c))
         seen = observe(BOARD, camera(), [pose], 0.05, index, shutter=shutter)
@@ -185,6 +185,18 @@ def test_low_tilt_says_what_to_do() -> None:
     result = calibrate(shoot(how=Session(tilt_deg=2.0)))
     message = next(reason.message for reason in result.verdict.reasons if reason.code == "low-tilt")
     assert re.match(r"tilt the board: normals spread \d°, need 20°", message)
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 0.1, 0.5])
+def test_boards_parallel_to_the_sensor_are_refused_and_nothing_worse(tilt_deg: float) -> None:
+    try:
+        result = calibrate(shoot(how=Session(tilt_deg=tilt_deg)))
+    except CalibrationError as error:
+        message = str(error)
+        assert "tilt the board" in message
+    else:
+        assert result.verdict.outcome is Outcome.REFUSE
+        assert "low-tilt" in _grave(result)
 
 
 def test_the_limits_can_be_set() -> None:

@@ -79,13 +79,13 @@ def test_weights_say_where_the_cameras_are_laid_together() -> None:
 
 def test_noise_alone_alarms_no_more_often_than_it_says() -> None:
     chances = []
-    for seed in range(8):
+    for seed in range(5):
         (a, C_a), (b, C_b) = _solved(1000 + seed), _solved(2000 + seed)
         found = projection_difference(a, b, shape=(9, 7), covariances=(C_a, C_b))
         assert found.p is not None
         chances.append(found.p)
-    assert sum(p < 0.05 for p in chances) <= 2
-    assert 0.2 < float(np.median(chances)) < 0.8
+    assert min(chances) > 0.01
+    assert 0.1 < float(np.median(chances)) < 0.9
 
 
 def test_a_twentieth_of_a_percent_of_focal_length_is_found() -> None:
