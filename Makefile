@@ -10,6 +10,7 @@ DEMO := demo-flight
 DEMO_RESULT := demo-result
 # corpus.py makes what the others measure.
 BENCHMARKS = $(filter-out benchmarks/corpus.py, $(wildcard benchmarks/*.py))
+SECONDS ?= 60
 EXTRACT := calibrary extract --image-dir $(DEMO) --recursive --output-matrix $(DEMO_RESULT)/K_matrix.npy
 UV := $(shell command -v uv 2>/dev/null)
 
@@ -30,7 +31,7 @@ REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary n
 %d.%d. Name a newer one (make PYTHON=python3.12), after removing $(VENV) if it is there." \
 % ((sys.executable,) + tuple(sys.version_info[:2])))
 
-.PHONY: help demo test lint format bench pictures dist lock clean
+.PHONY: help demo test lint format bench fuzz pictures dist lock clean
 .DEFAULT_GOAL := help
 
 help: ## List what can be made
@@ -67,6 +68,12 @@ bench: $(INSTALLED) ## Run every benchmark; each prints its ratios
 	@for file in $$(grep -ls '__main__' $(BENCHMARKS) /dev/null); do \
 		printf '\n%s\n' "$$file"; $(BIN)/python "$$file" || exit 1; \
 	done
+
+# atheris has wheels for Linux alone, so it is installed here, on demand, and never beside the tests' own tools.
+fuzz: $(INSTALLED) ## Fuzz every reader (SECONDS=60 each, FORMAT=a,b these alone)
+	@$(BIN)/python -c 'import atheris' 2>/dev/null || $(INSTALL) --only-binary atheris 'atheris>=3.0,<4' || { \
+		echo "make fuzz: atheris has no wheel for this Python or system; it has for Linux" >&2; exit 1; }
+	$(BIN)/python -m fuzz.run --seconds $(SECONDS) $(if $(FORMAT),--target $(FORMAT))
 
 pictures: $(INSTALLED) ## Draw the pictures of the documentation from real output
 	$(BIN)/python docs/make_pictures.py --pages

@@ -95,7 +95,7 @@ def _cell_samples(gray: Gray, lattice: Lattice) -> FloatArray:
     d, c = lattice[1:, :-1, None], lattice[1:, 1:, None]
     at = (a * (1 - s) + b * s) * (1 - t) + (d * (1 - s) + c * s) * t
     height, width = gray.shape
-    inside = ((at > -0.5) & (at < (width - 0.5, height - 0.5))).all(axis=(2, 3))
+    inside = np.all((at > -0.5) & (at < (width - 0.5, height - 0.5)), axis=(2, 3), keepdims=True)[..., 0, 0]
     x, y = np.rint(np.where(inside[..., None, None], at, 0.0)).astype(np.intp).transpose(3, 0, 1, 2)
     samples = gray[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
     return np.where(inside[..., None], samples, np.nan)
@@ -225,7 +225,8 @@ def homography(places: FloatArray, seen: FloatArray) -> FloatArray | None:
     """The plane's perspective, (3, 3), by least squares in the image; None where the points give none."""
     import cv2
 
-    H, _ = cv2.findHomography(places, seen)
+    # OpenCV's own types do not say that it may find none.
+    H: object = cv2.findHomography(places, seen)[0]
     return None if H is None else np.asarray(H, dtype=np.float64)
 
 

@@ -47,6 +47,7 @@ CENTRE: Final = 0.25
 """Half-width of the centre, in the frame's shorter side."""
 STEP_RAD: Final = 1e-6
 STEP_SIGMAS: Final = 0.05
+LARGEST_STEP: Final = 1e-3
 MAX_TURNS: Final = 20
 SETTLED_RAD: Final = 1e-10
 """A ten-thousandth of a thousandth of a pixel at any focal length."""
@@ -284,6 +285,9 @@ def _columns(calibration: Calibration, covariance: Covariance, pixels: _PixelsOf
     columns = []
     for name, sigma in covariance.std.items():
         step = STEP_SIGMAS * sigma
+        if name in {"fx", "fy"}:
+            # One that nothing determines must not be taken through zero.
+            step = min(step, LARGEST_STEP * getattr(calibration.intrinsics, name))
         if step == 0:
             columns.append(np.zeros_like(pixels(calibration)))
             continue

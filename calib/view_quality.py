@@ -47,7 +47,7 @@ def edge_widths(gray: Gray, lattice: FloatArray) -> tuple[float, float]:
     rows, columns = lattice.shape[:2]
     corners = np.ascontiguousarray(lattice.reshape(-1, 1, 2), dtype=np.float32)
     one, other = (
-        float(cv2.estimateChessboardSharpness(gray, (columns, rows), corners, RISE, vertical)[0][0])
+        float(np.ravel(cv2.estimateChessboardSharpness(gray, (columns, rows), corners, RISE, vertical)[0])[0])
         for vertical in (False, True)
     )
     return one, other

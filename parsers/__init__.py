@@ -17,12 +17,18 @@ from typing import TypeAlias
 
 from calibrary.atomic import write_files
 from calibrary.calibration import Calibration, ImageSize
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import MAX_JSON_BYTES, Content
 from calibrary.parsers.discovery import format_named, known_formats
-from calibrary.parsers.files import MAX_BYTES, companions, display_name, read_regular_file
-from calibrary.parsers.format import Format, Verdict
+from calibrary.parsers.files import MAX_BYTES, companions, display_name, length_of, read_regular_file
+from calibrary.parsers.format import Format, Verdict, no_companion
 from calibrary.parsers.image_names import is_image
-from calibrary.parsers.reading import Identity, identified, read_content
+from calibrary.parsers.reading import (
+    Identity,
+    identified,
+    identified_by_head,
+    read_content,
+    read_in_place,
+)
 from calibrary.parsers.writing import encoded
 
 __all__ = ["Format", "Identity", "Verdict", "decode", "encode", "formats", "identify", "read", "write"]
@@ -40,7 +46,7 @@ def identify(path: PathLike, *, max_bytes: int = MAX_BYTES) -> Identity:
 
     Args:
         path: a regular file.
-        max_bytes: longest file that is opened.
+        max_bytes: as for :func:`read`.
 
     Raises:
         InputError: it cannot be read, or is no regular file.
@@ -49,7 +55,9 @@ def identify(path: PathLike, *, max_bytes: int = MAX_BYTES) -> Identity:
         AmbiguousFormatError: two claim it equally; the message names both.
     """
     path = Path(path)
-    return identified(Content(read_regular_file(path, max_bytes=max_bytes), display_name(path)))
+    if length_of(path) > max_bytes:
+        return identified_by_head(path, max_bytes=max_bytes)
+    return identified(_content(read_regular_file(path, max_bytes=max_bytes), display_name(path), max_bytes))
 
 
 def read(
@@ -71,7 +79,9 @@ def read(
         image_size: (width, height) px, for files that do not say it.
         options: answers to what only the file's owner knows, as listed by the format, such as
             ``{"distortion": "fisheye"}``.
-        max_bytes: longest file that is opened.
+        max_bytes: longest file that is taken in. One beyond the default of 64 MiB also lifts the lower limits of
+            the formats, which keep any file within two seconds and 512 MiB. A database, whose cameras can be
+            looked up, may be of any length.
 
     Raises:
         InputError: it cannot be read or is no regular file, or an argument contradicts it.
@@ -87,10 +97,25 @@ def read(
         from calibrary.parsers.images import read_image  # noqa: PLC0415  loads the catalogue, which files do not need
 
         return read_image(path)
-    data = read_regular_file(path, max_bytes=max_bytes)
     beside = companions(path, max_bytes=max_bytes)
+    if length_of(path) > max_bytes:
+        record = format_named(format) if isinstance(format, str) else format
+        return read_in_place(
+            path,
+            record or identified_by_head(path, max_bytes=max_bytes).format,
+            image_size=image_size,
+            options=options,
+            companion=beside,
+            max_bytes=max_bytes,
+        )
     return decode(
-        data, name=display_name(path), format=format, image_size=image_size, options=options, companion=beside
+        read_regular_file(path, max_bytes=max_bytes),
+        name=display_name(path),
+        format=format,
+        image_size=image_size,
+        options=options,
+        companion=beside,
+        max_bytes=max_bytes,
     )
 
 
@@ -102,6 +127,7 @@ def decode(
     image_size: ImageSize | None = None,
     options: Mapping[str, str] | None = None,
     companion: Callable[[str], bytes | None] | None = None,
+    max_bytes: int = MAX_BYTES,
 ) -> list[Calibration]:
     """Every camera in bytes that are already in memory; see :func:`read`.
 
@@ -112,14 +138,19 @@ def decode(
         image_size: as for :func:`read`.
         options: as for :func:`read`.
         companion: gives the bytes of the files beside it, for formats that come in several.
+        max_bytes: as for :func:`read`.
 
     Raises:
         InputError: the kinds that :func:`read` lists.
     """
     record = format_named(format) if isinstance(format, str) else format
-    companion = companion or (lambda _name: None)
     return read_content(
-        Content(data, name), record=record, image_size=image_size, options=options, companion=companion
+        _content(data, name, max_bytes),
+        record=record,
+        image_size=image_size,
+        options=options,
+        companion=companion or no_companion,
+        max_bytes=max_bytes,
     )
 
 
@@ -173,3 +204,7 @@ def encode(
     return encoded(
         calibrations, record, name=name or f"camera{record.suffixes[0]}", max_error_px=max_error_px
     )
+
+
+def _content(data: bytes, name: str, max_bytes: int) -> Content:
+    return Content(data, name, max_json_bytes=max_bytes if max_bytes > MAX_BYTES else MAX_JSON_BYTES)

@@ -25,6 +25,7 @@ MAX_JSON_BYTES = 16 * 1024 * 1024
 
 _XML_SKIPPED = re.compile(r"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->))*+", re.DOTALL)
 _XML_TAG = re.compile(r"<([A-Za-z_][\w.:-]*+)(?=[\s/>])")
+_JSON_BEGINS = re.compile(r'\{|\[\s*+(?:$|[\[\]{"\d-]|(?:true|false|null)\b)')
 # Lengths are bounded, so that a line of a hundred thousand spaces costs no more than its share.
 _YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w .-]{0,80}?)["']?[ \t]{0,8}:(?=[ \t]|$)""", re.MULTILINE)
 
@@ -35,11 +36,13 @@ class Content:
     Attributes:
         data: all its bytes.
         name: the file's name, without a folder.
+        max_json_bytes: longest JSON that is looked into.
     """
 
-    def __init__(self, data: bytes, name: str) -> None:
+    def __init__(self, data: bytes, name: str, *, max_json_bytes: int = MAX_JSON_BYTES) -> None:
         self.data = data
         self.name = name
+        self.max_json_bytes = max_json_bytes
 
     @cached_property
     def suffix(self) -> str:
@@ -61,8 +64,11 @@ class Content:
 
     @cached_property
     def lines(self) -> tuple[str, ...]:
-        """The head's lines without surrounding space, empty ones left out."""
-        return tuple(line for raw in (self.text or "").splitlines() if (line := raw.strip()))
+        """The head's lines without surrounding space, empty ones left out, and without one it ends in."""
+        rows = (self.text or "").splitlines()
+        if len(self.data) > HEAD_BYTES and len(rows) > 1:
+            rows.pop()
+        return tuple(line for raw in rows if (line := raw.strip()))
 
     @cached_property
     def first_line(self) -> str:
@@ -91,13 +97,19 @@ class Content:
 
     @cached_property
     def json(self) -> Json:
-        """The JSON document, None when the file is none or is longer than :data:`MAX_JSON_BYTES`."""
-        if not self.looks_like_json or len(self.data) > MAX_JSON_BYTES:
+        """The JSON document, None when the file is none or is longer than ``max_json_bytes``."""
+        if not self.looks_like_json or len(self.data) > self.max_json_bytes:
             return None
         try:
             return parse_json(self.data, source=self.name)
         except ParseError:
             return None
+
+    @property
+    def parsed_json(self) -> Json:
+        """The JSON document if a sniffer has asked for it, else None."""
+        document: Json = self.__dict__.get("json")
+        return document
 
     @cached_property
     def json_keys(self) -> tuple[str, ...]:
@@ -106,8 +118,8 @@ class Content:
 
     @cached_property
     def looks_like_json(self) -> bool:
-        """Whether the first character opens a JSON object or array."""
-        return self.first_line.startswith(("{", "["))
+        """Whether it begins as a JSON object or array does; an INI file's ``[section]`` does not."""
+        return _JSON_BEGINS.match(self.first_line) is not None
 
     @cached_property
     def yaml_keys(self) -> tuple[str, ...]:

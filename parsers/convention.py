@@ -110,7 +110,7 @@ class Convention:
         cx, cy = canonical_from_file(centre, self.origin, image_size)
         skew = native.skew * sx
         if self.y_axis is YAxis.UP:
-            cy, skew = image_size[1] - cy, -skew
+            cy, skew = image_size[1] - cy, _negated(skew)
         try:
             return Intrinsics(
                 fx=native.fx * sx, fy=native.fy * sy, cx=cx, cy=cy, skew=skew, image_size=image_size
@@ -124,7 +124,7 @@ class Convention:
         sx, sy = self._pixels_per_unit((width, height), sensor_mm)
         cy, skew = intrinsics.cy, intrinsics.skew
         if self.y_axis is YAxis.UP:
-            cy, skew = height - cy, -skew
+            cy, skew = height - cy, _negated(skew)
         cx, cy = file_from_canonical((intrinsics.cx, cy), self.origin, size)
         return Native(fx=intrinsics.fx / sx, fy=intrinsics.fy / sy, cx=cx / sx, cy=cy / sy, skew=skew / sx)
 
@@ -172,3 +172,8 @@ class Convention:
             Unit.WIDTH: (float(width), float(width)),
             Unit.EACH_SIDE: (float(width), float(height)),
         }[self.unit]
+
+
+def _negated(value: float) -> float:
+    """−value, where zero has no sign: no file that says 0 is to come back as −0."""
+    return -value if value else 0.0

@@ -9,7 +9,15 @@ from pathlib import Path, PurePosixPath
 
 from calibrary.errors import InputError, ParseError
 
-__all__ = ["MAX_BYTES", "companions", "display_name", "read_regular_file"]
+__all__ = [
+    "MAX_BYTES",
+    "companions",
+    "display_name",
+    "length_of",
+    "read_head",
+    "read_regular_file",
+    "too_long",
+]
 
 MAX_BYTES = 64 * 1024 * 1024
 
@@ -31,26 +39,11 @@ def read_regular_file(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
         ParseError: it is empty, too long, or a git-LFS pointer in place of a file.
     """
     name = display_name(path)
-    try:
-        _refuse_irregular(path.stat().st_mode, name)
-        # The file may be swapped between stat and open: O_NONBLOCK keeps a pipe from hanging; fstat decides.
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-        with open(descriptor, "rb") as file:  # noqa: PTH123  pathlib cannot open a descriptor
-            _refuse_irregular(os.fstat(descriptor).st_mode, name)
-            data = file.read(max_bytes + 1)
-    except InputError:
-        raise
-    except OSError as error:  # a loop of symbolic links ends here as well
-        raise InputError(f"cannot be read: {error.strerror or error}", source=name) from None
-    except ValueError as error:  # a name that no file can have, with a NUL in it
-        raise InputError(f"cannot be read: {error}", source=name) from None
+    data = read_head(path, max_bytes + 1)
     if not data:
         raise ParseError("the file is empty", source=name)
     if len(data) > max_bytes:
-        raise ParseError(
-            f"the file is longer than {max_bytes} bytes, as no calibration is; else raise max_bytes",
-            source=name,
-        )
+        raise too_long(name, max_bytes)
     if data.startswith(_LFS):
         raise ParseError(
             "this is a git-LFS pointer, not the file it stands for; fetch it with `git lfs pull`",
@@ -59,8 +52,49 @@ def read_regular_file(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
     return data
 
 
+def read_head(path: Path, count: int) -> bytes:
+    """The first bytes of a regular file, all of them where it has no more.
+
+    Raises:
+        InputError: there is no such file, it is no regular file, or it may not be read.
+    """
+    name = display_name(path)
+    try:
+        _refuse_irregular(path.stat().st_mode, name)
+        # The file may be swapped between stat and open: O_NONBLOCK keeps a pipe from hanging; fstat decides.
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with open(descriptor, "rb") as file:  # noqa: PTH123  pathlib cannot open a descriptor
+            _refuse_irregular(os.fstat(descriptor).st_mode, name)
+            return file.read(count)
+    except InputError:
+        raise
+    except OSError as error:  # a loop of symbolic links ends here as well
+        raise InputError(f"cannot be read: {error.strerror or error}", source=name) from None
+    except ValueError as error:  # a name that no file can have, with a NUL in it
+        raise InputError(f"cannot be read: {error}", source=name) from None
+
+
+def length_of(path: Path) -> int:
+    """How many bytes a file has as the folder lists it; 0 where there is none, which is for reading it to say."""
+    try:
+        return path.stat().st_size
+    except (OSError, ValueError):
+        return 0
+
+
+def too_long(name: str, max_bytes: int) -> ParseError:
+    """The refusal of a file of more than ``max_bytes``."""
+    return ParseError(
+        f"the file is longer than {max_bytes} bytes, as no calibration is; else raise max_bytes (--max-size)",
+        source=name,
+    )
+
+
 def companions(path: Path, *, max_bytes: int = MAX_BYTES) -> Callable[[str], bytes | None]:
-    """A reader of the files beside ``path`` by relative name; it never leaves that folder."""
+    """A reader of the files beside ``path`` by relative name; it never leaves that folder.
+
+    An empty file is b"".
+    """
 
     def companion(name: str) -> bytes | None:
         relative = PurePosixPath(name)
@@ -73,7 +107,9 @@ def companions(path: Path, *, max_bytes: int = MAX_BYTES) -> Callable[[str], byt
         ):
             raise ParseError(f"it refers to {name!a}, which is no file beside it", source=display_name(path))
         beside = path.parent / relative
-        return read_regular_file(beside, max_bytes=max_bytes) if beside.exists() else None
+        if not beside.exists():
+            return None
+        return read_regular_file(beside, max_bytes=max_bytes) if length_of(beside) else b""
 
     return companion
 

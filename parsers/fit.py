@@ -37,6 +37,8 @@ MEASURED_GRID = 49
 NESTED: tuple[type[Distortion], ...] = (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted)
 """OpenCV's perspective models: each holds the ones before it, coefficient by coefficient of the same name."""
 
+_NESTED_NAMES = {member: dict.fromkeys(member.names(), 0.0) for member in NESTED}
+
 
 @runtime_checkable
 class Convertible(Protocol):
@@ -54,7 +56,7 @@ class Convertible(Protocol):
 
 def exact(distortion: Distortion, target: type[Distortion]) -> Distortion | None:
     """The same map in the model ``target``, None when that has no exact place for it."""
-    for same in _equals(distortion):
+    for same in _equals(distortion, (target,)):
         if type(same) is target:
             return same
     if issubclass(target, Convertible):
@@ -122,7 +124,8 @@ def compare(original: Calibration, copy: Calibration) -> Fit:
     K = original.intrinsics
     return Fit(
         model=model,
-        exact=False,
+        # A coefficient of almost nothing may differ by all of itself, and yet no ray by anything.
+        exact=bool(missed.max() <= EXACT * _scale(K)) and K.image_size == copy.intrinsics.image_size,
         rms_px=float(np.sqrt(np.mean(missed**2))),
         max_px=float(missed.max()),
         radius_px=float(np.linalg.norm(pixels - [K.cx, K.cy], axis=1).max()),
@@ -196,16 +199,16 @@ def _misses(fit: Fit) -> str:
     return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give max_error_px to accept that"
 
 
-def _equals(distortion: Distortion) -> Iterator[Distortion]:
-    """The same map in every model known to hold it, itself first."""
+def _equals(distortion: Distortion, members: tuple[type[Distortion], ...] = NESTED) -> Iterator[Distortion]:
+    """The same map in every model known to hold it, itself first; of the nested ones in ``members`` alone."""
     for value in (distortion, *(distortion.equivalents() if isinstance(distortion, Convertible) else ())):
         yield value
         if isinstance(value, NESTED):
             given = {name: c for name, c in value.coefficients.items() if c != 0.0}
-            for member in NESTED:
-                names = member.names()
-                if member is not type(value) and given.keys() <= set(names):
-                    yield member(**{name: given.get(name, 0.0) for name in names})
+            for member in members:
+                names = _NESTED_NAMES.get(member)
+                if names is not None and member is not type(value) and given.keys() <= names.keys():
+                    yield member(**(names | given))
 
 
 def _held(K: Intrinsics, capacity: Capacity) -> Intrinsics:
@@ -221,8 +224,13 @@ def _held(K: Intrinsics, capacity: Capacity) -> Intrinsics:
     return K
 
 
+def _scale(K: Intrinsics) -> float:
+    """The largest of the lengths in px against which a difference is small or not."""
+    return max(*K.image_size, K.fx, K.fy)
+
+
 def _same_intrinsics(a: Intrinsics, b: Intrinsics) -> bool:
-    scale = max(*a.image_size, a.fx, a.fy)
+    scale = _scale(a)
     pairs = zip((a.fx, a.fy, a.cx, a.cy, a.skew), (b.fx, b.fy, b.cx, b.cy, b.skew), strict=True)
     return a.image_size == b.image_size and all(abs(x - y) <= EXACT * scale for x, y in pairs)
 

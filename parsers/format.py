@@ -16,7 +16,8 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
     ``context.option(name)`` what only the user can know (declare it as an :class:`Option`),
     ``context.provenance(...)`` where it came from. Numbers come through ``parsers.text``,
     ``parsers.document`` or ``parsers.xml``, never through bare ``float``, and the loaders are told the
-    format's own ``max_bytes``, so that no file takes over two seconds. It raises ``InputError`` kinds
+    format's own ``max_bytes``, so that no file takes over two seconds; where real files may be longer, through
+    ``context.at_most``, by which the caller can raise it. It raises ``InputError`` kinds
     only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no counterpart here. What
     is odd but readable goes to ``notes``, what was taken for granted to ``provenance.assumptions``, what the
     file says beyond that to ``extras`` under ``"<name>/<key>"``.
@@ -36,8 +37,9 @@ Third parties put the same record under the entry-point group ``calibrary.format
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
+from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
@@ -46,6 +48,7 @@ from calibrary.distortion import Distortion
 from calibrary.errors import InputError, MissingTagError
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention
+from calibrary.parsers.document import Json
 
 __all__ = [
     "Capacity",
@@ -113,6 +116,8 @@ class ReadContext:
         sha256: of the bytes.
         companion: the bytes of another file of the same folder by its relative name, None where there is
             none.
+        max_bytes: the longest file the caller allows, where that was raised; None otherwise.
+        json: the document, where recognising the file took parsing it; a reader only looks at it.
     """
 
     name: str
@@ -120,6 +125,16 @@ class ReadContext:
     options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     sha256: str | None = None
     companion: Callable[[str], bytes | None] = no_companion
+    max_bytes: int | None = None
+    json: Json = None
+
+    def beside(self, name: str) -> ReadContext:
+        """The context of a companion."""
+        return replace(self, name=name, json=None, sha256=None)
+
+    def at_most(self, own: int) -> int:
+        """How many bytes are read: what the format takes within two seconds, or the caller's limit if raised."""
+        return max(own, self.max_bytes or 0)
 
     def option(self, name: str) -> str | None:
         """The caller's answer, None when there is none."""
@@ -193,6 +208,7 @@ class Capacity:
 
 
 Read: TypeAlias = Callable[[bytes, ReadContext], list[Calibration]]
+ReadInPlace: TypeAlias = Callable[[Path, ReadContext], list[Calibration]]
 Write: TypeAlias = Callable[[Sequence[Calibration], WriteContext], bytes]
 
 
@@ -209,6 +225,7 @@ class Format:
         convention: how its numbers count; None for a format that is only refused.
         sniff: the format's claim to a file, None when it makes none.
         read: every camera in the bytes.
+        read_in_place: the same of a file too long to take in, where the format can look its cameras up in it.
         write: one file's bytes from calibrations that fit ``capacity``.
         capacity: present exactly when ``write`` is.
         needs_image_size: the file does not say how large its images are.
@@ -223,6 +240,7 @@ class Format:
     sniff: Callable[[Content], Sniff | None]
     convention: Convention | None = None
     read: Read | None = None
+    read_in_place: ReadInPlace | None = None
     write: Write | None = None
     capacity: Capacity | None = None
     needs_image_size: bool = False
@@ -234,6 +252,8 @@ class Format:
             raise InputError(f"format {self.name} must either read its files or say why it refuses them")
         if self.read is not None and self.convention is None:
             raise InputError(f"format {self.name} reads, so it must state its convention")
+        if self.read is None and self.read_in_place is not None:
+            raise InputError(f"format {self.name} reads in place, so it must read bytes as well")
         if (self.write is None) != (self.capacity is None) or (self.write is not None and self.read is None):
             raise InputError(f"format {self.name} must come with write, capacity and read together")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import (
@@ -14,12 +15,17 @@ from calibrary.errors import (
     UnknownFormatError,
     UnsupportedModelError,
 )
-from calibrary.parsers.content import MAX_JSON_BYTES, Content
+from calibrary.parsers.content import HEAD_BYTES, Content
 from calibrary.parsers.discovery import known_formats
 from calibrary.parsers.document import parse_json
+from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_companion
 
-__all__ = ["Identity", "identified", "read_content"]
+__all__ = ["Identity", "identified", "identified_by_head", "read_content", "read_in_place"]
+
+
+REACH = 1e6
+"""How many times longer or shorter than the image a length may be; the longest telescope's is a thousand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +75,7 @@ def read_content(
     image_size: ImageSize | None = None,
     options: Mapping[str, str] | None = None,
     companion: Callable[[str], bytes | None] = no_companion,
+    max_bytes: int = MAX_BYTES,
 ) -> list[Calibration]:
     """Every camera in the bytes.
 
@@ -78,6 +85,7 @@ def read_content(
         image_size: (width, height) px, for files that do not say it.
         options: answers to the format's questions.
         companion: reader of the files beside it.
+        max_bytes: longest file that the caller allows; more than the default lifts the formats' own limits.
 
     Raises:
         InputError: the kinds :func:`calibrary.parsers.read` lists.
@@ -86,7 +94,8 @@ def read_content(
     if record is None:
         identity = identified(content)
         record, sure = identity.format, identity.sniff.sure
-    if record.read is None:
+    read = record.read
+    if read is None:
         raise UnsupportedModelError(f"this is {record.title}: {record.refuses}", source=content.name)
     context = ReadContext(
         name=content.name,
@@ -94,21 +103,86 @@ def read_content(
         options=_checked(options or {}, record),
         sha256=hashlib.sha256(content.data).hexdigest(),
         companion=companion,
+        max_bytes=max_bytes if max_bytes > MAX_BYTES else None,
+        json=content.parsed_json,
     )
-    try:
-        calibrations = record.read(content.data, context)
-    except InputError as error:
-        if error.source is not None:
-            raise
-        # A number that makes no K or no lens: it is the file that is wrong.
-        kind = ParseError if type(error) is InputError else type(error)
-        raise kind(error.message, source=content.name, place=error.place) from None
-    if not calibrations:
-        raise ParseError(f"this {record.title} file holds no camera", source=content.name)
+    calibrations = _taken(lambda: read(content.data, context), record, content.name)
     if sure is Sure.WEAK:
         note = f"nothing in the file says that it is {record.title}; it was read so because it has the shape"
         calibrations = [replace(item, notes=(*item.notes, note)) for item in calibrations]
     return calibrations
+
+
+def identified_by_head(path: Path, *, max_bytes: int) -> Identity:
+    """What a file too long to take in is, where its format can look its cameras up in it.
+
+    Raises:
+        ParseError: it is none of those.
+        InputError: it cannot be read, or is no regular file.
+    """
+    content = Content(read_head(path, HEAD_BYTES), display_name(path))
+    for record in known_formats().values():
+        if record.read_in_place is not None and (sniff := record.sniff(content)) is not None:
+            return Identity(record, sniff)
+    raise too_long(content.name, max_bytes)
+
+
+def read_in_place(
+    path: Path,
+    record: Format,
+    *,
+    image_size: ImageSize | None,
+    options: Mapping[str, str] | None,
+    companion: Callable[[str], bytes | None],
+    max_bytes: int,
+) -> list[Calibration]:
+    """Every camera in a file too long to take in; its provenance has no digest.
+
+    Raises:
+        ParseError: the format reads whole files only.
+        InputError: the kinds :func:`calibrary.parsers.read` lists.
+    """
+    name = display_name(path)
+    read = record.read_in_place
+    if read is None:
+        raise too_long(name, max_bytes)
+    context = ReadContext(
+        name=name, image_size=image_size, options=_checked(options or {}, record), companion=companion
+    )
+    return _taken(lambda: read(path, context), record, name)
+
+
+def _taken(read: Callable[[], list[Calibration]], record: Format, name: str) -> list[Calibration]:
+    """What a reader gives, its complaints about numbers that make no K or no lens laid to the file."""
+    try:
+        calibrations = read()
+    except InputError as error:
+        if error.source is not None:
+            raise
+        kind = ParseError if type(error) is InputError else type(error)
+        raise kind(error.message, source=name, place=error.place) from None
+    if not calibrations:
+        raise ParseError(f"this {record.title} file holds no camera", source=name)
+    for item in calibrations:
+        _refuse_beyond_reach(item, name)
+    return calibrations
+
+
+def _refuse_beyond_reach(item: Calibration, name: str) -> None:
+    """Numbers that are finite and positive, but with which no pixel can be computed.
+
+    Raises:
+        ParseError: a length of K is beyond a million images, or a focal length within a millionth of one.
+    """
+    K = item.intrinsics
+    side = max(K.image_size)
+    if min(K.fx, K.fy) * REACH < side or max(K.fx, K.fy, abs(K.cx), abs(K.cy), abs(K.skew)) > REACH * side:
+        raise ParseError(
+            f"its K, with fx {K.fx:g}, fy {K.fy:g}, cx {K.cx:g}, cy {K.cy:g}, skew {K.skew:g} px, is of no camera "
+            f"with images of {K.image_size[0]}×{K.image_size[1]} px",
+            source=name,
+            place=item.provenance.tag,
+        )
 
 
 def _checked(options: Mapping[str, str], record: Format) -> Mapping[str, str]:
@@ -124,8 +198,11 @@ def _checked(options: Mapping[str, str], record: Format) -> Mapping[str, str]:
 
 def _unknown(content: Content) -> str:
     message = f"no format claims it; it begins with {content.beginning()}"
-    if content.looks_like_json and len(content.data) > MAX_JSON_BYTES:
-        message += f", and JSON of over {MAX_JSON_BYTES} bytes is not looked into"
+    if content.looks_like_json and len(content.data) > content.max_json_bytes:
+        message += (
+            f", and JSON of over {content.max_json_bytes} bytes is not looked into unless max_bytes (--max-size) "
+            "is raised"
+        )
     elif content.looks_like_json and content.json is None:
         try:
             parse_json(content.data, source=content.name)

@@ -10,14 +10,26 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
+import numpy as np
+
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.content import Content
-from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt, compare
+from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, adapt, compare
 from calibrary.parsers.format import Format, Verdict, WriteContext
 from calibrary.parsers.reading import read_content
+from calibrary.quality import Covariance
 
 __all__ = ["encoded"]
+
+QUALITY = {
+    "rms_px": "rms of the reprojection error",
+    "points": "number of points",
+    "views": "number of views",
+    "kappa2": "scatter against the covariance",
+    "coverage": "coverage of the frame",
+}
+"""What is known of a calibration's quality in one number each, in words."""
 
 
 def encoded(
@@ -49,6 +61,11 @@ def encoded(
     data = record.write(adapted, WriteContext(name=name))
     size = _one_size(calibrations) if record.needs_image_size else None
     copies = read_content(Content(data, name), record=record, image_size=size)
+    if len(copies) != len(calibrations):
+        raise UnsupportedModelError(
+            f"a {record.name} file of these {len(calibrations)} cameras reads back as {len(copies)}, so it cannot "
+            "hold them together; write one file for each"
+        )
     fits = tuple(compare(original, copy) for original, copy in zip(calibrations, copies, strict=True))
     for fit in fits:
         if fit.max_px > limit:
@@ -90,14 +107,16 @@ def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterato
         yield "image size"
     yield from _lost_lens(original, copy)
     for item in fields(CameraKey):
-        value = getattr(original.camera, item.name)
-        if item.name != "image_size" and value is not None and value != getattr(copy.camera, item.name):
+        value, kept = getattr(original.camera, item.name), getattr(copy.camera, item.name)
+        if item.name == "image_size" or value is None or value == kept:
+            continue
+        if not (isinstance(value, float) and isinstance(kept, float) and _same(value, kept)):
             yield item.name.replace("_", " ")
     yield from _lost_quality(original.quality or Quality(), copy.quality or Quality())
     if copy.grade is not original.grade:
         yield f"grade {original.grade.value} (the file reads as {copy.grade.value})"
-    kept = dict(copy.extras)
-    yield from (key for key, value in original.extras if kept.get(key) != value)
+    extras = dict(copy.extras)
+    yield from (key for key, value in original.extras if extras.get(key) != value)
 
 
 def _lost_lens(original: Calibration, copy: Calibration) -> Iterator[str]:
@@ -106,20 +125,31 @@ def _lost_lens(original: Calibration, copy: Calibration) -> Iterator[str]:
     if original.distortion is None and copy.distortion is not None:
         yield "that the distortion is unknown (the file reads as having none)"
     before, after = original.intrinsics, copy.intrinsics
-    if before.skew and not after.skew:
+    least = EXACT * max(*before.image_size, before.fx, before.fy)
+    if abs(before.skew) > least and not after.skew:
         yield f"skew of {before.skew:.6g} px"
-    if before.fx != before.fy and after.fx == after.fy:
+    if abs(before.fx - before.fy) > least and after.fx == after.fy:
         yield f"the difference of fx and fy, {before.fx - before.fy:.6g} px"
 
 
 def _lost_quality(before: Quality, after: Quality) -> Iterator[str]:
-    if before.rms_px is not None and after.rms_px != before.rms_px:
-        yield "rms of the reprojection error"
-    if before.points is not None and after.points != before.points:
-        yield "number of points"
-    if before.views is not None and after.views != before.views:
-        yield "number of views"
-    if before.std and dict(after.std) != dict(before.std):
+    for name, words in QUALITY.items():
+        value, kept = getattr(before, name), getattr(after, name)
+        if value is not None and not (kept is not None and _same(value, kept)):
+            yield words
+    if not all(key in after.std and _same(value, after.std[key]) for key, value in before.std.items()):
         yield "standard deviations"
-    if before.covariance is not None and after.covariance != before.covariance:
+    if before.covariance is not None and not _same_covariance(before.covariance, after.covariance):
         yield "covariance"
+
+
+def _same(before: float, after: float) -> bool:
+    """A change of unit, or of its place in a decimal, may move a number's last digit."""
+    return math.isclose(before, after, rel_tol=EXACT)
+
+
+def _same_covariance(before: Covariance, after: Covariance | None) -> bool:
+    if after is None or after.names != before.names:
+        return False
+    spread = np.sqrt(np.diag(before.matrix))
+    return bool((np.abs(before.matrix - after.matrix) <= EXACT * np.outer(spread, spread)).all())

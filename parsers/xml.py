@@ -1,4 +1,4 @@
-"""The one way XML enters calibrary: no DTD, no entities, no network, bounded in bytes and in depth.
+"""The one way XML enters calibrary: no DTD, no entities, no network, bounded in bytes, in depth and in memory.
 
 A calibration file or an XMP packet has no use for a document type, and a document type is what every XML
 attack needs (entity expansion, external files), so one is refused before the parser sees it.
@@ -21,9 +21,28 @@ MAX_BYTES = 16 * 1024 * 1024
 
 MAX_DEPTH = 64
 
+MAX_TREE_BYTES = 320 * 1024 * 1024
+"""What the tree may take in memory; the rest of half a gigabyte is for who reads it. Metashape's and Bentley's
+files take some eight times their length, hostile ones up to sixty times."""
+
+NODE_BYTES = 160
+"""An element, or the text between two: libxml2's node of 120 bytes, its string, malloc's share."""
+
+ATTRIBUTE_BYTES = 340
+"""An attribute and the node of its text, likewise."""
+
+MAX_OPAQUE_BYTES = 2 * 1024 * 1024
+"""Of a document in whose encoding a "<" is not the byte 0x3C, so that its tags cannot be counted."""
+
 _UTF_16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 # A document type may follow only white space, processing instructions and comments (XML 1.0, production 22).
 # The groups are atomic, so hostile prologs cost linear time.
+_DECLARED = re.compile(rb"""\s*<\?xml[^>]{0,100}?\sencoding\s*=\s*["']([\w.:-]{1,40})""")
+_WITH_ASCII = re.compile(
+    rb"utf-?(?:8|16|32)(?:-?[lb]e)?|(?:us-)?ascii|iso-8859-\d+|latin-?\d+|(?:windows-|cp)125\d|koi8-[ru]|"
+    rb"shift_jis|euc-(?:jp|kr|tw)|gb(?:2312|k|18030)|big5",
+    re.IGNORECASE,
+)
 _DOCTYPE = re.compile(rb"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DOTALL)
 
 
@@ -42,14 +61,16 @@ def parse_xml(
         max_depth: deepest nesting of elements accepted; the root is at depth 1.
 
     Raises:
-        ParseError: the document is not well-formed, has a DTD, or is too long or too deep.
+        ParseError: the document is not well-formed, has a DTD, or is too long, too deep or too dense.
     """
     from lxml import etree
 
     if len(data) > max_bytes:
         raise ParseError(f"{len(data)} bytes of XML; at most {max_bytes} are read", source=source)
-    if _DOCTYPE.match(_ascii_prolog(data)):
+    prolog = _ascii_prolog(data)
+    if _DOCTYPE.match(prolog):
         raise _dtd_refused(source)
+    _refuse_dense(data, prolog, source)
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -78,6 +99,31 @@ def parse_xml(
     if root.xpath(f"boolean({'/*' * (max_depth + 1)})"):
         raise ParseError(f"XML elements are nested more than {max_depth} deep", source=source)
     return root
+
+
+def _refuse_dense(data: bytes, prolog: bytes, source: str) -> None:
+    """Estimate from above, by counting marks, what a tree will take before anything is built.
+
+    Raises:
+        ParseError: it is too much.
+    """
+    declared = _DECLARED.match(prolog[:256])
+    opaque = not prolog.lstrip().startswith(b"<") or (declared and not _WITH_ASCII.fullmatch(declared[1]))
+    if opaque and len(data) > MAX_OPAQUE_BYTES:
+        raise ParseError(
+            f"{len(data)} bytes of XML in an unusual encoding; at most {MAX_OPAQUE_BYTES} are read, save it as UTF-8",
+            source=source,
+        )
+    tags = data.count(b"<")
+    # Before every tag there may be a text; one that closes makes no element.
+    nodes = 2 * tags - data.count(b"</")
+    estimate = nodes * NODE_BYTES + data.count(b"=") * ATTRIBUTE_BYTES
+    if estimate > MAX_TREE_BYTES:
+        raise ParseError(
+            f"{tags} tags of XML, more than are read at once: in memory they would take up to "
+            f"{estimate // 2**20} MiB; leave out what is not cameras",
+            source=source,
+        )
 
 
 def _ascii_prolog(data: bytes) -> bytes:

@@ -104,7 +104,7 @@ def _centroid(patch: Gray) -> FloatArray:
     # Noise on paper and print weighs nothing; the rim, with its blur, by its share.
     weight = np.clip((light - patch) / (light - dark) * 1.4 - 0.2, 0.0, 1.0)
     total = weight.sum()
-    return np.array([(weight * x).sum(), (weight * y).sum()]) / total
+    return np.asarray(np.array([(weight * x).sum(), (weight * y).sum()]) / total)
 
 
 def _perspective_bias(board: Board, lattice: Lattice) -> FloatArray:
@@ -135,7 +135,7 @@ def _goes_on(gray: Gray, lattice: Lattice) -> str | None:
     def levels(at: FloatArray) -> FloatArray:
         x, y = np.rint(at.reshape(-1, 2)).astype(np.intp).T
         inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-        return gray[y[inside], x[inside]].astype(np.float64)
+        return np.asarray(gray[y[inside], x[inside]], dtype=np.float64)
 
     between = (lattice[:-1, :-1] + lattice[1:, 1:]) / 2
     middle = (np.median(levels(lattice)) + np.median(levels(between))) / 2

@@ -76,11 +76,13 @@ def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
     detector = cv2.aruco.CharucoDetector(charuco)
 
     def look(small: Gray) -> tuple[IntArray, FloatArray]:
-        corners, ids, _, _ = detector.detectBoard(small)
-        if ids is None or corners is None:
+        found: tuple[object, ...] = detector.detectBoard(small)
+        # OpenCV's own types do not say that both may be None.
+        if found[0] is None or found[1] is None:
             return np.empty(0, np.intp), np.empty((0, 2))
-        order = np.argsort(np.ravel(ids))
-        return np.ravel(ids)[order].astype(np.intp), np.reshape(corners, (-1, 2))[order].astype(np.float64)
+        corners, ids = np.reshape(np.asarray(found[0]), (-1, 2)), np.ravel(np.asarray(found[1]))
+        order = np.argsort(ids)
+        return ids[order].astype(np.intp), corners[order].astype(np.float64)
 
     free = (board.square_mm - (board.marker_mm or 0)) / 2 / board.square_mm
     return _measured(gray, board, look, FREE_USED * free)
@@ -107,7 +109,8 @@ def find_aprilgrid(gray: Gray, board: Board) -> Found | NotFound:
     def look(small: Gray) -> tuple[IntArray, FloatArray]:
         corners, markers, _ = detector.detectMarkers(small)
         seen: dict[int, FloatArray] = {}
-        for marker, quad in zip(np.ravel(markers) if markers is not None else (), corners, strict=True):
+        # Where there is no marker, markers are None and corners an empty tuple.
+        for quad, marker in zip(corners, np.ravel(markers), strict=False):
             if marker < board.markers:
                 seen.update(zip(board.tag_points(int(marker)), np.reshape(quad, (4, 2)), strict=True))
         ids = np.array(sorted(seen), dtype=np.intp)

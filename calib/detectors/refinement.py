@@ -37,7 +37,7 @@ def reduced(gray: Gray, side: int = DETECTION_SIDE) -> tuple[Gray, FloatArray]:
         return gray, np.ones(2)
     shrink = side / max(width, height)
     size = max(1, round(width * shrink)), max(1, round(height * shrink))
-    small: Gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+    small = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     return small, np.array([width / size[0], height / size[1]])
 
 

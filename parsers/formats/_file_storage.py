@@ -43,6 +43,7 @@ _KEY = re.compile(r"[A-Za-z]|[A-Za-z_][\w.-]+", re.ASCII)
 # A sequence in XML: words, and texts in quotes. A quote inside a text is no longer told from one around it.
 _XML_ITEM = r'(?:"[^"]*+"|[^\s"]++)'
 _XML_ITEMS = re.compile(rf"{_XML_ITEM}(?:\s++{_XML_ITEM})*+")
+_OPEN_NUMBER = re.compile(r"[:\s-][+-]?\.?\d[^\s:]{0,60}\Z")
 _KIND = re.compile(r"\d*[ucwsifdhr]")
 
 
@@ -67,11 +68,22 @@ def load(data: bytes, *, source: str) -> Node:
     else:
         # The directive becomes a comment, so that lines in messages stay right.
         plain = _DIRECTIVE.sub("#", strict.decode(data, source=source))
+        _refuse_open_number(plain, source)
         yaml = load_yaml(plain, source=source, ignored_tags=YAML_TAGS)
         tree = Node(yaml, source=source)
     if not isinstance(tree.value, dict):
         tree.fail("this is no mapping, as an OpenCV file is")
     return tree
+
+
+def _refuse_open_number(text: str, source: str) -> None:
+    """No bracket closes YAML's plain lines, so nothing else tells a last number that was cut short."""
+    if _OPEN_NUMBER.search(text[-64:]):
+        raise ParseError(
+            "the file ends in a number without an end of line, so it may be cut short; complete it, or end it "
+            "with a newline",
+            source=source,
+        )
 
 
 def matrix(node: Node, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:

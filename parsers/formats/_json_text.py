@@ -9,6 +9,7 @@ from typing import TypeAlias
 from calibrary.errors import ParseError
 from calibrary.parsers.content import MAX_JSON_BYTES
 from calibrary.parsers.document import Json, Node, load_json
+from calibrary.parsers.format import ReadContext
 
 __all__ = ["Writable", "dumped", "extra", "loaded", "restored"]
 
@@ -18,18 +19,22 @@ LONGEST_EXTRA = 4096
 """In characters; a longer value is a reconstruction's and not a camera's."""
 
 
-def loaded(data: bytes, *, source: str) -> Node:
-    """A document that is read in two seconds.
+def loaded(data: bytes, context: ReadContext) -> Node:
+    """A document that is read in two seconds, or one as long as the caller allows.
 
     Raises:
         ParseError: it is longer, or no JSON.
     """
-    if len(data) > MAX_JSON_BYTES:
+    most = context.at_most(MAX_JSON_BYTES)
+    if len(data) > most:
         raise ParseError(
-            f"{len(data)} bytes of JSON; at most {MAX_JSON_BYTES} are read: save its cameras to a file of their own",
-            source=source,
+            f"{len(data)} bytes of JSON; at most {most} are read: raise max_bytes, or save its cameras to a file "
+            "of their own",
+            source=context.name,
         )
-    return load_json(data, source=source)
+    if context.json is not None:
+        return Node(context.json, source=context.name)
+    return load_json(data, source=context.name)
 
 
 def dumped(document: Writable) -> bytes:

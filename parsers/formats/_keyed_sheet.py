@@ -17,6 +17,8 @@ __all__ = ["Line", "Sheet", "as_line", "is_apart", "matched", "sheets"]
 MAX_BYTES = 256 * 1024
 """A sheet is a page; this is a hundred."""
 LONGEST_ROW = 2000
+MOST_SHARED = 100_000
+"""Cameras times lines they share, every one of which is looked at for every camera."""
 FOCAL = frozenset({"f", "fx", "fy"})
 
 _SECTION = re.compile(r"\[\s*([^\[\]]{1,80}?)\s*\]")
@@ -79,12 +81,7 @@ def sheets(data: bytes, *, source: str) -> list[Sheet]:
     if len(sections) < 2:
         found = [_sheet(None, lines, source)]
     else:
-        found = [
-            _sheet(
-                name, [line for line in lines if line.section == name or line.section not in sections], source
-            )
-            for name in sections
-        ]
+        found = [_sheet(name, own, source) for name, own in _shares(lines, sections, source)]
     for sheet in found:
         promised = sheet.values.get("cameras")
         if promised is not None and promised.numbers != (len(found),):
@@ -123,6 +120,21 @@ def _lines(text: str, source: str) -> Iterator[Line]:
                 place=f"line {number}",
             )
         yield Line(section, found[1], _unquoted(found[2], source, f"line {number}"), number)
+
+
+def _shares(lines: Iterable[Line], sections: Iterable[str], source: str) -> Iterator[tuple[str, list[Line]]]:
+    """Each camera's section with its own lines and those that stand in no camera's, in the file's order."""
+    own: dict[str, list[Line]] = {name: [] for name in sections}
+    shared: list[Line] = []
+    for line in lines:
+        own.get(line.section, shared).append(line)
+    if len(own) * len(shared) > MOST_SHARED:
+        raise ParseError(
+            f"{len(own)} cameras share {len(shared)} lines, more than are read; take out what is not about cameras",
+            source=source,
+        )
+    for name, mine in own.items():
+        yield name, sorted([*shared, *mine], key=lambda line: line.number)
 
 
 def _unquoted(text: str, source: str, place: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 
 from calibrary.calibration import Grade, ImageSize, Quality
 from calibrary.parsers import text as strict
@@ -35,6 +36,7 @@ METASHAPE_SPELLING = frozenset({"Camera_Matrix", "image_Width"})
 _LABELLED = r"(left|right|cam\d+|camera\d+)?({})(left|right|l|r|\d+)?"
 MATRIX = re.compile(_LABELLED.format("|".join(MATRIX_KEYS)))
 COEFFICIENTS = re.compile(_LABELLED.format("|".join(COEFFICIENT_KEYS)))
+MIRROR = re.compile(_LABELLED.format("xi"))
 
 
 def simplified(key: str) -> str:
@@ -49,12 +51,11 @@ class Keys:
         self.tree = tree
         self.matrices: dict[str, str] = {}
         self.coefficients: dict[str, str] = {}
+        self.mirrors: dict[str, str] = {}
         self.simple: dict[str, str] = {}
         for key, node in tree.entries():
             self.simple.setdefault(simplified(key), key)
-            if not isinstance(node.value, dict | list):
-                continue
-            for pattern, found in ((MATRIX, self.matrices), (COEFFICIENTS, self.coefficients)):
+            for pattern, found in self._kinds(node):
                 match = pattern.fullmatch(simplified(key))
                 if match:
                     label = match[1] or match[3] or ""
@@ -63,7 +64,14 @@ class Keys:
                             f"it means the same as {strict.shown(found[label])}, which stands there too"
                         )
                     found[label] = key
-        self.used = {*self.matrices.values(), *self.coefficients.values()}
+        self.used = {*self.matrices.values(), *self.coefficients.values(), *self.mirrors.values()}
+
+    def _kinds(self, node: Node) -> Iterator[tuple[re.Pattern[str], dict[str, str]]]:
+        """What an entry may be by its value; omnidir's xi is a number, or a matrix of one."""
+        yield MIRROR, self.mirrors
+        if isinstance(node.value, dict | list):
+            yield MATRIX, self.matrices
+            yield COEFFICIENTS, self.coefficients
 
     def take(self, simple: str) -> Node | None:
         """What stands under a key that has one meaning in the whole file."""

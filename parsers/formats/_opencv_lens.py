@@ -1,12 +1,15 @@
-"""OpenCV's distortion vector, whose length is its model."""
+"""OpenCV's distortion vector, whose length is its model, and the four terms that some files stop at."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
+from calibrary.distortion.opencv import OpenCVDistortion
 
-__all__ = ["COUNTS", "lens", "smallest_lens"]
+__all__ = ["COUNTS", "BrownWithoutK3", "lens", "smallest_lens"]
 
 _MODELS: dict[int, type[Distortion]] = {
     0: NoDistortion,
@@ -18,6 +21,29 @@ _MODELS: dict[int, type[Distortion]] = {
 }
 COUNTS = tuple(_MODELS)
 """How many coefficients OpenCV takes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrownWithoutK3(OpenCVDistortion):
+    """What a file with four places can hold, so that a lens with k3 is refitted rather than robbed of it."""
+
+    model: ClassVar[str] = "brown without k3"
+
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """Brown–Conrady with k3 = 0."""
+        return (BrownConrady(**self.coefficients),)
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> BrownWithoutK3 | None:
+        """Brown–Conrady without k3; None for every other model."""
+        if not isinstance(other, BrownConrady) or other.k3:
+            return None
+        return cls(k1=other.k1, k2=other.k2, p1=other.p1, p2=other.p2)
 
 
 def lens(values: Sequence[float]) -> Distortion:

@@ -28,7 +28,7 @@ from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Json, Node, load_json
+from calibrary.parsers.document import Json, Node
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Sniff, Sure
 
@@ -66,21 +66,22 @@ def sniffed(content: Content, mark: str) -> Sniff | None:
     return None
 
 
-def sensors(data: bytes, mark: str, *, source: str) -> tuple[Node, ...]:
+def sensors(document: Node, mark: str) -> tuple[Node, ...]:
     """The sensors of a document.
 
     Raises:
         ParseError: it is none of that kind, or holds no sensor.
         UnsupportedModelError: it is of a later major version.
     """
-    document = load_json(data, source=source)
     found = document["format"].text()
     if found != mark:
-        raise ParseError(f"its format is {strict.shown(found)}, wanted '{mark}'", source=source)
+        raise ParseError(f"its format is {strict.shown(found)}, wanted '{mark}'", source=document.source)
     version = document["version"].text()
     if version.partition(".")[0] not in {"0", "1"}:
         raise UnsupportedModelError(
-            f"it is of version {strict.shown(version)}; 0 and 1 are known", source=source, place="version"
+            f"it is of version {strict.shown(version)}; 0 and 1 are known",
+            source=document.source,
+            place="version",
         )
     items = document["sensors"].items()
     if not items:

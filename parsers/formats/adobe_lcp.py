@@ -34,7 +34,7 @@ def sniff(content: Content) -> Sniff | None:
 
 FORMAT = Format(
     name="adobe_lcp",
-    title="Adobe lens correction profile",
+    title="an Adobe lens correction profile",
     suffixes=(".lcp",),
     reference="https://helpx.adobe.com/camera-raw/digital-negative.html",
     sniff=sniff,

@@ -16,7 +16,7 @@ so fx = f + b1, fy = f and skew = b2, exactly. cx and cy are offsets from the mi
 coefficient that is zero is left out. PhotoScan before 1.4 wrote ``<fx> <fy> <skew>`` instead, and under the
 same names cx and cy counted from the image's corner: it is ``<fx>`` that tells. p1 and p2 stand the other
 way round than OpenCV's. ``fisheye`` applies the same polynomial to the equidistant image: without p1, p2 it
-is Kannala and Brandt's.
+is Kannala and Brandt's, with them COLMAP's thin-prism fisheye without prisms.
 
 Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
 """
@@ -24,11 +24,13 @@ Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 from xml.sax.saxutils import escape
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
-from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, ThinPrismFisheye
+from calibrary.distortion.equidistant import EquidistantDistortion, PlanarPolynomial
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -67,6 +69,42 @@ KNOWN = frozenset(
 MAX_BYTES = 1024 * 1024
 """A thousand times what Metashape writes."""
 PREFIX = "agisoft_xml/"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MetashapeFisheye(EquidistantDistortion):
+    """Metashape's polynomial over the angle, in its own order; what a file has a place for."""
+
+    model: ClassVar[str] = "metashape-fisheye"
+
+    k1: float
+    k2: float
+    k3: float
+    k4: float
+    p1: float
+    p2: float
+
+    def _stages(self) -> tuple[PlanarPolynomial, ...]:
+        return self._thin_prism()._stages()
+
+    def _thin_prism(self) -> ThinPrismFisheye:
+        p1, p2 = CONVENTION.tangential_from_file(self.p1, self.p2)
+        return ThinPrismFisheye(
+            k1=self.k1, k2=self.k2, p1=p1, p2=p2, k3=self.k3, k4=self.k4, sx1=0.0, sy1=0.0
+        )
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """The thin-prism fisheye without prisms, and Kannala and Brandt's without p1 and p2."""
+        lens = self._thin_prism()
+        return (lens, *lens.equivalents())
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> MetashapeFisheye | None:
+        """A thin-prism fisheye without prisms; None for every other model."""
+        if not isinstance(other, ThinPrismFisheye) or other.sx1 or other.sy1:
+            return None
+        p1, p2 = CONVENTION.tangential_to_file(other.p1, other.p2)
+        return cls(k1=other.k1, k2=other.k2, k3=other.k3, k4=other.k4, p1=p1, p2=p2)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -109,7 +147,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     b1 = native.fx - native.fy
     numbers = {"f": native.fy, "cx": native.cx, "cy": native.cy}
     numbers |= {name: value for name, value in (("b1", b1), ("b2", native.skew)) if value}
-    if isinstance(distortion, KannalaBrandt):
+    if isinstance(distortion, KannalaBrandt | MetashapeFisheye):
         projection, coefficients = "fisheye", distortion.coefficients
     else:
         frame = exact(distortion or NoDistortion(), MetashapeFrame)
@@ -183,15 +221,16 @@ def _frame(fields: _Fields) -> Distortion:
 
 
 def _fisheye(fields: _Fields) -> Distortion:
-    for name in ("p1", "p2", "p3", "p4"):
+    for name in ("p3", "p4"):
         if fields.number(name, 0.0):
             raise UnsupportedModelError(
-                f"a fisheye with {name} ≠ 0 has no counterpart here; adjust the camera in Metashape with p1 "
-                "and p2 fixed at zero and save it again",
+                f"a fisheye with {name} ≠ 0 has no counterpart here; adjust the camera in Metashape with p3 "
+                "and p4 fixed at zero and save it again",
                 source=fields.source,
                 place=name,
             )
-    return KannalaBrandt(**{name: fields.number(name, 0.0) for name in ("k1", "k2", "k3", "k4")})
+    lens = MetashapeFisheye(**{name: fields.number(name, 0.0) for name in MetashapeFisheye.names()})
+    return lens.equivalents()[-1]
 
 
 class _Fields:
@@ -259,6 +298,8 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, BrownConrady, MetashapeFrame, KannalaBrandt), skew=True),
+    capacity=Capacity(
+        models=(NoDistortion, BrownConrady, MetashapeFrame, KannalaBrandt, MetashapeFisheye), skew=True
+    ),
     options=(PRINCIPAL_POINT,),
 )

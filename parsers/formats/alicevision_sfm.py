@@ -89,7 +89,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every intrinsic, in order."""
-    document = loaded(data, source=context.name)
+    document = loaded(data, context)
     version = _version(document["version"])
     intrinsics = _items(document["intrinsics"])
     if len(intrinsics) > MAX_CAMERAS:

@@ -64,7 +64,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the rig, in the file's order, named by its number."""
-    rig = loaded(data, source=context.name)["value0"]
+    rig = loaded(data, context)["value0"]
     cameras, sizes = rig["intrinsics"].items(), rig["resolution"].items()
     if len(cameras) != len(sizes):
         rig["resolution"].fail(f"{len(sizes)} resolutions of {len(cameras)} cameras")

@@ -64,7 +64,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The camera of every photogroup, in the file's order."""
-    root = parse_xml(data, source=context.name, max_bytes=MAX_BYTES)
+    root = parse_xml(data, source=context.name, max_bytes=context.at_most(MAX_BYTES))
     groups = list(root.iter("Photogroup")) if root.tag in ROOTS else []
     if not 0 < len(groups) <= MAX_PHOTOGROUPS:
         raise ParseError(

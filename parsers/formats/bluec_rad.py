@@ -24,18 +24,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
-from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._opencv_lens import BrownWithoutK3
 from calibrary.parsers.formats._short_text import short_text
 
 __all__ = ["FORMAT"]
@@ -56,30 +54,6 @@ SKEW_NOTE = (
 
 _LINE = re.compile(r"(K[1-3][1-3]|kc[1-9]|alpha_c)\s*=\s*(\S+)")
 _FIRST = re.compile(r"K11\s*=")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CalTechFour(OpenCVDistortion):
-    """Brown–Conrady's first four coefficients; what a file has a place for."""
-
-    model: ClassVar[str] = "brown (k1, k2, p1, p2)"
-
-    k1: float
-    k2: float
-    p1: float
-    p2: float
-
-    def equivalents(self) -> tuple[Distortion, ...]:
-        """The same map with k3 = 0."""
-        return (BrownConrady(**self.coefficients),)
-
-    @classmethod
-    def from_equivalent(cls, other: Distortion) -> CalTechFour | None:
-        """Brown–Conrady where k3 is zero, or no distortion."""
-        brown = exact(other, BrownConrady) if isinstance(other, BrownConrady | NoDistortion) else None
-        if not isinstance(brown, BrownConrady) or brown.k3:
-            return None
-        return cls(k1=brown.k1, k2=brown.k2, p1=brown.p1, p2=brown.p2)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -120,7 +94,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     """The lines in the places where the programs look for them."""
     [calibration] = calibrations
     native = CONVENTION.native(calibration.intrinsics)
-    lens = exact(calibration.distortion or NoDistortion(), CalTechFour)
+    lens = exact(calibration.distortion or NoDistortion(), BrownWithoutK3)
     assert lens is not None  # noqa: S101  CAPACITY lets nothing else through
     K = (native.fx, 0.0, native.cx, 0.0, native.fy, native.cy, 0.0, 0.0, 1.0)
     rows = [f"{name} = {value!r}" for name, value in zip(MATRIX, K, strict=True)]
@@ -176,6 +150,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, CalTechFour)),
+    capacity=Capacity(models=(NoDistortion, BrownWithoutK3)),
     needs_image_size=True,
 )

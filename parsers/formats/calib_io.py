@@ -48,7 +48,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in the file's order, named by its number."""
-    cameras = loaded(data, source=context.name)["Calibration"]["cameras"].items()
+    cameras = loaded(data, context)["Calibration"]["cameras"].items()
     names: dict[int, str] = {}
     return [
         _camera(f"cam{index}" if len(cameras) > 1 else None, camera["model"], names, context)

@@ -10,7 +10,8 @@ length was given or comes from EXIF, and 0 where COLMAP guessed 1.2 × the longe
 a prior at most; one with a lens or an off-centre principal point was given or adjusted, whatever the flag says,
 which scripts that fill databases often leave at 0.
 
-The file is given to SQLite as bytes in memory and nothing but the one table is read. What another program has
+Nothing but the one table is read, out of a copy in memory or, where the file is too long for that, out of the
+file, opened so that nothing is written. What another program has
 not yet written back from its journal is not there, so a journal beside the file is refused.
 
 Source: COLMAP documentation, "Database Format".
@@ -21,9 +22,10 @@ from __future__ import annotations
 import math
 import sqlite3
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 from typing import TypeAlias
 
 from calibrary.calibration import Calibration, Grade
@@ -32,6 +34,7 @@ from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.colmap_models import CONVENTION, PANORAMAS, model_numbered
 from calibrary.parsers.content import Content
+from calibrary.parsers.files import read_head
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._colmap import MAX_CAMERAS, ColmapCamera, cameras
@@ -39,6 +42,8 @@ from calibrary.parsers.formats._colmap import MAX_CAMERAS, ColmapCamera, cameras
 __all__ = ["FORMAT"]
 
 MAGIC = b"SQLite format 3\0"
+HEADER_BYTES = 100
+LARGEST_PAGE = 65_536
 SCHEMA_BYTES = 64 * 1024
 """Where the definitions of the tables stand."""
 QUERY = "SELECT camera_id, model, width, height, params, prior_focal_length FROM cameras ORDER BY camera_id LIMIT ?"
@@ -61,7 +66,28 @@ def sniff(content: Content) -> Sniff | None:
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, by its id."""
     _refuse_journal(context)
-    rows = _rows(data, context.name)
+    _refuse_a_part(data, len(data), context.name)
+    # COLMAP journals ahead (bytes 18 and 19 are 2), which a database in memory cannot.
+    plain = b"".join([data[:18], b"\1\1", data[20:]])
+
+    def opened() -> sqlite3.Connection:
+        connection = sqlite3.connect(":memory:")
+        connection.deserialize(plain)
+        return connection
+
+    return _calibrations(_rows(opened, context.name), context)
+
+
+def read_in_place(path: Path, context: ReadContext) -> list[Calibration]:
+    """The same of a database of any length: features and matches fill it by the gigabyte."""
+    _refuse_journal(context)
+    _refuse_a_part(read_head(path, HEADER_BYTES), path.stat().st_size, context.name)
+    # Immutable: SQLite neither looks for a journal nor locks, so nothing is made beside the file.
+    address = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+    return _calibrations(_rows(lambda: sqlite3.connect(address, uri=True), context.name), context)
+
+
+def _calibrations(rows: list[Row], context: ReadContext) -> list[Calibration]:
     flags = {row[0]: bool(row[5]) for row in rows}
     found = cameras([_camera(row, context.name) for row in rows], context, grade=Grade.ADJUSTED)
     return [_graded(item, given=flags[int((item.provenance.tag or "").split()[-1])]) for item in found]
@@ -118,19 +144,14 @@ def _camera(row: Row, source: str) -> ColmapCamera:
     )
 
 
-def _rows(data: bytes, source: str) -> list[Row]:
+def _rows(opened: Callable[[], sqlite3.Connection], source: str) -> list[Row]:
     """The table of cameras.
 
     Raises:
         ParseError: SQLite cannot read it, it has no such table, or there is no end to it.
     """
-    if not data.startswith(MAGIC):
-        raise ParseError("this is no SQLite database", source=source)
-    # COLMAP journals ahead (bytes 18 and 19 are 2), which a database in memory cannot.
-    plain = b"".join([data[:18], b"\1\1", data[20:]])
     try:
-        with closing(sqlite3.connect(":memory:")) as connection:
-            connection.deserialize(plain)
+        with closing(opened()) as connection:
             rows = list(_bounded(connection))
     # UnicodeError: a broken name in a message of SQLite's own.
     except (sqlite3.Error, UnicodeError, OverflowError, MemoryError) as error:
@@ -138,6 +159,30 @@ def _rows(data: bytes, source: str) -> list[Row]:
     if len(rows) > MAX_CAMERAS:
         raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=source)
     return rows
+
+
+def _refuse_a_part(head: bytes, length: int, source: str) -> None:
+    """SQLite takes what is missing at the end of a file for zeros, and a lens cut off for none.
+
+    Raises:
+        ParseError: it is no database, or not as long as its header says (SQLite, "Database File Format", 1.3).
+    """
+    if not head.startswith(MAGIC):
+        raise ParseError("this is no SQLite database", source=source)
+    if len(head) < HEADER_BYTES:
+        raise ParseError(f"{length} bytes, the header alone has {HEADER_BYTES}", source=source)
+    [page_bytes] = struct.unpack_from(">H", head, 16)
+    page_bytes = LARGEST_PAGE if page_bytes == 1 else page_bytes
+    changes, pages = struct.unpack_from(">II", head, 24)
+    [counted_at] = struct.unpack_from(">I", head, 92)
+    # A program older than SQLite 3.7.0 does not keep the number of pages up to date.
+    wanted = pages * page_bytes if changes == counted_at else 0
+    if length < wanted or length % (page_bytes or 1):
+        raise ParseError(
+            f"{length} bytes are not the whole of it, {pages} pages of {page_bytes} bytes; copy it again "
+            "while no program has it open",
+            source=source,
+        )
 
 
 def _bounded(connection: sqlite3.Connection) -> Iterator[Row]:
@@ -164,9 +209,9 @@ def _refuse_journal(context: ReadContext) -> None:
     name = f"{context.name}-wal"
     try:
         journal = context.companion(name)
-    except ParseError:  # it is empty: all of it has been written back
-        return
-    if journal:
+    except ParseError:  # a journal longer than what is read
+        journal = name.encode()
+    if journal:  # an empty one has been written back
         raise ParseError(
             f"part of it is still in {strict.shown(name)}; close the program that has it open, or write it back "
             "with `sqlite3 FILE 'PRAGMA wal_checkpoint(TRUNCATE)'`",
@@ -182,4 +227,5 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    read_in_place=read_in_place,
 )

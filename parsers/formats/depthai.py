@@ -52,7 +52,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera that has been calibrated, in the table's order, named by its socket."""
-    document = loaded(data, source=context.name)
+    document = loaded(data, context)
     if "cameraData" not in document:
         return [_camera(None, None, document, context)]
     model = document.get("productName") or document.get("boardName")

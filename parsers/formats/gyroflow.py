@@ -49,7 +49,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the profile."""
-    document = loaded(data, source=context.name)
+    document = loaded(data, context)
     _refuse(document)
     size = context.size(document["calib_dimension"].image_size("w", "h"))
     params = document["fisheye_params"]

@@ -99,7 +99,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in order."""
-    rows = rows_of(data, source=context.name, most=MAX_BYTES)
+    rows = rows_of(data, source=context.name, most=context.at_most(MAX_BYTES))
     cameras = list(_cameras(rows, context.name))
     if not cameras:
         raise ParseError(f"there is no {' or '.join(BLOCKS)}", source=context.name)

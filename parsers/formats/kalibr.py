@@ -25,8 +25,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import ClassVar
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import (
@@ -39,7 +37,6 @@ from calibrary.distortion import (
     NoDistortion,
     Unified,
 )
-from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
@@ -48,6 +45,7 @@ from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._json_text import restored
+from calibrary.parsers.formats._opencv_lens import BrownWithoutK3
 from calibrary.parsers.formats._yaml_text import flow, scalar
 
 __all__ = ["FORMAT"]
@@ -69,29 +67,6 @@ PREFIX = "kalibr/"
 MAX_CAMERAS = 1000
 
 _CAMERA = re.compile(r"cam\d+")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Radtan(OpenCVDistortion):
-    """Brown–Conrady without k3, so that a lens that has one is refitted rather than robbed of it."""
-
-    model: ClassVar[str] = "radtan"
-
-    k1: float
-    k2: float
-    p1: float
-    p2: float
-
-    def equivalents(self) -> tuple[Distortion, ...]:
-        """Brown–Conrady."""
-        return (BrownConrady(k1=self.k1, k2=self.k2, p1=self.p1, p2=self.p2),)
-
-    @classmethod
-    def from_equivalent(cls, other: Distortion) -> Radtan | None:
-        """Brown–Conrady without k3; None for every other model."""
-        if not isinstance(other, BrownConrady) or other.k3:
-            return None
-        return cls(k1=other.k1, k2=other.k2, p1=other.p1, p2=other.p2)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -263,7 +238,7 @@ FORMAT = Format(
     capacity=Capacity(
         models=(
             NoDistortion,
-            Radtan,
+            BrownWithoutK3,
             KannalaBrandt,
             Unified,
             ExtendedUnified,

@@ -33,7 +33,7 @@ def sniff(content: Content) -> Sniff | None:
 
 FORMAT = Format(
     name="lensfun_xml",
-    title="lensfun lens database",
+    title="a lensfun lens database",
     suffixes=(".xml",),
     reference="https://lensfun.github.io/manual/latest/dbformat.html",
     sniff=sniff,

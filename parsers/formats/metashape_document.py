@@ -75,7 +75,9 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every sensor that has a calibration, in the file's order."""
-    sensors = _sensors(parse_xml(data, source=context.name, max_bytes=MAX_BYTES), context.name)
+    sensors = _sensors(
+        parse_xml(data, source=context.name, max_bytes=context.at_most(MAX_BYTES)), context.name
+    )
     found: list[Calibration] = []
     left_out: list[str] = []
     refused: UnsupportedModelError | None = None

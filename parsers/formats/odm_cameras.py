@@ -49,7 +49,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in order."""
-    found = [(name, node, None) for name, node in loaded(data, source=context.name).entries()]
+    found = [(name, node, None) for name, node in loaded(data, context).entries()]
     return cameras(found, context, adjusted=False)
 
 

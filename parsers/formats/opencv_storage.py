@@ -22,10 +22,13 @@ The container has no schema: programs name things as they like, so the keys of O
 variations of them are known (``_opencv_keys``), with "left", "right" or a number for one of several cameras. The
 count of coefficients tells the model as far as OpenCV's documentation makes it tell: 5 Brown–Conrady, 8 rational,
 12 thin prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of OpenCV's calibration sample (unless it says
-``fisheye_model: 1``); under other keys nothing tells them from a fisheye's k1 k2 k3 k4.
+``fisheye_model: 1``); under other keys nothing tells them from a fisheye's k1 k2 k3 k4. With ``xi`` beside them
+they are k1 k2 p1 p2 of ``cv2.omnidir``, Mei's model, whose focal lengths are (1 + xi) times those of the pinhole
+near the axis.
 
 Sources: OpenCV, "Camera Calibration and 3D Reconstruction"; ``samples/cpp/calibration.cpp``,
-``samples/cpp/stereo_calib.cpp`` and the camera-calibration tutorial's ``camera_calibration.cpp``.
+``samples/cpp/stereo_calib.cpp`` and the camera-calibration tutorial's ``camera_calibration.cpp``; opencv_contrib,
+``modules/ccalib/src/omnidir.cpp``.
 """
 
 from __future__ import annotations
@@ -42,6 +45,7 @@ from calibrary.distortion import (
     Rational,
     ThinPrism,
     Tilted,
+    Unified,
 )
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -65,7 +69,10 @@ __all__ = ["FORMAT"]
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),
-    remarks=("cv2.fisheye's four are k1, k2, k3, k4",),
+    remarks=(
+        "cv2.fisheye's four are k1, k2, k3, k4",
+        "with xi of cv2.omnidir, K holds the file's focal lengths, (1 + xi) times those of the pinhole near the axis",
+    ),
 )
 MODELS: dict[int, type[Distortion]] = {
     4: BrownConrady,
@@ -112,9 +119,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if not keys.matrices:
         listed = ", ".join(strict.shown(key) for key in tree.keys()[:12])
         tree.fail(f"there is no camera matrix; the keys are {listed or 'none'}")
-    for label, key in keys.coefficients.items():
-        if label not in keys.matrices:
-            tree[key].fail("there is no camera matrix beside these coefficients")
+    for found, what in ((keys.coefficients, "these coefficients"), (keys.mirrors, "this xi")):
+        for label, key in found.items():
+            if label not in keys.matrices:
+                tree[key].fail(f"there is no camera matrix beside {what}")
     size = context.size(keys.size())
     grade, quality = keys.grade(), keys.quality()
     extras = keys.extras(PREFIX)
@@ -148,6 +156,8 @@ def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
     for label, item in named:
         if item.distortion is not None:
             tree[_key("distortion_coefficients", "D", label)] = _row(_coefficients(item.distortion))
+        if isinstance(item.distortion, Unified):
+            tree[_key("xi", "xi", label)] = item.distortion.xi
     for label, item in named:
         tree[_key("camera_matrix", "M", label)] = _matrix(item.intrinsics)
     return storage.dump(tree, context.name)
@@ -187,7 +197,13 @@ def _camera(
     matrix_key, coefficient_key = keys.matrices[label], keys.coefficients.get(label)
     intrinsics = _intrinsics(keys.tree[matrix_key], size)
     notes = []
-    if intrinsics.skew:
+    distortion = _distortion(keys, label, context)
+    if isinstance(distortion, Unified):
+        near = intrinsics.fx / (1 + distortion.xi)
+        notes.append(
+            f"K's fx is the file's; near the axis the camera is a pinhole of {near:.6g} px, fx/(1 + xi)"
+        )
+    elif intrinsics.skew:
         notes.append(
             f"skew of {intrinsics.skew:g} px was kept; OpenCV's own projectPoints does not look at it"
         )
@@ -201,7 +217,7 @@ def _camera(
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=label if several else None),
         intrinsics=intrinsics,
-        distortion=_distortion(keys, label, context) if coefficient_key is not None else None,
+        distortion=distortion,
         grade=grade,
         quality=quality,
         provenance=context.provenance(tag=", ".join(tags)),
@@ -221,13 +237,11 @@ def _intrinsics(node: Node, size: ImageSize) -> Intrinsics:
         node.fail(error.message)
 
 
-def _distortion(keys: Keys, label: str, context: ReadContext) -> Distortion:
-    if "xi" in keys.tree:
-        raise UnsupportedModelError(
-            "with xi this is cv2.omnidir's model, which has no counterpart here; calibrate with cv2.fisheye",
-            source=context.name,
-            place="xi",
-        )
+def _distortion(keys: Keys, label: str, context: ReadContext) -> Distortion | None:
+    if label in keys.mirrors:
+        return _mirror(keys, label)
+    if label not in keys.coefficients:
+        return None
     node = keys.tree[keys.coefficients[label]]
     values = storage.numbers(node)
     if not values:
@@ -252,6 +266,20 @@ def _distortion(keys: Keys, label: str, context: ReadContext) -> Distortion:
         return NoDistortion()
     kind = MODELS[len(values)]
     return kind(**dict(zip(kind.names(), values, strict=False)))
+
+
+def _mirror(keys: Keys, label: str) -> Unified:
+    """cv2.omnidir's camera: a mirror, or a lens like one, of eccentricity xi."""
+    node = keys.tree[keys.mirrors[label]]
+    values = storage.numbers(node) if isinstance(node.value, dict | list) else (node.number(),)
+    if len(values) != 1 or values[0] <= -1:
+        node.fail(f"xi is {', '.join(f'{value:g}' for value in values)}, wanted one number above −1")
+    if label not in keys.coefficients:
+        node.fail("there are no distortion coefficients beside this xi, wanted four")
+    terms = storage.numbers(beside := keys.tree[keys.coefficients[label]])
+    if len(terms) != 4:
+        beside.fail(f"{len(terms)} distortion coefficients beside xi, wanted cv2.omnidir's four, k1 k2 p1 p2")
+    return Unified(xi=values[0], **dict(zip(("k1", "k2", "p1", "p2"), terms, strict=True)))
 
 
 def _labels(calibrations: Sequence[Calibration]) -> list[str]:
@@ -280,7 +308,7 @@ def _matrix(K: Intrinsics) -> Json:
 def _coefficients(distortion: Distortion) -> list[float]:
     if isinstance(distortion, NoDistortion):
         return [0.0] * 5
-    return list(distortion.coefficients.values())
+    return [value for name, value in distortion.coefficients.items() if name != "xi"]
 
 
 def _row(values: list[float]) -> Json:
@@ -297,7 +325,8 @@ FORMAT = Format(
     read=read,
     write=write,
     capacity=Capacity(
-        models=(NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt), several_cameras=True
+        models=(NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt, Unified),
+        several_cameras=True,
     ),
     options=(DISTORTION,),
 )

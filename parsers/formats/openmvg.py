@@ -81,7 +81,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every intrinsic, in order."""
-    document = loaded(data, source=context.name)
+    document = loaded(data, context)
     found = list(_cameras(document["intrinsics"]))
     if len(found) > MAX_CAMERAS:
         raise ParseError(f"there are over {MAX_CAMERAS} intrinsics", source=context.name)

@@ -59,7 +59,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in order; of a reconstruction's, those that differ."""
-    document = loaded(data, source=context.name)
+    document = loaded(data, context)
     if isinstance(document.value, list):
         return cameras(list(_reconstructed(document)), context, adjusted=True)
     found = [(name, node, None) for name, node in document.entries()]

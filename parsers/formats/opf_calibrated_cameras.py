@@ -22,9 +22,10 @@ from dataclasses import dataclass
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, FisheyePolynomial, NoDistortion
 from calibrary.parsers.content import Content
-from calibrary.parsers.document import Json, Node, load_json
+from calibrary.parsers.document import Json, Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, WriteContext
 from calibrary.parsers.formats import _opf
+from calibrary.parsers.formats._json_text import loaded
 
 __all__ = ["FORMAT"]
 
@@ -51,7 +52,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every sensor, in order."""
-    items = _opf.sensors(data, MARK, source=context.name)
+    items = _opf.sensors(loaded(data, context), MARK)
     known = _input(context)
     found: list[Calibration] = []
     for item, label in zip(items, _opf.labels(items, known.names), strict=True):
@@ -100,7 +101,7 @@ def _input(context: ReadContext) -> _Input:
         data = context.companion(name)
         if data is None:
             continue
-        for sensor in _opf.sensors(data, INPUT_MARK, source=name):
+        for sensor in _opf.sensors(loaded(data, context.beside(name)), INPUT_MARK):
             number = _opf.identity(sensor)
             sizes[number] = _opf.image_size(sensor)
             label = sensor.get("name")
@@ -115,7 +116,7 @@ def _companions(context: ReadContext) -> Iterator[str]:
     for name in PROJECT_NAMES:
         data = context.companion(name)
         if data is not None:
-            yield from _listed(load_json(data, source=name))
+            yield from _listed(loaded(data, context.beside(name)))
     yield from INPUT_NAMES
 
 

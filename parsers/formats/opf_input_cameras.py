@@ -18,9 +18,10 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.parsers.content import Content
-from calibrary.parsers.document import Node, load_json
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff
 from calibrary.parsers.formats import _opf
+from calibrary.parsers.formats._json_text import loaded
 
 __all__ = ["FORMAT"]
 
@@ -43,8 +44,9 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every sensor, in order."""
-    items = _opf.sensors(data, MARK, source=context.name)
-    origins = _origins(load_json(data, source=context.name))
+    document = loaded(data, context)
+    items = _opf.sensors(document, MARK)
+    origins = _origins(document)
     names = {_opf.identity(item): item["name"].text() for item in items if "name" in item}
     found: list[Calibration] = []
     for item, label in zip(items, _opf.labels(items, names), strict=True):

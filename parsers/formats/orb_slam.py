@@ -50,7 +50,7 @@ CAMERAS = ("Camera", "Camera1", "Camera2")
 MAX_BYTES = 1024 * 1024
 SIDES = ("LEFT", "RIGHT")
 
-_TIGHT = re.compile(r"^(\s*[A-Za-z_][\w.]*):(?=[^\s:])", re.MULTILINE)
+_TIGHT = re.compile(r"^([ \t]*+[A-Za-z_][\w.]*+):(?=[^\s:])", re.MULTILINE)
 
 
 def sniff(content: Content) -> Sniff | None:

@@ -60,7 +60,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The project's camera, or its photos' cameras where they are not all that one."""
-    rows = rows_of(data, source=context.name, most=MAX_BYTES)
+    rows = rows_of(data, source=context.name, most=context.at_most(MAX_BYTES))
     if not rows or not rows[0].strip().startswith(TITLE) or len(rows) < HEAD:
         raise ParseError(f"this is no head of {HEAD} lines that begins with '{TITLE}'", source=context.name)
     fields = strict.numbers(rows[1], count=4, source=context.name, place="line 2")

@@ -31,7 +31,7 @@ def sniff(content: Content) -> Sniff | None:
 
 FORMAT = Format(
     name="pix4d_camera_database",
-    title="Pix4D camera database",
+    title="a Pix4D camera database",
     suffixes=(".xml",),
     reference="https://support.pix4d.com/hc/en-us/articles/360035481811",
     sniff=sniff,

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
@@ -105,10 +106,10 @@ def _images(data: bytes, source: str) -> Iterator[tuple[str, _Camera]]:
             "export the project as OPF instead",
             source=source,
         )
-    filled = [(index, row) for index, row in enumerate(rows, start=1) if row.strip()][len(HEADING) :]
+    numbered = ((index, row) for index, row in enumerate(rows, start=1) if row.strip())
+    filled = islice(numbered, len(HEADING), None)
     known: dict[tuple[str, ...], _Camera] = {}
-    for start in range(0, len(filled), IMAGE_ROWS):
-        block = filled[start : start + IMAGE_ROWS]
+    while block := list(islice(filled, IMAGE_ROWS)):
         index = block[0][0]
         if len(block) < IMAGE_ROWS:
             raise ParseError(

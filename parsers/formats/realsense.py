@@ -72,7 +72,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The rectified camera at every resolution, or every stream."""
-    document = loaded(data, source=context.name)
+    document = loaded(data, context)
     if isinstance(document.value, dict):
         numbers = [match[1] for key, _ in document.entries() if (match := _RECTIFIED.fullmatch(key))]
         if numbers:

@@ -80,7 +80,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera that differs, in the order of the frames, by the name of its first image."""
-    document = loaded(data, source=context.name)
+    document = loaded(data, context)
     fisheye = _is_fisheye(document)
     shared = _numbers(document)
     images: dict[object, _Images] = {}

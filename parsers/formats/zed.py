@@ -160,7 +160,24 @@ def _sections(text: str, source: str) -> dict[str, Section]:
         if key in section.values:
             raise ParseError("it stands twice", source=source, place=f"[{section.name}] {key}")
         section.values[key] = value
+    if section is not None:
+        _refuse_part_of_a_lens(section, source)
     return sections
+
+
+def _refuse_part_of_a_lens(last: Section, source: str) -> None:
+    """What ends the file in the middle of its coefficients was cut short; as a rule [STEREO] follows."""
+    keys = last.values.keys()
+    if last.name.upper().endswith("_DISTO"):
+        whole = "k6" in keys or ("k4" in keys and "p1" not in keys)
+    else:
+        whole = "k1" not in keys or "k3" in keys
+    if not whole:
+        raise ParseError(
+            f"the file ends after {', '.join(keys) or 'its name'}, so it may be cut short; complete it",
+            source=source,
+            place=f"[{last.name}]",
+        )
 
 
 def _lines(text: str, source: str) -> Iterator[tuple[int, str]]:

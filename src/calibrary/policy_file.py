@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from calibrary.policy import POLICIES, Policy
 from calibrary.schemas import require
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
-__all__ = ["read_policy"]
+__all__ = ["policy_from", "read_policy"]
 
 LARGEST_POLICY = 1 << 20
 
@@ -36,7 +37,15 @@ def read_policy(path: Path) -> Policy:
         raise ParseError("is larger than 1 MiB, wanted a policy", source=str(path))
     value = load_yaml(data, source=path.name)
     require(value, "policy-1", source=path.name, locate=partial(line_of, data))
-    document = cast("dict[str, YamlValue]", value)
+    return policy_from(cast("dict[str, YamlValue]", value))
+
+
+def policy_from(document: Mapping[str, YamlValue]) -> Policy:
+    """The policy that a document means which keeps schemas/policy-1.schema.json.
+
+    Raises:
+        InputError: a limit is out of range.
+    """
     base = POLICIES[str(document.get("base", "fleet"))]
     limits = {field.name: document[field.name] for field in fields(Policy) if field.name in document}
     for band in ("focal_over_width", "measured_over_width"):

@@ -14,6 +14,7 @@ TARGETS = set(re.findall(r"(?m)^([a-z]+):", MAKEFILE))
 CALLERS = (
     ".ci/run",
     ".github/workflows/ci.yml",
+    ".github/workflows/nightly.yml",
     ".pre-commit-config.yaml",
     "CONTRIBUTING.md",
     "DESIGN.md",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -77,6 +79,13 @@ def test_one_camera_in_many_counts(convention: Convention, native: Native) -> No
     K = convention.intrinsics(native, SIZE, sensor_mm=SENSOR_MM)
     expected = [[4500, 2, 3010], [0, 4490, 1980], [0, 0, 1]]
     np.testing.assert_allclose(K.matrix, expected, rtol=1e-14, atol=1e-11)
+
+
+def test_no_skew_has_no_sign_whichever_way_y_points() -> None:
+    upwards = Convention(origin=Origin.CORNER, y_axis=YAxis.UP)
+    K = upwards.intrinsics(Native(fx=100.0, fy=100.0, cx=50.0, cy=40.0), (100, 80))
+    assert math.copysign(1.0, K.skew) == 1.0
+    assert math.copysign(1.0, upwards.native(K).skew) == 1.0
 
 
 def test_millimetres_ask_for_the_sensor() -> None:

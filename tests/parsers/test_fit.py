@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -20,7 +21,8 @@ from calibrary.distortion import (
     ThinPrism,
     Tilted,
 )
-from calibrary.errors import UnsupportedModelError
+from calibrary.distortion.opencv import OpenCVDistortion
+from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.fit import adapt, compare, exact, refit
 from calibrary.parsers.format import Capacity
 from tests.parsers.cameras import BROWN, camera, distortions
@@ -114,6 +116,25 @@ def test_a_fisheye_of_ordinary_width_can_be_fitted(lens: KannalaBrandt, target: 
     found = refit(camera(lens), target)
     assert found is not None
     assert found[1].max_px < 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capped(OpenCVDistortion):
+    """A model that allows less than the lens would need."""
+
+    model: ClassVar[str] = "capped"
+
+    k1: float
+
+    def __post_init__(self) -> None:
+        if abs(self.k1) > 0.05:
+            raise InputError("k1 is over 0.05")
+
+
+def test_a_fit_stays_within_what_the_model_allows() -> None:
+    fitted = refit(camera(BROWN), Capped)
+    assert fitted is not None
+    assert 0 < abs(fitted[0].coefficients["k1"]) <= 0.05
 
 
 def test_k_is_never_fitted() -> None:

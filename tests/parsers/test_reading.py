@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from calibrary.errors import (
 from calibrary.parsers import discovery, reading
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Origin
+from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import companions
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from tests.parsers.cameras import BROWN, SIZE, camera
@@ -112,6 +114,33 @@ def test_a_format_that_is_only_recognised_is_refused_with_its_way_out(only: Inst
     only(claiming("calcam", Sure.MAGIC, read=None, convention=None, refuses="export Agisoft XML instead"))
     with pytest.raises(UnsupportedModelError, match="this is Calcam: export Agisoft XML instead"):
         parsers.decode(b"x", name="x.cal")
+
+
+@pytest.mark.parametrize(
+    "record", [record for record in parsers.formats() if record.refuses], ids=lambda r: r.name
+)
+def test_a_refusal_says_what_the_file_is_in_a_sentence(record: Format) -> None:
+    """It becomes "this is …"."""
+    assert record.title.split()[0] in {"a", "an"}
+
+
+@pytest.mark.parametrize("text", ['{"a": 1}', '[{"a": 1}]', "[ 1, 2]", "[", "[]", "[-1]", '["a"]', "[true]"])
+def test_objects_and_arrays_look_like_json(text: str) -> None:
+    assert Content(text.encode(), "a").looks_like_json
+
+
+@pytest.mark.parametrize("text", ["[image]\nwidth\n5472", "[narrow_stereo/left]", "[trueColour]", "cam0: {}"])
+def test_sections_of_ini_files_do_not(text: str) -> None:
+    assert not Content(text.encode(), "a").looks_like_json
+
+
+def test_cameras_that_do_not_all_read_back_are_refused() -> None:
+    record = format_named("opencv_storage")
+    whole = record.read
+    assert whole is not None
+    forgetful = replace(record, read=lambda data, context: whole(data, context)[:1])
+    with pytest.raises(UnsupportedModelError, match="2 cameras reads back as 1"):
+        parsers.encode([camera(BROWN), camera(BROWN)], forgetful)
 
 
 def test_a_number_that_makes_no_lens_is_the_files_fault(only: Install) -> None:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Answers", "add_reading_flags", "image_size"]
 
+LARGEST_MIB = 1 << 20
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
@@ -21,12 +23,16 @@ class Answers:
     format: str | None
     image_size: ImageSize | None
     options: Mapping[str, str]
+    max_mib: int | None = None
 
     @classmethod
     def of(cls, arguments: argparse.Namespace) -> Answers:
         """Out of the flags that :func:`add_reading_flags` added."""
         return cls(
-            format=arguments.format, image_size=arguments.image_size, options=dict(arguments.set or ())
+            format=arguments.format,
+            image_size=arguments.image_size,
+            options=dict(arguments.set or ()),
+            max_mib=arguments.max_size,
         )
 
     def read(self, path: Path) -> list[Calibration]:
@@ -37,11 +43,14 @@ class Answers:
         """
         from calibrary import parsers
 
-        return parsers.read(path, format=self.format, image_size=self.image_size, options=self.options)
+        limit = {"max_bytes": self.max_mib << 20} if self.max_mib is not None else {}
+        return parsers.read(
+            path, format=self.format, image_size=self.image_size, options=self.options, **limit
+        )
 
 
 def add_reading_flags(parser: argparse.ArgumentParser) -> None:
-    """Add ``--format``, ``--image-size`` and ``--set``."""
+    """Add ``--format``, ``--image-size``, ``--set`` and ``--max-size``."""
     parser.add_argument(
         "--format", metavar="NAME", help="the file's format, where the file itself does not settle it"
     )
@@ -55,6 +64,9 @@ def add_reading_flags(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="an answer to what only the file's owner knows, as the error message asks for it",
     )
+    parser.add_argument(
+        "--max-size", type=_mebibytes, metavar="MIB", help="longest file that is read, in MiB (default: 64)"
+    )
 
 
 def image_size(text: str) -> ImageSize:
@@ -63,6 +75,12 @@ def image_size(text: str) -> ImageSize:
     if not (width.isdecimal() and height.isdecimal() and int(width) > 0 and int(height) > 0):
         raise argparse.ArgumentTypeError(f"{text!r}: wanted WxH in whole pixels, such as 5472x3648")
     return int(width), int(height)
+
+
+def _mebibytes(text: str) -> int:
+    if not text.isdecimal() or not 0 < int(text) <= LARGEST_MIB:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted whole MiB, 1 to {LARGEST_MIB}")
+    return int(text)
 
 
 def _option(text: str) -> tuple[str, str]:

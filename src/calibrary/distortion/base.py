@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import ClassVar, TypeAlias
 
 import numpy as np
@@ -45,6 +46,7 @@ class Distortion(ABC):
             object.__setattr__(self, name, value)
 
     @classmethod
+    @cache
     def names(cls) -> tuple[str, ...]:
         """The names of the coefficients, in the model's order."""
         return tuple(f.name for f in fields(cls))

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
-from calibrary.distortion import BrownConrady, KannalaBrandt, MetashapeFrame, NoDistortion, Rational
+from calibrary.distortion import (
+    BrownConrady,
+    KannalaBrandt,
+    MetashapeFrame,
+    NoDistortion,
+    Rational,
+    ThinPrismFisheye,
+)
 from calibrary.errors import MissingTagError, ParseError, UnknownFormatError, UnsupportedModelError
 from calibrary.parsers.format import Outcome
 from tests.parsers.cameras import BROWN, SIZE, camera
@@ -71,8 +78,9 @@ def metashape(fields: dict[str, str], xy: NDArray[np.float64]) -> NDArray[np.flo
         FRAME | {"k4": "0.0021"},
         FRAME | {"k4": "0.0021", "p3": "-0.31", "p4": "0.12"},
         {**FRAME, "projection": "fisheye", "k4": "0.0021", "p1": "0", "p2": "0.0"},
+        {**FRAME, "projection": "fisheye", "k4": "0.0021"},
     ],
-    ids=["frame", "absolute", "k4", "p3 p4", "fisheye"],
+    ids=["frame", "absolute", "k4", "p3 p4", "fisheye", "fisheye p1 p2"],
 )
 def test_a_camera_projects_by_metashapes_own_formula(fields: dict[str, str]) -> None:
     calibration = read(xml(fields))
@@ -142,9 +150,16 @@ def test_a_projection_without_a_counterpart_is_refused_by_name(projection: str) 
         read(xml(FRAME, projection=projection))
 
 
-def test_a_fisheye_with_tangential_terms_is_refused() -> None:
-    with pytest.raises(UnsupportedModelError, match="p1"):
-        read(xml(FRAME, projection="fisheye"))
+def test_a_fisheye_with_tangential_terms_is_colmaps_thin_prism_fisheye() -> None:
+    lens = read(xml(FRAME, projection="fisheye")).distortion
+    assert isinstance(lens, ThinPrismFisheye)
+    assert (lens.p1, lens.p2) == (float(FRAME["p2"]), float(FRAME["p1"]))
+    assert (lens.sx1, lens.sy1) == (0, 0)
+
+
+def test_a_fisheye_whose_tangential_terms_grow_is_refused() -> None:
+    with pytest.raises(UnsupportedModelError, match="p3"):
+        read(xml(FRAME, projection="fisheye", p3="0.1"))
 
 
 def test_a_file_without_a_size_asks_for_one() -> None:
@@ -229,6 +244,21 @@ def test_a_fisheye_goes_there_and_back() -> None:
     data, verdict = parsers.encode([original], "agisoft_xml")
     assert str(verdict) == "exact"
     assert read(data).distortion == original.distortion
+
+
+def test_a_fisheye_with_tangential_terms_goes_there_and_back() -> None:
+    lens = ThinPrismFisheye(k1=0.031, k2=-0.0072, p1=4e-4, p2=-7e-4, k3=0.0041, k4=-0.0011, sx1=0.0, sy1=0.0)
+    original = replace(camera(lens), grade=Grade.ADJUSTED)
+    data, verdict = parsers.encode([original], "agisoft_xml")
+    assert str(verdict) == "exact"
+    assert read(data).distortion == lens
+    assert b"<p1>-0.0007</p1>" in data
+
+
+def test_a_prism_has_no_place_in_a_fisheye_and_is_refitted_or_refused() -> None:
+    lens = ThinPrismFisheye(k1=0.031, k2=-0.0072, p1=4e-4, p2=-7e-4, k3=0.0041, k4=-0.0011, sx1=2e-3, sy1=0.0)
+    with pytest.raises(UnsupportedModelError, match="max_error_px"):
+        parsers.encode([camera(lens)], "agisoft_xml", max_error_px=1e-6)
 
 
 def test_a_lens_that_metashape_lacks_is_refitted_within_the_limit() -> None:

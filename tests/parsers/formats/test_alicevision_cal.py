@@ -10,6 +10,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnknownFormatError
+from tests.parsers.samples import Sample
 
 CAL = "1920 1080 1604.3 963.7 541.9 -0.1131 0.0247 -0.0062\n"
 
@@ -17,6 +18,9 @@ CAL = "1920 1080 1604.3 963.7 541.9 -0.1131 0.0247 -0.0062\n"
 def read(text: str, record: str | None = None) -> Calibration:
     [calibration] = parsers.decode(text.encode(), name="cameraCalibration.cal", format=record)
     return calibration
+
+
+SAMPLES = {"alicevision_cal": Sample(CAL.encode())}
 
 
 def test_a_camera_projects_as_opencv_does() -> None:

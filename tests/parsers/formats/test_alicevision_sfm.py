@@ -13,6 +13,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 Array = NDArray[np.float64]
 Fields = dict[str, Any]  # JSON of strings, as AliceVision writes it
@@ -71,6 +72,9 @@ def read(data: bytes, **options: str) -> Calibration:
 def rays() -> Array:
     u, v = np.meshgrid(np.linspace(-0.6, 0.6, 25), np.linspace(-0.45, 0.45, 25))
     return np.column_stack([u.ravel(), v.ravel(), np.ones(u.size)])
+
+
+SAMPLES = {"alicevision_sfm": Sample(sfm())}
 
 
 @pytest.mark.parametrize(

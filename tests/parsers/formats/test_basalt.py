@@ -13,6 +13,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnknownFormatError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 Array = NDArray[np.float64]
 FOCAL = {"fx": 433.2, "fy": 432.9, "cx": 371.6, "cy": 238.3}
@@ -54,6 +55,9 @@ def rays() -> Array:
 def check(calibration: Calibration, m: Array) -> None:
     expected = m * [433.2, 432.9] + [371.6, 238.3]
     np.testing.assert_allclose(calibration.project(rays()) - 0.5, expected, rtol=0, atol=1e-9)
+
+
+SAMPLES = {"basalt": Sample(rig(("ds", {"xi": -0.24, "alpha": 0.57})))}
 
 
 def test_ds_projects_by_its_formula() -> None:

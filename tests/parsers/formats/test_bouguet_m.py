@@ -10,6 +10,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import InputError, MissingTagError, ParseError
+from tests.parsers.samples import Sample
 
 SCRIPT = """\
 % Intrinsic and Extrinsic Camera Parameters
@@ -43,6 +44,9 @@ omc_1 = [ 1.9 ; -1.4 ; 0.5 ];
 def read(text: str, **options: str) -> Calibration:
     [calibration] = parsers.decode(text.encode(), name="Calib_Results.m", options=options)
     return calibration
+
+
+SAMPLES = {"bouguet_m": Sample(SCRIPT.encode())}
 
 
 def test_a_camera_projects_as_the_toolbox_does() -> None:

@@ -11,6 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import MissingTagError, ParseError
+from tests.parsers.samples import Sample
 
 POSE = "1 0 0\n0 1 0\n0 0 1\n0.1 0.2 -0.3\n"
 SIZE = (1200, 901)
@@ -24,6 +25,9 @@ def bundle(*cameras: str, heading: str = "# Bundle file v0.3", count: int | None
 
 def decoded(data: bytes) -> list[Calibration]:
     return parsers.decode(data, name="bundle.out", image_size=SIZE)
+
+
+SAMPLES = {"bundler": Sample(bundle("6.8865481090e+02 -3.13e-02 5.19e-02"))}
 
 
 def test_a_camera_projects_by_bundlers_own_formula() -> None:

@@ -6,6 +6,9 @@ import pytest
 
 from calibrary import parsers
 from calibrary.errors import UnsupportedModelError
+from tests.parsers.samples import Sample
+
+SAMPLES = {"cahvor": Sample(b"Dimensions = 1024 768\nModel = CAHVOR = perspective\nC = 0 0 0\nA = 0 0 1\n")}
 
 
 @pytest.mark.parametrize("model", ["CAHV", "CAHVOR", "CAHVORE3"])

@@ -6,6 +6,9 @@ import pytest
 
 from calibrary import parsers
 from calibrary.errors import UnknownFormatError, UnsupportedModelError
+from tests.parsers.samples import Sample
+
+SAMPLES = {"calcam_cal": Sample(b"CalCam calibration\n1 2 3\n")}
 
 
 def test_it_is_sent_to_agisofts_xml() -> None:

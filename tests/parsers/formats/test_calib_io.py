@@ -13,6 +13,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion, Rational, Tilted
 from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers.document import Json
+from tests.parsers.samples import Sample
 
 NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tauX", "tauY")
 D14 = (
@@ -49,6 +50,9 @@ def camera(
 def read(*cameras: Json, size: tuple[int, int] | None = None) -> list[Calibration]:
     document = json.dumps({"Calibration": {"cameras": list(cameras)}}).encode()
     return parsers.decode(document, name="calibration.json", image_size=size)
+
+
+SAMPLES = {"calib_io": Sample(json.dumps({"Calibration": {"cameras": [camera()]}}).encode())}
 
 
 @pytest.mark.parametrize(("count", "model"), [(0, NoDistortion), (8, Rational), (14, Tilted)])

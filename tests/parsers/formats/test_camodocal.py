@@ -13,6 +13,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 HEAD = "%YAML:1.0\n---\nmodel_type: {model}\ncamera_name: front\nimage_width: 752\nimage_height: 480\n"
 PINHOLE = HEAD.format(model="PINHOLE") + (
@@ -42,6 +43,9 @@ def read(text: str) -> Calibration:
 def rays() -> NDArray[np.float64]:
     x, y = np.meshgrid(np.linspace(-0.8, 0.8, 25), np.linspace(-0.6, 0.6, 25))
     return np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
+
+
+SAMPLES = {"camodocal": Sample(PINHOLE.encode())}
 
 
 @pytest.mark.parametrize(("text", "count"), [(PINHOLE, 4), (FULL, 8)], ids=["PINHOLE", "PINHOLE_FULL"])
@@ -120,3 +124,9 @@ def test_scaramuzza_is_refused_by_name_with_the_way_out() -> None:
 def test_a_broken_file_names_what_is_wrong(text: str, match: str) -> None:
     with pytest.raises(ParseError, match=match):
         read(text)
+
+
+def test_a_last_number_without_its_end_of_line_may_be_cut_short() -> None:
+    assert read(PINHOLE[:-1] + " # px").intrinsics.cy == 238.8
+    with pytest.raises(ParseError, match="end of line"):
+        read(PINHOLE[:-1])

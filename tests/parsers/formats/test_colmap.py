@@ -33,6 +33,7 @@ from calibrary.errors import InputError, ParseError, UnknownFormatError, Unsuppo
 from calibrary.parsers.colmap_models import COLMAP_MODELS, PANORAMAS, colmap_camera
 from calibrary.parsers.format import Outcome
 from tests.parsers.cameras import SIZE, camera
+from tests.parsers.samples import Sample
 
 Array = NDArray[np.float64]
 
@@ -337,6 +338,16 @@ def sqlite(*statements: str) -> bytes:
 
 
 TABLE = "CREATE TABLE cameras (camera_id, model, width, height, params, prior_focal_length)"
+PARAMS = struct.pack("<8d", 3650.1, 3648.7, 2741.3, 1815.9, -0.0213, 0.0231, -0.00037, 0.00081).hex()
+SAMPLES = {
+    "colmap_database": Sample(
+        sqlite(
+            "PRAGMA page_size = 512",
+            TABLE,
+            "INSERT INTO cameras VALUES (1, 4, 5472, 3648, x'" + PARAMS + "', 1)",  # noqa: S608  our own
+        )
+    )
+}
 
 
 @pytest.mark.parametrize(
@@ -379,10 +390,17 @@ def test_a_database_cut_short_is_refused_or_reads_the_same(tmp_path: Path) -> No
         ]
 
 
+def test_the_end_of_a_database_is_not_taken_for_zeros(tmp_path: Path) -> None:
+    data = database(tmp_path, [(peer("OPENCV"), True)])
+    for end in (len(data) - 1, len(data) - 4096, 99):
+        with pytest.raises(ParseError, match=r"whole|header"):
+            read(data[:end], "database.db", format="colmap_database")
+
+
 def test_a_database_whose_damaged_schema_is_no_text_is_refused(tmp_path: Path) -> None:
     data = database(tmp_path, [(peer("OPENCV"), True)])
     with pytest.raises(ParseError, match="cannot be read"):
-        read(data.replace(b"CREATE TABLE images", b"CREATE TA\xff\xff images"), "database.db")
+        read(data.replace(b"CREATE TABLE images", b"CREATE TA\xff\xff\xff images"), "database.db")
 
 
 def test_a_database_of_another_program_is_not_claimed() -> None:

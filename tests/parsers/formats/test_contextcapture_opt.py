@@ -7,6 +7,7 @@ import pytest
 from calibrary import parsers
 from calibrary.distortion import BrownConrady
 from calibrary.errors import ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 OPT = b"""<?xml version="1.0" encoding="utf-8"?>
 <OpticalProperties version="1.0">
@@ -17,6 +18,8 @@ OPT = b"""<?xml version="1.0" encoding="utf-8"?>
   <Distortion><K1>-0.1</K1><K2>0.02</K2><K3>0.003</K3><P1>0.0008</P1><P2>-0.0003</P2></Distortion>
 </OpticalProperties>
 """
+
+SAMPLES = {"contextcapture_opt": Sample(OPT)}
 
 
 def test_a_camera_is_read_as_in_blocksexchange_and_says_so() -> None:

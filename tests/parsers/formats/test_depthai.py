@@ -14,6 +14,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational, Tilted
 from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers.document import Json
+from tests.parsers.samples import Sample
 
 K: list[Json] = [[799.4, 0.0, 652.9], [0.0, 799.1, 382.2], [0.0, 0.0, 1.0]]
 # As such devices have them: numerator and denominator nearly cancel.
@@ -39,6 +40,9 @@ def device(*cameras: Json) -> Json:
 def rays() -> NDArray[np.float64]:
     x, y = np.meshgrid(np.linspace(-0.7, 0.7, 25), np.linspace(-0.45, 0.45, 25))
     return np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
+
+
+SAMPLES = {"depthai": Sample(json.dumps(device([0, entry(D8)])).encode())}
 
 
 @pytest.mark.parametrize("D", [D8, [*D8, 1e-4, -2e-5, -7e-5, 2e-5, 0.01, -0.02]], ids=["rational", "tilted"])

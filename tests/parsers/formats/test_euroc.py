@@ -11,6 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnknownFormatError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 FILE = """# General sensor definitions.
 sensor_type: camera
@@ -41,6 +42,9 @@ def read(text: str) -> Calibration:
 def rays() -> NDArray[np.float64]:
     x, y = np.meshgrid(np.linspace(-0.8, 0.8, 25), np.linspace(-0.6, 0.6, 25))
     return np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
+
+
+SAMPLES = {"euroc": Sample(FILE.encode())}
 
 
 def test_radial_tangential_is_opencvs_first_four() -> None:

@@ -12,6 +12,7 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 Profile = dict[str, Any]  # JSON as Gyroflow writes it
 
@@ -32,6 +33,9 @@ def read(**changes: object) -> Calibration:
 
 def params(**changes: object) -> Profile:
     return {"fisheye_params": {**PROFILE["fisheye_params"], **changes}}
+
+
+SAMPLES = {"gyroflow": Sample(json.dumps(PROFILE).encode())}
 
 
 def test_it_projects_as_opencvs_fisheye_does() -> None:

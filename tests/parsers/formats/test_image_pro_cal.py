@@ -6,6 +6,11 @@ import pytest
 
 from calibrary import parsers
 from calibrary.errors import UnknownFormatError, UnsupportedModelError
+from tests.parsers.samples import Sample
+
+SAMPLES = {
+    "image_pro_cal": Sample(b"[SPATIAL]\r\nCalibName=Lens 4x\r\nUnitName=um\r\nPixPerUnit=1.3,1.3\r\n")
+}
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 AFFINE = """
      217.3923957723146400       0.0021000000000000    5798.5783629179004000
@@ -45,6 +46,9 @@ def definition(name: str, *focals: str, active: str = "2") -> str:
 
 def read(text: str) -> list[Calibration]:
     return parsers.decode(text.encode(), name="block.prj")
+
+
+SAMPLES = {"inpho_prj": Sample(block().encode())}
 
 
 def test_a_point_is_seen_where_the_affine_map_puts_its_millimetres() -> None:

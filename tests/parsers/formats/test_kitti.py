@@ -10,6 +10,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import InputError, MissingTagError, ParseError, UnknownFormatError
+from tests.parsers.samples import Sample
 
 RAW = """calib_time: 09-Jan-2021 13:57:47
 corner_dist: 9.950000e-02
@@ -36,6 +37,9 @@ Tr_velo_to_cam: 0 -1 0 0 0 0 -1 0 1 0 0 0
 
 def read(text: str, size: tuple[int, int] | None = None, **options: str) -> list[Calibration]:
     return parsers.decode(text.encode(), name="calib_cam_to_cam.txt", image_size=size, options=options)
+
+
+SAMPLES = {"kitti": Sample(RAW.encode())}
 
 
 def test_the_raw_cameras_project_as_opencv() -> None:

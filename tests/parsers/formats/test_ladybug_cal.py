@@ -6,6 +6,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.errors import UnknownFormatError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 HEADS = """\
 camera_model=Ladybug5 LD5
@@ -14,6 +15,8 @@ camera0_rotX=-2.1
 camera0_FocalLen=457.3
 camera0_CameraCenterX=1234.7
 """
+
+SAMPLES = {"ladybug_cal": Sample(HEADS.encode())}
 
 
 @pytest.mark.parametrize(

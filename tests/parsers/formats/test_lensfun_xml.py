@@ -6,8 +6,11 @@ import pytest
 
 from calibrary import parsers
 from calibrary.errors import UnsupportedModelError
+from tests.parsers.samples import Sample
 
 LENS = '<lensdatabase version="2"><lens><model>X</model><calibration/></lens></lensdatabase>'
+
+SAMPLES = {"lensfun_xml": Sample(LENS.encode())}
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from calibrary import parsers
 from calibrary.errors import ParseError, UnknownFormatError
 from calibrary.parsers.formats.metashape_archive import MAX_BYTES
 from tests.parsers.cameras import numbers
+from tests.parsers.samples import Sample
 
 DOCUMENT = b"""<document version="1.4.0"><chunk label="c"><sensors><sensor id="0" label="FC6310" type="frame">
 <resolution width="5472" height="3648"/><calibration type="frame" class="adjusted">
@@ -27,6 +28,9 @@ def archive(*members: tuple[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> 
         for name, data in members:
             out.writestr(name, data)
     return file.getvalue()
+
+
+SAMPLES = {"metashape_archive": Sample(archive(("doc.xml", DOCUMENT)))}
 
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])

@@ -11,6 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, KannalaBrandt, MetashapeFrame, NoDistortion
 from calibrary.errors import ParseError, UnknownFormatError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 ADJUSTED = (
     "<f>3650.7</f><cx>-12.31</cx><cy>8.47</cy><b1>1.13</b1><b2>-23.1</b2>"
@@ -49,6 +50,9 @@ def document(*sensors: str, version: str = "1.5.0") -> bytes:
 
 def read(data: bytes, **options: str) -> list[Calibration]:
     return parsers.decode(data, name="cameras.xml", options=options)
+
+
+SAMPLES = {"metashape_document": Sample(document(sensor(calibration())))}
 
 
 def test_a_sensor_is_what_saving_its_calibration_gives() -> None:

@@ -9,6 +9,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion, ObservedBrown
 from calibrary.errors import MissingTagError, ParseError
+from tests.parsers.samples import Sample
 
 SIZE = (1600, 1063)
 POSE = "-0.03 -0.21 0.12 0.97 738.038 -6.17 -41.84"
@@ -26,6 +27,9 @@ def image(name: str = "db/1.jpg", f: str = "1084.59", r: str = "0.0811") -> str:
 
 def decoded(data: bytes) -> list[Calibration]:
     return parsers.decode(data, name="a.nvm", image_size=SIZE)
+
+
+SAMPLES = {"nvm": Sample(nvm(image()))}
 
 
 def test_the_measured_point_is_corrected_by_visualsfms_own_formula() -> None:

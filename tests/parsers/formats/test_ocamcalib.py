@@ -12,6 +12,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion.scaramuzza import Scaramuzza
 from calibrary.errors import ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 A = (-325.9, 0.0, 8.6e-4, -3.5e-8, 6.7e-9)
 ROW, COLUMN = 261.7, 326.9
@@ -54,6 +55,9 @@ def cam2world(c: float, d: float, e: float, px: NDArray[np.float64]) -> NDArray[
     z = A[0] + A[1] * rho + A[2] * rho**2 + A[3] * rho**3 + A[4] * rho**4
     rays = np.column_stack([y, x, -z])
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
+SAMPLES = {"ocamcalib": Sample(TEXT.encode())}
 
 
 @pytest.mark.parametrize("affine", [(1.002, 0.0014, 0.0001), (1.0, 0.0, 0.0), (0.997, 0.0, -0.011)])

@@ -21,6 +21,7 @@ from calibrary.distortion import (
     Rational,
     ThinPrism,
     Tilted,
+    Unified,
 )
 from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers.format import Outcome
@@ -271,9 +272,89 @@ def test_a_header_that_disagrees_with_its_data_is_refused() -> None:
         read(YAML.replace("rows: 5", "rows: 4"))
 
 
-def test_the_mirror_model_is_refused_by_name() -> None:
-    with pytest.raises(UnsupportedModelError, match="omnidir"):
-        read(YAML + "xi: 0.9\n")
+MIRROR = {"xi": 1.31, "k1": -0.21, "k2": 0.037, "p1": 0.0012, "p2": -0.0007}
+K_MIRROR = np.array([[2131.7, 0.9, 2745.31], [0.0, 2129.3, 1819.87], [0.0, 0.0, 1.0]])
+
+
+def omnidir_pixels(rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``cv::omnidir::projectPoints`` line by line; px from the first pixel's centre.
+
+    Source: opencv_contrib, modules/ccalib/src/omnidir.cpp.
+    """
+    xi, k1, k2, p1, p2 = MIRROR.values()
+    x, y, z = (rays / np.linalg.norm(rays, axis=1, keepdims=True)).T
+    xu, yu = x / (z + xi), y / (z + xi)
+    r2 = xu**2 + yu**2
+    r4 = r2**2
+    xd = xu * (1 + k1 * r2 + k2 * r4) + 2 * p1 * xu * yu + p2 * (r2 + 2 * xu**2)
+    yd = yu * (1 + k1 * r2 + k2 * r4) + p1 * (r2 + 2 * yu**2) + 2 * p2 * xu * yu
+    (fx, s, cx), (_, fy, cy), _ = K_MIRROR
+    return np.column_stack([fx * xd + s * yd + cx, fy * yd + cy])
+
+
+@pytest.mark.parametrize("xi", [MIRROR["xi"], np.array([[MIRROR["xi"]]])], ids=["number", "matrix"])
+def test_the_mirror_model_is_omnidirs(xi: float | NDArray[np.float64]) -> None:
+    D = np.array([[MIRROR[name] for name in ("k1", "k2", "p1", "p2")]])
+    data = by_opencv(
+        ".yml",
+        image_width=5472,
+        image_height=3648,
+        camera_matrix=K_MIRROR,
+        distortion_coefficients=D,
+        xi=xi,
+    )
+    [calibration] = read(data)
+    angles = np.radians([[a, b] for a in (5, 40, 80, 95) for b in range(0, 360, 30)])
+    rays = np.column_stack(
+        [
+            np.sin(angles[:, 0]) * np.cos(angles[:, 1]),
+            np.sin(angles[:, 0]) * np.sin(angles[:, 1]),
+            np.cos(angles[:, 0]),
+        ]
+    )
+    assert calibration.distortion == Unified(**MIRROR)
+    assert np.abs(calibration.project(rays) - 0.5 - omnidir_pixels(rays)).max() <= 1e-9
+    assert any("fx/(1 + xi)" in note for note in calibration.notes)
+
+
+@pytest.mark.parametrize("syntax", SYNTAXES)
+def test_the_mirror_model_is_written_as_omnidir_reads_it(syntax: str) -> None:
+    data, verdict = parsers.encode([camera(Unified(**MIRROR))], "opencv_storage", name=f"camera{syntax}")
+    storage = cv2.FileStorage(data.decode(), READ)
+    assert verdict.outcome is Outcome.EXACT
+    assert storage.getNode("xi").real() == MIRROR["xi"]
+    assert storage.getNode("distortion_coefficients").mat().ravel().tolist() == [
+        -0.21,
+        0.037,
+        0.0012,
+        -0.0007,
+    ]
+
+
+def test_each_camera_of_a_mirror_pair_has_its_own_xi() -> None:
+    pair = [camera(Unified(**MIRROR | {"xi": xi})) for xi in (0.7, 1.3)]
+    data, _ = parsers.encode(pair, "opencv_storage", name="pair.yml")
+    again = parsers.decode(data, name="pair.yml")
+    assert [item.distortion for item in again] == [item.distortion for item in pair]
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("xi: 0.9\n", "5 distortion coefficients beside xi, wanted cv2.omnidir's four"),
+        ("xi: -1.0\n", "xi is -1, wanted one number above −1"),
+        ("xi2: 0.9\n", "there is no camera matrix beside this xi"),
+        ("xi: [ 0.9, 0.8 ]\n", "xi is 0.9, 0.8, wanted one number"),
+    ],
+)
+def test_an_xi_that_makes_no_mirror_is_refused(more: str, message: str) -> None:
+    with pytest.raises(ParseError, match=message):
+        read(YAML + more)
+
+
+def test_an_xi_without_coefficients_is_refused() -> None:
+    with pytest.raises(ParseError, match="no distortion coefficients beside this xi"):
+        read(by_opencv(".yml", image_width=5472, image_height=3648, camera_matrix=K_CV, xi=0.9))
 
 
 def test_a_matrix_without_coefficients_leaves_the_lens_unknown() -> None:

@@ -13,6 +13,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 Array = NDArray[np.float64]
 Fields = dict[str, Any]  # JSON as cereal writes it
@@ -75,6 +76,9 @@ def openmvg(name: str, points: Array) -> Array:
         ty = t1 * (r2 + 2 * y**2) + 2 * t2 * x * y
         x, y = x + x * radial + tx, y + y * radial + ty
     return np.stack([2856.5 * x + 1992.3 + 0.5, 2856.5 * y + 1520.2 + 0.5], axis=1)
+
+
+SAMPLES = {"openmvg": Sample(one("pinhole_brown_t2"))}
 
 
 @pytest.mark.parametrize("name", LENS)

@@ -6,6 +6,9 @@ import pytest
 
 from calibrary import parsers
 from calibrary.errors import UnsupportedModelError
+from tests.parsers.samples import Sample
+
+SAMPLES = {"opf_document": Sample(b'{"format": "application/opf-camera-list+json", "version": "1.0"}')}
 
 
 @pytest.mark.parametrize("kind", ["project", "camera-list", "projected-input-cameras"])

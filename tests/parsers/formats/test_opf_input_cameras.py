@@ -10,6 +10,7 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import InputError, ParseError
+from tests.parsers.samples import Sample
 
 INTERNALS = {
     "type": "perspective",
@@ -34,6 +35,9 @@ def document(*sensors: dict[str, Any], sources: tuple[str, ...] = ()) -> bytes:
 
 def read(data: bytes) -> list[Calibration]:
     return parsers.decode(data, name="input_cameras.json")
+
+
+SAMPLES = {"opf_input_cameras": Sample(document(sensor()))}
 
 
 def test_the_file_says_its_size_and_what_it_knows_beside_k() -> None:

@@ -11,6 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 OLD = """%YAML:1.0
 
@@ -82,6 +83,9 @@ def read(text: str, size: tuple[int, int] | None = None) -> list[Calibration]:
 def rays() -> NDArray[np.float64]:
     x, y = np.meshgrid(np.linspace(-0.8, 0.8, 25), np.linspace(-0.6, 0.6, 25))
     return np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
+
+
+SAMPLES = {"orb_slam": Sample(OLD.encode())}
 
 
 def test_a_pinhole_projects_as_opencv() -> None:

@@ -8,6 +8,7 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
+from tests.parsers.samples import Sample
 
 CAMERA = "8.7602  6.5791  4.3582 13.13280 8.75520 0.00148 -0.00010 0.00001 -0.00006 0.00004"
 HEAD = f"""\
@@ -34,6 +35,9 @@ POINTS = " 1001   1   0.5  0.25  0.0\n 1001   2   0.5  0.25  0.0\n"
 
 def read(text: str) -> list[Calibration]:
     return parsers.decode(text.encode(), name="export.txt")
+
+
+SAMPLES = {"photomodeler_export": Sample((HEAD + photo(1, "a.jpg") + POINTS).encode())}
 
 
 def test_the_projects_camera_corrects_the_measured_point_by_photomodelers_formula() -> None:

@@ -10,6 +10,7 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import MissingTagError, ParseError
 from tests.parsers.cameras import SIZE
+from tests.parsers.samples import Sample
 
 CAMERA = {
     "F": 8.76024, "Xp": 6.5791, "Yp": 4.3582, "Fw": 13.1328, "Fh": 8.7652, "K1": 1.5e-3, "K2": -3.2e-6,
@@ -47,6 +48,9 @@ def report(*blocks: str) -> str:
 
 def read(text: str) -> list[Calibration]:
     return parsers.decode(text.encode(), name="report.txt", image_size=SIZE)
+
+
+SAMPLES = {"photomodeler_report": Sample(report(block()).encode())}
 
 
 def test_the_measured_point_is_corrected_by_photomodelers_formula() -> None:

@@ -6,9 +6,14 @@ import pytest
 
 from calibrary import parsers
 from calibrary.errors import UnsupportedModelError
+from tests.parsers.samples import Sample
+
+DATABASE = (
+    b'<cameraModelDB><version>19</version><cameras><camera name="A_8.8_5472x3648"/></cameras></cameraModelDB>'
+)
+SAMPLES = {"pix4d_camera_database": Sample(DATABASE)}
 
 
 def test_it_is_refused_by_name_with_the_way_out() -> None:
-    data = b'<cameraModelDB><version>19</version><cameras><camera name="A_8.8_5472x3648"/></cameras></cameraModelDB>'
     with pytest.raises(UnsupportedModelError, match=r"Pix4D camera database.*\.cam"):
-        parsers.decode(data, name="cameras.xml")
+        parsers.decode(DATABASE, name="cameras.xml")

@@ -10,6 +10,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 HEADING = """\
 fileName imageWidth imageHeight
@@ -41,6 +42,9 @@ def image(name: str = "DJI_0001.JPG", f: str = "3650.1") -> str:
 
 def read(text: str) -> list[Calibration]:
     return parsers.decode(text.encode(), name="p_calibrated_camera_parameters.txt")
+
+
+SAMPLES = {"pix4d_camera_parameters": Sample((HEADING + image()).encode())}
 
 
 def test_a_camera_projects_by_k_in_pixels_from_the_corner() -> None:

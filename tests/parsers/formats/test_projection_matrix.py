@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import MissingTagError, ParseError, UnknownFormatError
+from tests.parsers.samples import Sample
 
 SIZE = (1920, 1080)
 K = np.array([[1604.3, 1.7, 963.7], [0, 1601.1, 541.9], [0, 0, 1]])
@@ -30,6 +31,9 @@ def text(P: NDArray[np.float64]) -> bytes:
 def read(data: bytes, **options: str) -> Calibration:
     [calibration] = parsers.decode(data, name="cam1.Pmat.cal", image_size=SIZE, options=options)
     return calibration
+
+
+SAMPLES = {"projection_matrix": Sample(text(matrix(1)))}
 
 
 @settings(deadline=None, max_examples=25)

@@ -9,6 +9,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, MetashapeFrame, NoDistortion
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 SIZE = (5472, 3648)
 FIELDS = {
@@ -33,6 +34,9 @@ def xmp(changes: dict[str, str | None] | None = None, *, elements: bool = False)
 def read(data: bytes, **options: str) -> Calibration:
     [calibration] = parsers.decode(data, name="DJI_0001.xmp", image_size=SIZE, options=options)
     return calibration
+
+
+SAMPLES = {"realitycapture_xmp": Sample(xmp())}
 
 
 @pytest.mark.parametrize("elements", [False, True])

@@ -20,6 +20,7 @@ from calibrary.errors import (
     UnsupportedModelError,
 )
 from calibrary.parsers.document import Json
+from tests.parsers.samples import Sample
 
 Array = NDArray[np.float64]
 TABLE: dict[str, Json] = {
@@ -50,6 +51,9 @@ def stream(model: str, **changes: Json) -> dict[str, Json]:
 def rays() -> Array:
     x, y = np.meshgrid(np.linspace(-0.8, 0.8, 25), np.linspace(-0.5, 0.5, 25))
     return np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
+
+
+SAMPLES = {"realsense": Sample(json.dumps(STREAM).encode())}
 
 
 def test_the_table_gives_the_rectified_camera_at_every_resolution() -> None:

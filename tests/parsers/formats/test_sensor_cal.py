@@ -8,6 +8,9 @@ from calibrary import parsers
 from calibrary.errors import UnknownFormatError, UnsupportedModelError
 from calibrary.parsers.content import Content
 from calibrary.parsers.formats.sensor_cal import sniff
+from tests.parsers.samples import Sample
+
+SAMPLES = {"sensor_cal": Sample(b"accel_bias = 0.01 0.02 -0.01\ngyro_bias = 0.001 0 0\n")}
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 CAL = """\
 [TerraPhoto calibration]
@@ -28,6 +29,9 @@ Panoramic= 0
 def read(text: str, **options: str) -> Calibration:
     [calibration] = parsers.decode(text.encode(), name="left.cal", options=options)
     return calibration
+
+
+SAMPLES = {"terraphoto_cal": Sample(CAL.encode(), options={"y_axis": "up"})}
 
 
 @pytest.mark.parametrize(("y_axis", "cy"), [("up", 1500 + 7.1), ("down", 1500 - 7.1)])

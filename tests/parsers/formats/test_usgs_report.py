@@ -9,6 +9,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import ObservedBrown, ObservedPolynomial
 from calibrary.errors import MissingTagError, ParseError
+from tests.parsers.samples import Sample
 
 SIZE = (11430, 11430)
 REPORT = """\
@@ -33,6 +34,9 @@ def read(text: str, scan_um: str = "20") -> Calibration:
         text.encode(), name="osl.txt", image_size=SIZE, options={"scan_um": scan_um}
     )
     return calibration
+
+
+SAMPLES = {"usgs_report": Sample(REPORT.encode(), options={"scan_um": "20"})}
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, KannalaBrandt
 from calibrary.errors import InputError, ParseError, UnknownFormatError
+from tests.parsers.samples import Sample
 
 OLD = """[LEFT_CAM_2K]
 fx=1058.5
@@ -75,6 +76,9 @@ def rays() -> NDArray[np.float64]:
     return np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
 
 
+SAMPLES = {"zed": Sample(NEW.encode())}
+
+
 def test_every_resolution_of_both_sides_is_a_camera() -> None:
     cameras = read(OLD)
     assert [(item.camera.sub_camera, item.intrinsics.image_size) for item in cameras] == [
@@ -126,6 +130,12 @@ def test_a_missing_end_of_line_matters_only_in_a_cameras_numbers() -> None:
     assert not OLD.endswith("\n")
     with pytest.raises(ParseError, match="not ended"):
         read(NEW.rstrip("\n"))
+
+
+@pytest.mark.parametrize("text", [NEW.partition("p1 =")[0], OLD.partition("[LEFT_CAM_VGA]")[0]])
+def test_coefficients_that_end_the_file_are_all_there(text: str) -> None:
+    with pytest.raises(ParseError, match="may be cut short"):
+        read(text)
 
 
 def test_another_ini_is_not_claimed() -> None:

@@ -9,6 +9,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
+from tests.parsers.samples import Sample
 
 
 def block(name: str = "FC_8.8_5472x3648 (RGB)(1)", **changes: str) -> str:
@@ -24,6 +25,9 @@ def block(name: str = "FC_8.8_5472x3648 (RGB)(1)", **changes: str) -> str:
 
 def read(text: str) -> list[Calibration]:
     return parsers.decode(text.encode(), name="camera.ssk")
+
+
+SAMPLES = {"zi_ssk": Sample(block().encode())}
 
 
 def test_a_point_is_seen_by_collinearity_in_rows_and_columns() -> None:

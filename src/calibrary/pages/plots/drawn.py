@@ -1,0 +1,300 @@
+"""Plots written as SVG directly, for pages that are made by the thousand: a hundredth of what matplotlib takes.
+
+They say less about their axes than :mod:`calibrary.pages.plots.frames` and :mod:`calibrary.pages.plots.charts` do,
+and they can mark the part of a frame in which a value counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibrary.calibration import ImageSize
+from calibrary.errors import InputError
+from calibrary.pages.content import Figure
+from calibrary.pages.palette import Colour
+from calibrary.pages.plots.canvas import Axis, FloatArray, name, number
+
+__all__ = ["amount_map", "arrow_map"]
+
+INK, MUTED, SURFACE = Colour.INK.light, Colour.MUTED.light, Colour.SURFACE.light
+ACCENT, BAD = Colour.ACCENT.light, Colour.BAD.light
+
+WIDTH = 520
+LEFT, TOP = 46.0, 30.0
+FRAME_WIDTH = 420.0
+BELOW = 40.0
+LONG_ARROW = 0.055
+"""Length of the longest usual arrow as a share of the frame's longer side."""
+
+CUT = 2.5
+"""Arrows are drawn up to this many times as long as the longest of the 95 % shortest."""
+
+SHADES = 10
+FAINTEST = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Frame:
+    """An image's frame on the drawing."""
+
+    size: ImageSize
+    scale: float
+
+    @classmethod
+    def of(cls, size: ImageSize) -> _Frame:
+        return cls(size=size, scale=FRAME_WIDTH / max(size[0], size[1] / 1.2))
+
+    @property
+    def width(self) -> float:
+        return self.size[0] * self.scale
+
+    @property
+    def height(self) -> float:
+        return self.size[1] * self.scale
+
+    def at(self, points: FloatArray) -> FloatArray:
+        return np.asarray(points * self.scale + (LEFT, TOP))
+
+    def axes(self) -> str:
+        """The frame's edge, and px along its sides."""
+        right, foot = LEFT + self.width, TOP + self.height
+        ticks = [
+            _text(LEFT + x * self.scale, foot + 16, str(x), anchor="middle")
+            for x in _round_steps(self.size[0])
+        ]
+        ticks += [
+            _text(LEFT - 6, TOP + y * self.scale + 4, str(y), anchor="end")
+            for y in _round_steps(self.size[1])
+        ]
+        unit = _text(right, foot + 32, "px of the image", anchor="end")
+        edge = (
+            f'<rect x="{LEFT}" y="{TOP}" width="{self.width:.1f}" height="{self.height:.1f}" fill="none" '
+            f'stroke="{MUTED}" stroke-width="1"/>'
+        )
+        return edge + "".join(ticks) + unit
+
+    def clipped(self, part: str) -> str:
+        """Only what of it lies inside the frame."""
+        box = f'x="{LEFT}" y="{TOP}" width="{self.width:.1f}" height="{self.height:.1f}"'
+        return f'<clipPath id="frame"><rect {box}/></clipPath><g clip-path="url(#frame)">{part}</g>'
+
+    def drawing(self, *parts: str) -> str:
+        height = TOP + self.height + BELOW
+        return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:.0f}">{"".join(parts)}</svg>'
+
+
+def arrow_map(
+    points: ArrayLike,
+    vectors: ArrayLike,
+    image_size: ImageSize,
+    *,
+    axis: Axis,
+    caption: str,
+    inside: ArrayLike | None = None,
+) -> Figure:
+    """Arrows over the frame, as of the difference between two calibrations.
+
+    Args:
+        points: (R, C, 2) px, where the arrows begin, rows from the top down.
+        vectors: (R, C, 2) in ``axis.unit``; NaN where there is none.
+        image_size: (width, height) px.
+        axis: what the arrows measure.
+        caption: what to look for.
+        inside: (R, C) where they count; elsewhere the frame is grey and the arrows do not set the scale.
+
+    Raises:
+        InputError: the arrays do not fit one another.
+    """
+    begin, given = _grid(points, 2), _grid(vectors, 2)
+    valid = np.asarray(np.isfinite(given).all(axis=-1))
+    counts = _inside(inside, valid)
+    if begin.shape != given.shape:
+        raise InputError(
+            f"{axis.quantity}: points of shape {begin.shape} have vectors of shape {given.shape}"
+        )
+    frame = _Frame.of(image_size)
+    length = np.where(valid, np.hypot(given[..., 0], given[..., 1]), 0.0)
+    usual = float(np.percentile(length[counts], 95)) if counts.any() else 0.0
+    parts = [_shaded(begin, ~counts, frame)]
+    if usual > 0:
+        gain = LONG_ARROW * max(image_size) * frame.scale / usual
+        cut = length > CUT * usual
+        shrink = np.where(cut, CUT * usual / np.where(length > 0, length, 1.0), 1.0)[..., None]
+        drawn = np.where(valid[..., None], given, 0.0) * gain * shrink
+        at = frame.at(begin)
+        kinds = ((valid & ~counts, MUTED, 0.9), (counts & ~cut, ACCENT, 1.3), (counts & cut, BAD, 2.0))
+        arrows = [_arrows(at[some], drawn[some], colour, width) for some, colour, width in kinds]
+        parts.append(frame.clipped("".join(arrows)))
+        parts.append(_scale(usual, gain, frame, axis))
+    alt = f"Arrows of {axis.quantity} over a {image_size[0]} × {image_size[1]} px frame"
+    if counts.any():
+        rms = float(np.sqrt(np.mean(length[counts] ** 2)))
+        alt += f": root mean square {axis.of(rms)}, longest {axis.of(float(length[counts].max()))}"
+    alt += f"; {_share(counts)}." if inside is not None else "."
+    return Figure(svg=frame.drawing(*parts, frame.axes()), alt=alt, caption=caption)
+
+
+def amount_map(
+    points: ArrayLike,
+    values: ArrayLike,
+    image_size: ImageSize,
+    *,
+    axis: Axis,
+    caption: str,
+    inside: ArrayLike | None = None,
+) -> Figure:
+    """Amounts from 0 up over the frame, as of uncertainty: the darker the more, and some in numbers.
+
+    Args:
+        points: (R, C, 2) px, the middles of the cells, rows from the top down.
+        values: (R, C) in ``axis.unit``, none of them negative; NaN where there is none.
+        image_size: (width, height) px.
+        axis: what they measure.
+        caption: what to look for.
+        inside: (R, C) where they count; elsewhere the frame is grey.
+
+    Raises:
+        InputError: the arrays do not fit one another.
+    """
+    at, amounts = _grid(points, 2), np.asarray(values, dtype=np.float64)
+    if at.shape[:2] != amounts.shape:
+        raise InputError(f"{axis.quantity}: points of shape {at.shape} have values of shape {amounts.shape}")
+    counts = _inside(inside, np.isfinite(amounts))
+    frame = _Frame.of(image_size)
+    high = float(amounts[counts].max(initial=0.0))
+    share = np.where(counts, np.nan_to_num(amounts), 0.0) / (high or 1.0)
+    shade = np.minimum((share * SHADES).astype(int), SHADES - 1)
+    parts = [_shaded(at, ~counts, frame)]
+    cells = _cells(at, frame)
+    for step in range(SHADES):
+        path = "".join(cells(row, column) for row, column in np.argwhere(counts & (shade == step)))
+        if path:
+            parts.append(f'<path d="{path}" fill="{ACCENT}" fill-opacity="{_opacity(step):.2f}"/>')
+    parts += _told(at, amounts, counts, frame)
+    parts.append(_key(high, axis))
+    alt = f"Map of {axis.quantity} over a {image_size[0]} × {image_size[1]} px frame"
+    if counts.any():
+        centre = amounts[amounts.shape[0] // 2, amounts.shape[1] // 2]
+        low = float(amounts[counts].min())
+        alt += f", from {number(low)} to {axis.of(high)}"
+        alt += f", {axis.of(float(centre))} in the middle" if math.isfinite(centre) else ""
+    alt += f"; {_share(counts)}." if inside is not None else "."
+    return Figure(svg=frame.drawing(*parts, frame.axes()), alt=alt, caption=caption)
+
+
+def _grid(values: ArrayLike, depth: int) -> FloatArray:
+    grid = np.asarray(values, dtype=np.float64)
+    if grid.ndim != 3 or grid.shape[2] != depth or min(grid.shape[:2]) < 2:
+        raise InputError(
+            f"a map of shape {grid.shape}, wanted (rows, columns, {depth}), two of each at least"
+        )
+    return grid
+
+
+def _inside(inside: ArrayLike | None, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    given = valid if inside is None else np.asarray(inside, dtype=np.bool_)
+    if given.shape != valid.shape:
+        raise InputError(f"a region of shape {given.shape} for a map of shape {valid.shape}")
+    return np.asarray(given & valid)
+
+
+def _share(counts: NDArray[np.bool_]) -> str:
+    return (
+        "it counts all over the frame" if counts.all() else f"it counts in {counts.mean():.0%} of the frame"
+    )
+
+
+def _cells(at: FloatArray, frame: _Frame) -> Callable[[int, int], str]:
+    """From row and column to the path of the cell around that point, within the frame."""
+    xs, ys = frame.at(at)[0, :, 0], frame.at(at)[:, 0, 1]
+    x = np.concatenate([[LEFT], (xs[1:] + xs[:-1]) / 2, [LEFT + frame.width]])
+    y = np.concatenate([[TOP], (ys[1:] + ys[:-1]) / 2, [TOP + frame.height]])
+
+    def path(row: int, column: int) -> str:
+        width, height = x[column + 1] - x[column], y[row + 1] - y[row]
+        return f"M{x[column]:.1f} {y[row]:.1f}h{width:.1f}v{height:.1f}h{-width:.1f}z"
+
+    return path
+
+
+def _shaded(at: FloatArray, where: NDArray[np.bool_], frame: _Frame) -> str:
+    cells = _cells(at, frame)
+    path = "".join(cells(row, column) for row, column in np.argwhere(where))
+    return f'<path d="{path}" fill="{MUTED}" fill-opacity="0.22"/>' if path else ""
+
+
+def _arrows(begin: FloatArray, drawn: FloatArray, colour: str, width: float) -> str:
+    if not len(begin):
+        return ""
+    end, back = begin + drawn, -0.32 * drawn
+    turn = np.array([[math.cos(0.5), -math.sin(0.5)], [math.sin(0.5), math.cos(0.5)]])
+    rows = np.hstack([begin, end, end + back @ turn, end + back @ turn.T])
+    path = "".join(
+        f"M{x:.1f} {y:.1f}L{u:.1f} {v:.1f}M{a:.1f} {b:.1f}L{u:.1f} {v:.1f}L{c:.1f} {d:.1f}"
+        for x, y, u, v, a, b, c, d in rows.tolist()
+    )
+    return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{width}"/>'
+
+
+def _scale(usual: float, gain: float, frame: _Frame, axis: Axis) -> str:
+    """A round arrow above the frame, and how much longer than true the arrows are."""
+    value = _round_below(usual)
+    length = value * gain
+    arrow = _arrows(np.array([[LEFT, TOP - 12]]), np.array([[length, 0.0]]), INK, 1.5)
+    times = f", arrows drawn × {number(gain / frame.scale)}" if axis.unit == "px" else ""
+    return arrow + _text(LEFT + length + 8, TOP - 8, f"{axis.of(value)}{times}", ink=INK)
+
+
+def _told(at: FloatArray, amounts: FloatArray, counts: NDArray[np.bool_], frame: _Frame) -> Iterator[str]:
+    rows, columns = amounts.shape
+    places = frame.at(at)
+    for row in sorted({rows // 8, rows // 2, rows - 1 - rows // 8}):
+        for column in sorted({columns // 8, columns // 2, columns - 1 - columns // 8}):
+            if counts[row, column]:
+                x, y = places[row, column]
+                text = number(float(amounts[row, column]))
+                wide = 7.0 * len(text) + 6
+                yield (
+                    f'<rect x="{x - wide / 2:.1f}" y="{y - 9:.1f}" width="{wide:.1f}" height="17" fill="{SURFACE}"/>'
+                    + _text(x, y + 4, text, anchor="middle", ink=INK)
+                )
+
+
+def _key(high: float, axis: Axis) -> str:
+    """What the shades mean, above the frame."""
+    wide = 14.0
+    steps = [
+        f'<rect x="{LEFT + 14 + step * wide:.1f}" y="{TOP - 20}" width="{wide}" height="12" fill="{ACCENT}" '
+        f'fill-opacity="{_opacity(step):.2f}"/>'
+        for step in range(SHADES)
+    ]
+    edge = f'<rect x="{LEFT + 14}" y="{TOP - 20}" width="{SHADES * wide}" height="12" fill="none" stroke="{MUTED}"/>'
+    right = LEFT + 14 + SHADES * wide + 6
+    return _text(LEFT, TOP - 10, "0") + "".join(steps) + edge + _text(right, TOP - 10, axis.of(high), ink=INK)
+
+
+def _opacity(step: int) -> float:
+    return FAINTEST + (1 - FAINTEST) * step / (SHADES - 1) * 0.85
+
+
+def _text(x: float, y: float, text: str, *, anchor: str = "start", ink: str = MUTED, size: int = 11) -> str:
+    where = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="{size}" fill="{ink}"'
+    return f"<text {where}>{escape(name(text))}</text>"
+
+
+def _round_steps(side: int) -> list[int]:
+    """0 and round numbers along a side, some four of them."""
+    step = max(1, int(_round_below(side / 3.0)))
+    return list(range(0, side + 1, step))
+
+
+def _round_below(value: float) -> float:
+    """The largest of 1, 2, 5 × 10ⁿ that is no larger."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return max((step * power for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)), default=power)

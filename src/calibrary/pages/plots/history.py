@@ -1,0 +1,180 @@
+"""What became of some numbers over revisions, written as SVG directly: a panel each, bars of ± 1 σ, marked changes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from html import escape
+
+import numpy as np
+
+from calibrary.errors import InputError
+from calibrary.pages.content import Figure
+from calibrary.pages.palette import Colour
+from calibrary.pages.plots.canvas import FloatArray, as_values, name
+from calibrary.pages.plots.charts import Series
+
+__all__ = ["history"]
+
+INK, MUTED, LINE = Colour.INK.light, Colour.MUTED.light, Colour.LINE.light
+ACCENT, SECOND = Colour.ACCENT.light, Colour.SECOND.light
+
+WIDTH = 760.0
+LEFT, RIGHT = 92.0, 24.0
+TOP, PANEL, GAP = 26.0, 92.0, 16.0
+LABEL_WIDTH = 88.0
+"""Room that a label below the last panel takes."""
+
+MARK_WIDTH = 150.0
+MOST_REVISIONS = 400
+
+
+def history(
+    series: Sequence[Series], *, labels: Sequence[str], caption: str, marks: Sequence[tuple[int, str]] = ()
+) -> Figure:
+    """Several quantities over the same revisions, like :func:`calibrary.pages.plots.timeline`, at once.
+
+    Args:
+        series: one a panel.
+        labels: the N revisions, oldest first; of very many the newest 400 are drawn.
+        caption: what to look for.
+        marks: (index, what happened before that revision), such as a change of firmware.
+
+    Raises:
+        InputError: a series has not N values.
+    """
+    columns = [(one.axis, as_values(one.values, one.axis.quantity), _std(one, len(labels))) for one in series]
+    for axis, values, _ in columns:
+        if len(values) != len(labels):
+            raise InputError(f"{axis.quantity} has {len(values)} values over {len(labels)} revisions")
+    start = max(0, len(labels) - MOST_REVISIONS)
+    shown = labels[start:]
+    at = _places(len(shown))
+    marked = [(index - start, what) for index, what in marks if 0 <= index - start < len(shown)]
+    parts: list[str] = []
+    for n, (axis, values, std) in enumerate(columns):
+        top = TOP + n * (PANEL + GAP)
+        parts += _panel(axis.label, values[start:], std[start:], at, top)
+    foot = TOP + len(columns) * (PANEL + GAP) - GAP
+    parts += _marks(marked, at, foot)
+    parts += _labels(shown, at, foot)
+    height = foot + 30
+    svg = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {height:.0f}">{"".join(parts)}</svg>'
+    told = "; ".join(_range(axis.quantity, axis.unit, values) for axis, values, _ in columns)
+    alt = f"Timeline over {len(labels)} revisions, bars ± 1 σ where it is known: {told}."
+    if marked:
+        alt += f" Marked: {'; '.join(f'{name(what)} before {name(shown[i])}' for i, what in marked[:6])}."
+    return Figure(svg=svg, alt=alt, caption=caption)
+
+
+def _std(one: Series, count: int) -> FloatArray:
+    std = np.full(count, math.nan) if one.std is None else as_values(one.std, f"σ of {one.axis.quantity}")
+    if len(std) != count:
+        raise InputError(f"σ of {one.axis.quantity} has {len(std)} values over {count} revisions")
+    return std
+
+
+def _places(count: int) -> FloatArray:
+    if count == 1:
+        return np.array([(LEFT + WIDTH - RIGHT) / 2])
+    return np.linspace(LEFT + 22, WIDTH - RIGHT - 22, count)
+
+
+def _panel(label: str, values: FloatArray, std: FloatArray, at: FloatArray, top: float) -> Iterator[str]:
+    spread = np.nan_to_num(std)
+    finite = np.isfinite(values)
+    low = float((values - spread)[finite].min()) if finite.any() else 0.0
+    high = float((values + spread)[finite].max()) if finite.any() else 1.0
+    middle, reach = (low + high) / 2, max((high - low) / 2, 1e-6 * abs(high), 1e-6) * 1.25
+    low, high = middle - reach, middle + reach
+
+    def y(value: float) -> float:
+        return top + PANEL * (high - value) / (high - low)
+
+    for tick, text in _ticks(low, high):
+        yield (
+            f'<path d="M{LEFT} {y(tick):.1f}H{WIDTH - RIGHT}" fill="none" stroke="{LINE}" stroke-width="0.8"/>'
+        )
+        yield _text(LEFT - 6, y(tick) + 4, text, anchor="end")
+    yield _text(LEFT - 6, top - 6, label, anchor="end", ink=INK)
+    for run in _runs(finite):
+        line = "L".join(f"{at[i]:.1f} {y(values[i]):.1f}" for i in run)
+        yield f'<path d="M{line}" fill="none" stroke="{ACCENT}" stroke-width="1.3"/>'
+    bars = "".join(
+        f"M{x:.1f} {y(v - s):.1f}V{y(v + s):.1f}M{x - 4:.1f} {y(v - s):.1f}h8M{x - 4:.1f} {y(v + s):.1f}h8"
+        for x, v, s in zip(at.tolist(), values.tolist(), std.tolist(), strict=True)
+        if math.isfinite(v) and math.isfinite(s)
+    )
+    if bars:
+        yield f'<path d="{bars}" fill="none" stroke="{ACCENT}" stroke-width="1.3"/>'
+    radius = 3.6 if len(at) < 60 else 2.0
+    for x, v in zip(at.tolist(), values.tolist(), strict=True):
+        if math.isfinite(v):
+            yield f'<circle cx="{x:.1f}" cy="{y(v):.1f}" r="{radius}" fill="{ACCENT}"/>'
+
+
+def _runs(finite: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Iterator[list[int]]:
+    """Neighbours without a gap between them."""
+    run: list[int] = []
+    for i, known in enumerate(finite.tolist()):
+        if known:
+            run.append(i)
+        elif run:
+            yield run
+            run = []
+    if run:
+        yield run
+
+
+def _ticks(low: float, high: float) -> Iterator[tuple[float, str]]:
+    """Some three round numbers between the two."""
+    power = 10.0 ** math.floor(math.log10((high - low) / 3))
+    step = next(s * power for s in (1, 2, 5, 10) if s * power >= (high - low) / 4)
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    for n in range(math.ceil(low / step), math.floor(high / step) + 1):
+        yield n * step, f"{n * step:.{decimals}f}".replace("-", "−")
+
+
+def _marks(marks: Sequence[tuple[int, str]], at: FloatArray, foot: float) -> Iterator[str]:
+    free = -math.inf
+    for index, what in marks:
+        x = float((at[index - 1] + at[index]) / 2) if index > 0 else float(at[0]) - 18
+        yield (
+            f'<path d="M{x:.1f} {TOP - 6}V{foot:.1f}" fill="none" stroke="{SECOND}" stroke-width="1.2" '
+            'stroke-dasharray="4 3"/>'
+        )
+        if x >= free:
+            near_the_edge = x > WIDTH - MARK_WIDTH
+            yield _text(
+                x - 4 if near_the_edge else x + 4,
+                TOP - 10,
+                name(what)[:24],
+                anchor="end" if near_the_edge else "start",
+                ink=SECOND,
+            )
+            free = x + MARK_WIDTH
+
+
+def _labels(labels: Sequence[str], at: FloatArray, foot: float) -> Iterator[str]:
+    if not labels:
+        return
+    gap = (at[-1] - at[0]) / (len(at) - 1) if len(at) > 1 else WIDTH
+    step = max(1, math.ceil(LABEL_WIDTH / max(gap, 1e-9)))
+    # Counted from the newest, which is the one that is looked for.
+    for i in range(len(labels) - 1, -1, -step):
+        yield _text(float(at[i]), foot + 18, name(labels[i])[:14], anchor="middle", ink=INK)
+
+
+def _text(x: float, y: float, text: str, *, anchor: str, ink: str = MUTED) -> str:
+    where = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="11" fill="{ink}"'
+    return f"<text {where}>{escape(text)}</text>"
+
+
+def _range(quantity: str, unit: str, values: FloatArray) -> str:
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return f"{quantity} unknown"
+    first, last = float(finite[0]), float(finite[-1])
+    if first == last and float(np.ptp(finite)) == 0:
+        return f"{quantity} {first:.2f} {unit}".rstrip()
+    return f"{quantity} {finite.min():.2f} to {finite.max():.2f} {unit}, {last:.2f} now".replace("-", "−")

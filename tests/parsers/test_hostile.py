@@ -1,0 +1,43 @@
+"""Files that once broke a reader's promise: an error of ours or cameras, within two seconds and 512 MiB.
+
+Found by ``make fuzz``, by files grown past all measure, and by the benchmark; each is as small as it became.
+"""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from calibrary import parsers
+from calibrary.errors import ParseError
+
+KEYED = "".join(f"[c{index}]\nfx_px = 3000\n" for index in range(1500))
+SHARED = "[x]\n" + "".join(f"a{index} = 1\n" for index in range(1500))
+
+BROKEN = {
+    "a focal length too small for a division": (
+        "artoolkitplus_cal",
+        b"ARToolKitPlus_CamCal_Rev02\n1941 1480 970.0 739.5 3.7e-312 3687.8 0 0 0 0 0 0 20\n",
+        "of no camera",
+    ),
+    "a focal length too large for a product": (
+        "artoolkitplus_cal",
+        b"ARToolKitPlus_CamCal_Rev02\n1941 1480 970.0 739.5 3.7e307 3687.8 0 0 0 0 0 0 20\n",
+        "of no camera",
+    ),
+    "empty lines without end": (
+        "orb_slam",
+        b"%YAML:1.0\nCamera.fy: 1\n" + b"\n" * 200_000,
+        "neither a Camera.fx",
+    ),
+    "lines that hundreds of cameras share": ("keyed_text", (KEYED + SHARED).encode(), "share"),
+}
+
+
+@pytest.mark.parametrize(("record", "data", "message"), BROKEN.values(), ids=BROKEN)
+def test_it_is_refused_at_once(record: str, data: bytes, message: str) -> None:
+    start = time.process_time()
+    with pytest.raises(ParseError, match=message):
+        parsers.decode(data, name="hostile", format=record)
+    assert time.process_time() - start < 2

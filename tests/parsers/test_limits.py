@@ -1,0 +1,149 @@
+"""How long a file may be: what is taken in, what a caller may raise, and what is looked up in place."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from calibrary import parsers
+from calibrary.errors import ParseError, UnknownFormatError
+from calibrary.parsers.content import HEAD_BYTES, MAX_JSON_BYTES, Content
+from calibrary.parsers.discovery import format_named
+from calibrary.parsers.files import MAX_BYTES
+from calibrary.parsers.xml import parse_xml
+
+OPENSFM = (
+    '[{"cameras": {"v2 acme one 4000 3000 brown 0.85": {"projection_type": "brown", "width": 4000, "height": 3000, '
+    '"focal_x": 0.85, "focal_y": 0.85, "c_x": 0.0, "c_y": 0.0, "k1": 0.01, "k2": 0.0, "p1": 0.0, "p2": 0.0, '
+    '"k3": 0.0}}, "shots": {}, "points": {"1": "%s"}}]'
+)
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Path:
+    """A COLMAP database whose other tables make it long."""
+    path = tmp_path / "database.db"
+    params = struct.pack("<8d", 3650.1, 3648.7, 2741.3, 1815.9, -0.0213, 0.0231, -0.00037, 0.00081)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute(
+            "CREATE TABLE cameras (camera_id INTEGER PRIMARY KEY, model INTEGER, width INTEGER, height INTEGER, "
+            "params BLOB, prior_focal_length INTEGER)"
+        )
+        connection.execute("CREATE TABLE descriptors (data BLOB)")
+        connection.execute("INSERT INTO cameras VALUES (1, 4, 5472, 3648, ?, 1)", (params,))
+        connection.execute("INSERT INTO descriptors VALUES (zeroblob(200000))")
+        connection.commit()
+    return path
+
+
+def test_a_database_of_any_length_is_looked_into_where_it_lies(database: Path) -> None:
+    before = sorted(database.parent.iterdir())
+    assert parsers.identify(database, max_bytes=1000).format.name == "colmap_database"
+    [in_place] = parsers.read(database, max_bytes=1000)
+    [taken_in] = parsers.read(database)
+    assert (in_place.intrinsics, in_place.distortion) == (taken_in.intrinsics, taken_in.distortion)
+    assert in_place.provenance.sha256 is None
+    assert sorted(database.parent.iterdir()) == before
+
+
+def test_a_name_with_marks_of_an_address_is_the_files_own(database: Path) -> None:
+    odd = database.rename(database.with_name("a?mode=rw#%41 b.db"))
+    assert parsers.read(odd, max_bytes=1000)[0].intrinsics.fx == 3650.1
+
+
+def test_a_long_database_with_a_journal_is_refused(database: Path) -> None:
+    Path(f"{database}-wal").write_bytes(b"7\x7f\x06\x82" * 1000)
+    with pytest.raises(ParseError, match="wal_checkpoint"):
+        parsers.read(database, max_bytes=1000)
+
+
+def test_a_long_database_cut_short_is_refused(database: Path) -> None:
+    with database.open("r+b") as file:
+        file.truncate(database.stat().st_size - 4096)
+    with pytest.raises(ParseError, match="not the whole"):
+        parsers.read(database, max_bytes=1000, format="colmap_database")
+
+
+@pytest.mark.parametrize("record", [None, "opencv_storage"])
+def test_another_long_file_is_refused(record: str | None, tmp_path: Path) -> None:
+    (tmp_path / "a.yml").write_text("a: 1\n" * 1000)
+    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*max_bytes"):
+        parsers.read(tmp_path / "a.yml", max_bytes=1000, format=record)
+    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*max_bytes"):
+        parsers.identify(tmp_path / "a.yml", max_bytes=1000)
+
+
+def test_a_raised_limit_lifts_that_of_json(tmp_path: Path) -> None:
+    path = tmp_path / "reconstruction.json"
+    path.write_text(OPENSFM % ("x" * MAX_JSON_BYTES))
+    with pytest.raises(ParseError, match="raise max_bytes"):
+        parsers.read(path)
+    unknown = tmp_path / "unknown.json"
+    unknown.write_text('{"x": "' + "x" * MAX_JSON_BYTES + '"}')
+    with pytest.raises(UnknownFormatError, match="max_bytes"):
+        parsers.read(unknown)
+    [camera] = parsers.read(path, max_bytes=MAX_BYTES + 1)
+    assert camera.intrinsics.fx == pytest.approx(3400)
+    assert parsers.identify(path, max_bytes=MAX_BYTES + 1).format.name == "opensfm"
+
+
+@pytest.mark.parametrize("cut", range(15))
+def test_a_line_that_the_head_ends_in_is_not_looked_at(cut: int) -> None:
+    rows = b"width_px = 4000\nheight_px = 3000\nfx_px = 3000.5\n"
+    comment = b"#" * (HEAD_BYTES - len(rows) - cut - 1) + b"\n"
+    claim = format_named("keyed_text").sniff(Content(rows + comment + b"fy_px = 3000.5\n" * 2, "x"))
+    assert claim is not None
+
+
+DENSEST = """
+from calibrary.errors import ParseError
+from calibrary.parsers.xml import ATTRIBUTE_BYTES, MAX_BYTES, MAX_TREE_BYTES, NODE_BYTES, parse_xml
+
+def peak_mib():
+    status = open("/proc/self/status").read().splitlines()
+    return int(next(line for line in status if line.startswith("VmHWM")).split()[1]) / 1024
+
+parse_xml(b"<a/>", source="a.xml")
+before = peak_mib()
+for unit, cost in (
+    (b"<a/>x", 2 * NODE_BYTES), (b'<a b="" c=""/>', 2 * (NODE_BYTES + ATTRIBUTE_BYTES)), (b"<a>x</a>", 3 * NODE_BYTES)
+):
+    most = MAX_TREE_BYTES // cost - 2
+    root = parse_xml(b"<r>%s</r>" % (unit * most), source="a.xml")
+    assert len(root) == most
+    del root
+    try:
+        parse_xml(b"<r>%s</r>" % (unit * (MAX_BYTES // len(unit) - 2)), source="a.xml")
+    except ParseError as error:
+        assert "tags" in str(error)
+print(peak_mib() - before)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="only Linux tells a process's peak")
+def test_the_densest_xml_that_is_read_takes_less_than_512_mib() -> None:
+    done = subprocess.run([sys.executable, "-c", DENSEST], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) < 512 - 64
+
+
+@pytest.mark.parametrize(
+    ("declared", "encoding"), [("IBM037", "cp037"), ("UTF-7", "utf-7"), ("IBM1047", "latin-1")]
+)
+def test_long_xml_whose_tags_cannot_be_counted_is_refused(declared: str, encoding: str) -> None:
+    text = f'<?xml version="1.0" encoding="{declared}"?><r>{"<a/>x" * 500_000}</r>'
+    with pytest.raises(ParseError, match="unusual encoding"):
+        parse_xml(text.encode(encoding), source="a.xml")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-15", "windows-1252", "shift_jis"])
+def test_ordinary_encodings_are_counted(encoding: str) -> None:
+    text = f'<?xml version="1.0" encoding="{encoding}"?><r>{"<a>1</a>" * 300_000}</r>'
+    assert len(parse_xml(text.encode(encoding), source="a.xml")) == 300_000

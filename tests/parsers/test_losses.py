@@ -1,0 +1,116 @@
+"""What counts as lost when a calibration is written: what is gone, never the last digit of a number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf, nextafter
+
+import pytest
+
+from calibrary import parsers
+from calibrary.calibration import Calibration, Quality
+from calibrary.conventions import Origin
+from calibrary.distortion import BrownConrady
+from calibrary.parsers.convention import Convention
+from calibrary.parsers.fit import compare
+from calibrary.parsers.format import Capacity, Format, Outcome, ReadContext, Sniff, Sure, WriteContext
+from calibrary.quality import Covariance
+from tests.parsers.cameras import BROWN, camera
+
+QUALITY = Quality(
+    rms_px=0.31,
+    points=4711,
+    views=21,
+    std={"fx": 0.4, "k1": 1e-5},
+    covariance=Covariance(names=("fx", "fy"), upper=(0.16, 0.1, 0.16)),
+    kappa2=1.3,
+    coverage=0.71,
+)
+FULL = replace(camera(BROWN), quality=QUALITY)
+
+
+def holding(copy: Calibration) -> Format:
+    """A format out of which ``copy`` is read, whatever was written."""
+
+    def write(_items: Sequence[Calibration], _context: WriteContext) -> bytes:
+        return b"x"
+
+    def read(_data: bytes, _context: ReadContext) -> list[Calibration]:
+        return [copy]
+
+    return Format(
+        name="holding",
+        title="Holding",
+        suffixes=(".x",),
+        reference="https://example.org",
+        convention=Convention(origin=Origin.CORNER),
+        sniff=lambda _content: Sniff(Sure.WEAK, "always"),
+        read=read,
+        write=write,
+        capacity=Capacity(models=(BrownConrady,), skew=True),
+    )
+
+
+def dropped(copy: Calibration, original: Calibration = FULL) -> tuple[str, ...]:
+    return parsers.encode([original], holding(copy))[1].dropped
+
+
+def ulp(value: float) -> float:
+    return nextafter(value, inf)
+
+
+def test_the_last_digit_of_a_number_is_no_loss() -> None:
+    near = Quality(
+        rms_px=ulp(0.31),
+        points=4711,
+        views=21,
+        std={"fx": ulp(0.4), "k1": ulp(1e-5)},
+        covariance=Covariance(names=("fx", "fy"), upper=(ulp(0.16), ulp(0.1), ulp(0.16))),
+        kappa2=ulp(1.3),
+        coverage=ulp(0.71),
+    )
+    key = replace(FULL.camera, focal_mm=8.8)
+    copy = replace(FULL, quality=near, camera=replace(key, focal_mm=ulp(8.8)))
+    assert dropped(copy, replace(FULL, camera=key)) == ()
+
+
+@pytest.mark.parametrize(
+    ("quality", "words"),
+    [
+        (replace(QUALITY, rms_px=0.32), "rms of the reprojection error"),
+        (replace(QUALITY, points=None), "number of points"),
+        (replace(QUALITY, views=20), "number of views"),
+        (replace(QUALITY, std={"fx": 0.4}), "standard deviations"),
+        (replace(QUALITY, covariance=None), "covariance"),
+        (replace(QUALITY, covariance=Covariance(names=("fx", "fy"), upper=(0.16, 0, 0.16))), "covariance"),
+        (replace(QUALITY, kappa2=None), "scatter against the covariance"),
+        (replace(QUALITY, coverage=None), "coverage of the frame"),
+    ],
+)
+def test_what_is_gone_is_named(quality: Quality, words: str) -> None:
+    assert dropped(replace(FULL, quality=quality)) == (words,)
+
+
+def test_what_was_not_known_before_is_no_loss() -> None:
+    assert dropped(FULL, replace(FULL, quality=None)) == ()
+
+
+def test_two_focal_lengths_that_differ_in_the_last_digit_are_one() -> None:
+    K = replace(FULL.intrinsics, fy=FULL.intrinsics.fx, skew=0.0)
+    nearly = replace(FULL, intrinsics=replace(K, fy=ulp(K.fy), skew=5e-324))
+    file, verdict = parsers.encode([nearly], holding(replace(FULL, intrinsics=K)))
+    assert (file, verdict.outcome, verdict.dropped) == (b"x", Outcome.EXACT, ())
+
+
+@pytest.mark.parametrize("other", [0.0, -1e-18])
+def test_a_coefficient_of_almost_nothing_need_not_come_back(other: float) -> None:
+    lens = BrownConrady(k1=-0.1, k2=0.02, p1=1e-18, p2=0.0, k3=0.0)
+    fit = compare(camera(lens), camera(replace(lens, p1=other)))
+    assert fit.exact
+    assert fit.max_px < 1e-8
+
+
+def test_a_coefficient_that_moves_a_ray_must_come_back() -> None:
+    lens = BrownConrady(k1=-0.1, k2=0.02, p1=1e-9, p2=0.0, k3=0.0)
+    assert not compare(camera(lens), camera(replace(lens, p1=0.0))).exact
