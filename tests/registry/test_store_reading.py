@@ -102,6 +102,7 @@ def test_threads_that_share_a_store_read_the_right_bytes(bare: Store) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # of other libraries' threads, since 3.12
 def test_both_sides_of_a_fork_read_the_right_bytes(bare: Store) -> None:
     files: dict[str, bytes | None] = {f"cameras/m/m{i}/a.yaml": b"n: %d\n" % i for i in range(20)}
     put(bare, files)
@@ -186,18 +187,18 @@ def test_a_date_means_the_end_of_that_day_in_utc(bare: Store) -> None:
         at("2031-02-30")
 
 
-def test_a_date_does_not_find_a_side_branch_that_was_merged_later(checked_out: Store) -> None:
+def test_a_date_does_not_find_a_side_branch_that_was_merged_later(
+    checked_out: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path, folder = checked_out.path / ENTRY, checked_out.path
     before = checked_out.tip()
     git(folder, "switch", "-q", "-c", "side")
     path.write_bytes(b"fx: 7.0\n")
-    git(folder, "commit", "-aqm", "side", "--date=2031-01-02T00:00Z")
+    monkeypatch.setenv("GIT_COMMITTER_DATE", "2031-01-01T00:00Z")
+    git(folder, "commit", "-aqm", "side")
     git(folder, "switch", "-q", "main")
-    os.environ["GIT_COMMITTER_DATE"] = "2035-01-01T00:00Z"
-    try:
-        git(folder, "merge", "-q", "--no-ff", "side", "-m", "merge it")
-    finally:
-        del os.environ["GIT_COMMITTER_DATE"]
+    monkeypatch.setenv("GIT_COMMITTER_DATE", "2035-01-01T00:00Z")
+    git(folder, "merge", "-q", "--no-ff", "side", "-m", "merge it")
     assert commit_at(checked_out, OnDate(datetime(2034, 1, 1, tzinfo=UTC))) == before
 
 

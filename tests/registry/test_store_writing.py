@@ -468,5 +468,9 @@ def test_a_signature_by_a_stranger_is_not_good(bare: Store, signing: Path, tmp_p
     nobody = tmp_path / "nobody"
     nobody.write_text("")
     git(bare.path, "config", "gpg.ssh.allowedSignersFile", str(signing))
+    git(bare.path, "config", "gpg.ssh.program", "true")
+    store = Store.open(bare.path)
+    assert "gpg.ssh.program" in store.silenced
+    assert signatures(store, [written.commit], signing)[0].is_good
     assert [state.is_good for state in signatures(store, [written.commit], nobody)] == [False]
     assert [state.is_good for state in signatures(store, [written.commit], None)] == [False]
