@@ -6,7 +6,8 @@ import os
 from functools import partial
 from pathlib import Path
 
-from calibrary.errors import RegistryError
+from calibrary.errors import InputError, RegistryError
+from calibrary.registry.charter import CHARTER, parse_charter
 from calibrary.registry.entry import ROOT, SUFFIX
 from calibrary.registry.entry_yaml import LARGEST_ENTRY
 from calibrary.registry.resolution import RegistryIndex
@@ -18,8 +19,14 @@ def open_folder(root: Path) -> RegistryIndex:
     """List a registry's files; an entry written by hand needs no digest here, but one that is there must fit.
 
     Raises:
-        RegistryError: there is no registry here, or a folder of it cannot be read.
+        RegistryError: there is no registry here, it is of a newer layout, or a folder of it cannot be read.
     """
+    charter = root / CHARTER
+    if charter.is_file():
+        try:
+            parse_charter(read_entry_file(root, CHARTER))
+        except InputError as error:
+            raise RegistryError(str(error)) from None
     return RegistryIndex(entry_paths(root), partial(read_entry_file, root), require_digest=False)
 
 

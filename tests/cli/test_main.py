@@ -23,9 +23,24 @@ from calibrary.errors import (
 from calibrary.validation import Report
 
 
-def commands() -> dict[str, argparse.ArgumentParser]:
-    [action] = [a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction)]
-    return dict(action.choices)
+def commands(parser: argparse.ArgumentParser | None = None) -> dict[str, argparse.ArgumentParser]:
+    """The commands right below a parser; of the whole command line if it is left out."""
+    actions = (parser or build_parser())._actions
+    return {
+        name: below
+        for action in actions
+        if isinstance(action, argparse._SubParsersAction)
+        for name, below in action.choices.items()
+    }
+
+
+def words(parser: argparse.ArgumentParser | None = None) -> dict[str, argparse.ArgumentParser]:
+    """Every command that can be given, by all of its words: "registry show", but not "registry" alone."""
+    found: dict[str, argparse.ArgumentParser] = {}
+    for name, below in commands(parser).items():
+        deeper = words(below)
+        found |= {f"{name} {more}": one for more, one in deeper.items()} if deeper else {name: below}
+    return found
 
 
 def printed_by(argv: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -43,11 +58,11 @@ def test_help_lists_every_command_and_every_exit_code(capsys: pytest.CaptureFixt
         assert re.search(rf"^ +{code}  \w", text, re.MULTILINE)
 
 
-@pytest.mark.parametrize("name", commands())
+@pytest.mark.parametrize("name", words())
 def test_a_commands_help_ends_with_examples_that_are_understood(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = printed_by([name, "--help"], capsys)
+    text = printed_by([*name.split(), "--help"], capsys)
     examples = re.findall(
         rf"^  calibrary ({name}\b.*?)(?:   .*)?$", text.partition("examples:")[2], re.MULTILINE
     )
@@ -56,10 +71,17 @@ def test_a_commands_help_ends_with_examples_that_are_understood(
         assert build_parser().parse_args(shlex.split(example)).run
 
 
-@pytest.mark.parametrize("name", commands())
+@pytest.mark.parametrize("name", words())
 def test_every_flag_is_explained(name: str) -> None:
-    for action in commands()[name]._actions:
+    for action in words()[name]._actions:
         assert action.help, action.option_strings
+
+
+@pytest.mark.parametrize("name", [name for name, parser in commands().items() if commands(parser)])
+def test_a_commands_help_lists_the_commands_below_it(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    text = printed_by([name, "--help"], capsys)
+    for below in commands(commands()[name]):
+        assert re.search(rf"^ +{below}\s+\w", text, re.MULTILINE)
 
 
 def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:

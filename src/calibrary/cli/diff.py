@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from calibrary.calibration_json import Json
     from calibrary.diff.comparison import Comparison, Numbers
     from calibrary.diff.fleet import Change
+    from calibrary.pages import Page
     from calibrary.policy import Policy
 
 __all__ = ["add_parser"]
@@ -28,6 +29,7 @@ examples:
   calibrary diff fc6310r@2026-05-01 fc6310r              an entry of the registry, then and now
   calibrary diff fc6310r@firmware:01.08 flight/DJI_0001.JPG
   calibrary diff K.npy camera.xml --camera 2
+  calibrary diff old.xml new.xml --html diff.html        and a page to show a colleague
   calibrary diff --since v1.0                            every entry that changed since, worst first
   calibrary diff --firmware 01.08..01.09                 every camera that was calibrated with both
 
@@ -75,6 +77,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--policy", default="fleet", metavar="NAME|FILE", help="whose limits make an alarm")
     add_reading_flags(parser)
     parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.add_argument(
+        "--html", type=Path, metavar="FILE", help="also write a page with maps of the difference, to show"
+    )
     parser.set_defaults(run=_run, parser=parser)
 
 
@@ -84,6 +89,10 @@ def _run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("wanted two calibrations A B, or --since REV, or --firmware OLD..NEW")
     if not 0 < arguments.altitude_m < float("inf"):
         arguments.parser.error("--altitude-m: wanted metres above ground, more than 0")
+    if arguments.html is not None:
+        from calibrary.extract.outputs import check_page_place
+
+        check_page_place(arguments.html)
     return _fleet(arguments) if wants_fleet else _pair(arguments)
 
 
@@ -105,6 +114,10 @@ def _pair(arguments: argparse.Namespace) -> int:
     a, b = read_operands(first, second, reading)
     comparison = compare(a.calibration, b.calibration, _policy(arguments))
     labels = (a.label, b.label)
+    if arguments.html is not None:
+        from calibrary.diff.page import comparison_page
+
+        _write(comparison_page(comparison, labels, arguments.altitude_m), arguments.html)
     if arguments.json:
         _print(comparison_json(comparison, labels, arguments.altitude_m))
     else:
@@ -214,11 +227,29 @@ def _fleet(arguments: argparse.Namespace) -> int:
             if not (old and dots and new):
                 arguments.parser.error("--firmware: wanted OLD..NEW, such as 01.08..01.09")
             changes = by_firmware(keeper, old, new, policy, progress)
+    if arguments.html is not None:
+        from calibrary.diff.page import fleet_page
+
+        _write(fleet_page(changes, _title(arguments), arguments.altitude_m), arguments.html)
     if arguments.json:
         _print({"schema": "calibrary/fleet-diff-1", "changes": [_change_json(change) for change in changes]})
     else:
         _show_fleet(make_console(stderr=False), changes)
     return EXIT_ALARM if any(change.alarm for change in changes) else 0
+
+
+def _title(arguments: argparse.Namespace) -> str:
+    if arguments.since is not None:
+        return f"The fleet since {arguments.since}"
+    old, _, new = arguments.firmware.partition("..")
+    return f"The fleet from firmware {old} to {new}"
+
+
+def _write(page: Page, path: Path) -> None:
+    from calibrary.atomic import write_files
+    from calibrary.pages import render_page
+
+    write_files({path: render_page(page).encode()})
 
 
 def _show_fleet(console: Console, changes: Sequence[Change]) -> None:

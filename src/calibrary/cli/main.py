@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -43,6 +44,7 @@ exit codes:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
+    _spell_out_what_cannot_be_printed()
     arguments = build_parser().parse_args(argv)
     try:
         code: int = arguments.run(arguments)
@@ -64,6 +66,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{message}; CALIBRARY_DEBUG=1 shows where, please report it", file=sys.stderr)  # noqa: T201
         return EXIT_BUG
     return code
+
+
+def _spell_out_what_cannot_be_printed() -> None:
+    """Let a terminal without Unicode read an escape in place of a ± rather than nothing at all."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _printable(error: Exception) -> str:

@@ -59,7 +59,7 @@ def begin(place: Path, *, bare: bool = False) -> Begun:
     if (place / ".git").exists() or (place / "HEAD").exists():
         return _begun(_in_empty_repository(place, files, standing), files)
     if standing:
-        if standing == [".gitattributes"] or CHARTER not in standing:
+        if CHARTER not in standing:
             raise RegistryError(
                 f"{place}: {', '.join(standing)} stands here already, which a registry has of its own; nothing was "
                 "changed: name another folder"
@@ -106,7 +106,9 @@ def folder_for(url: str) -> Path:
     """
     found = LAST_NAME.search(url.replace("\\", "/").rstrip("/"))
     if found is None or set(found[1]) <= {"."}:
-        raise RegistryError(f"{without_secret(url)}: says no name for the folder; name one: init PATH --remote URL")
+        raise RegistryError(
+            f"{without_secret(url)}: says no name for the folder; name one: init PATH --remote URL"
+        )
     return Path(found[1])
 
 

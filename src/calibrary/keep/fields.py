@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from calibrary.calibration_json import Json, calibration_json
 from calibrary.registry.entry import Entry
 
-__all__ = ["Field", "FieldChange", "change_json", "differences", "entry_fields"]
+__all__ = ["Field", "FieldChange", "change_json", "differences", "entry_fields", "std_of"]
 
 Field: TypeAlias = str | int | float | bool | None
 
@@ -72,10 +72,9 @@ def entry_fields(entry: Entry) -> dict[str, Field]:
 def differences(before: Entry | None, after: Entry) -> tuple[FieldChange, ...]:
     """What one entry says otherwise than another, in the order of the file; everything where there is no other."""
     old, new = entry_fields(before) if before is not None else {}, entry_fields(after)
-    names = [*new, *(name for name in old if name not in new)]
     return tuple(
         _change(name, old.get(name), new.get(name), before, after)
-        for name in names
+        for name in _in_order([*old], [*new])
         if not _same(old.get(name), new.get(name))
     )
 
@@ -91,6 +90,15 @@ def change_json(change: FieldChange) -> dict[str, Json]:
     }
 
 
+def _in_order(old: Sequence[str], new: Sequence[str]) -> list[str]:
+    """All names in the order of the new ones, each that is gone behind the one it stood behind."""
+    names = [*new]
+    for at, name in enumerate(old):
+        if name not in names:
+            names.insert(names.index(old[at - 1]) + 1 if at else 0, name)
+    return names
+
+
 def _same(one: Field, other: Field) -> bool:
     return type(one) is type(other) and one == other
 
@@ -99,7 +107,7 @@ def _change(name: str, old: Field, new: Field, before: Entry | None, after: Entr
     delta = z = None
     if before is not None and _are_numbers(old, new) and _mean_the_same(name, before, after):
         delta = float(new) - float(old)  # type: ignore[arg-type]  # numbers, as just asked
-        stds = [_std(entry, name.rpartition(".")[2]) for entry in (before, after)]
+        stds = [std_of(entry, name.rpartition(".")[2]) for entry in (before, after)]
         block = name.partition(".")[0]
         if block in {"intrinsics", "distortion"} and stds[0] is not None and stds[1] is not None:
             spread = math.hypot(stds[0], stds[1])
@@ -118,7 +126,8 @@ def _mean_the_same(name: str, before: Entry, after: Entry) -> bool:
     return not name.startswith("intrinsics.") or one.intrinsics.image_size == other.intrinsics.image_size
 
 
-def _std(entry: Entry, name: str) -> float | None:
+def std_of(entry: Entry, name: str) -> float | None:
+    """The standard deviation of a parameter: the covariance's, else the one that is stated by itself."""
     quality = entry.calibration.quality
     if quality is None:
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -100,15 +100,28 @@ class Keeper:
         path = find_path(snapshot.paths, name)
         return self._held(path, snapshot.paths[path], snapshot.commit)
 
-    def entries(self, rev: str | None = None) -> Iterator[Held]:
+    def entries(
+        self, rev: str | None = None, *, unreadable: Callable[[RegistryError], None] | None = None
+    ) -> Iterator[Held]:
         """Every entry at a revision, in the order of their paths.
 
+        Args:
+            rev: the newest commit where it is None.
+            unreadable: is told of each entry that cannot be read, which then does not end the others.
+
         Raises:
-            RegistryError: there is no such revision, or an entry cannot be read.
+            RegistryError: there is no such revision, or an entry cannot be read and nobody asked to be told.
         """
         snapshot = self.registry.snapshot(rev)
         for path, data in self.registry.read_all(snapshot):
-            yield Held(entry=_parsed(data, path), path=path, oid=snapshot.paths[path], commit=snapshot.commit)
+            try:
+                entry = _parsed(data, path)
+            except RegistryError as error:
+                if unreadable is None:
+                    raise
+                unreadable(error)
+                continue
+            yield Held(entry=entry, path=path, oid=snapshot.paths[path], commit=snapshot.commit)
 
     def files(self, rev: str | None = None) -> dict[str, bytes]:
         """The bytes of every entry at a revision, by path."""

@@ -63,15 +63,16 @@ def _fits_from(parts: Sequence[str], asked: Sequence[str]) -> bool:
     if len(asked) > len(parts) or not parts:
         return False
     *whole, last = asked
-    if any(part != _as_slug(word) for part, word in zip(parts, whole, strict=False)):
+    if not all(_is(part, word) for part, word in zip(parts, whole, strict=False)):
         return False
     part, is_variant = parts[len(whole)], parts[len(whole)] == parts[-1]
     # A make or model is said in full; what comes after it may be cut short.
-    return part.startswith(last.lower()) if is_variant else part == _as_slug(last)
+    return part.startswith(last.lower()) if is_variant else _is(part, last)
 
 
-def _as_slug(word: str) -> str:
-    return word.lower() if "~" in word else slug(word)
+def _is(part: str, word: str) -> bool:
+    """Whether a word names a part of a path: as the path writes it, or as EXIF does."""
+    return part == word.lower() or part == slug(word)
 
 
 def _nearly(paths: Collection[str], key: str) -> str:

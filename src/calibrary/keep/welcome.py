@@ -16,8 +16,9 @@ from calibrary.registry.fleet import ATTRIBUTES
 __all__ = ["DRIVER", "DRIVER_COMMAND", "WORKFLOW", "example_entry", "welcome_files"]
 
 DRIVER: Final = "diff.calibrary.textconv"
-DRIVER_COMMAND: Final = "calibrary registry show --textconv"
-"""What git runs to show an entry; ``.gitattributes`` names the driver, each user's configuration the command."""
+DRIVER_COMMAND: Final = 'f() { calibrary registry show --textconv "$1" 2>/dev/null || cat "$1"; }; f'
+"""What git runs to show an entry; ``.gitattributes`` names the driver, each user's configuration the command. Where
+calibrary is not at hand, the file itself is shown: git diff would otherwise show nothing at all."""
 
 WORKFLOW: Final = ".github/workflows/registry-check.yml"
 
@@ -51,7 +52,7 @@ Each commit says in trailers which cameras it is of (`Camera:`), from which file
 grade, for which firmware, and why (`Reason:`). With calibrary installed git shows entries by their fields, with
 one line a number:
 
-    git config {driver} "{command}"
+    git config {driver} '{command}'
 
 ## Reviewing a change
 

@@ -4,11 +4,51 @@ from __future__ import annotations
 
 import argparse
 
-from calibrary.cli.registry import list_, show
+from calibrary.cli.registry import (
+    add,
+    approve,
+    audit,
+    blame,
+    check,
+    export,
+    hold,
+    import_,
+    init,
+    list_,
+    lock,
+    log,
+    pull,
+    push,
+    resolve,
+    retire,
+    serve,
+    show,
+    site,
+)
 
 __all__ = ["add_parser"]
 
-COMMANDS = (list_, show)
+COMMANDS = (
+    init,
+    add,
+    import_,
+    list_,
+    show,
+    resolve,
+    check,
+    audit,
+    approve,
+    hold,
+    retire,
+    log,
+    blame,
+    export,
+    lock,
+    pull,
+    push,
+    site,
+    serve,
+)
 
 EPILOG = """\
 The registry is the one named with --registry, else $CALIBRARY_REGISTRY, else the nearest registry.yaml in this

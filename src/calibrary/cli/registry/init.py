@@ -38,7 +38,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "path", nargs="?", type=Path, metavar="PATH", help="its folder; this one when left out"
     )
-    parser.add_argument("--remote", metavar="URL", help="copy this one: https://, ssh://, user@host:path, a folder")
+    parser.add_argument(
+        "--remote", metavar="URL", help="copy this one: https://, ssh://, user@host:path, a folder"
+    )
     parser.add_argument("--bare", action="store_true", help="without a work tree, for a server")
     add_yes_flag(parser, "set up git's diff of entries without asking")
     parser.add_argument("--json", action="store_true", help="print JSON on standard output")
@@ -67,7 +69,7 @@ def _run(arguments: argparse.Namespace) -> int:
             installed = True
         else:
             note.print("to have git show entries by their fields:", highlight=False, soft_wrap=True)
-            line = f'  git -C {folder} config {DRIVER} "{DRIVER_COMMAND}"'
+            line = f"  git -C {folder} config {DRIVER} '{DRIVER_COMMAND}'"
             note.print(plain(line), highlight=False, soft_wrap=True)
     if arguments.json:
         document = {
@@ -81,9 +83,7 @@ def _run(arguments: argparse.Namespace) -> int:
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     else:
         where = "" if folder == Path.cwd() else f" --registry {folder}"
-        note.print(
-            plain(f"next: calibrary registry add FILE{where}"), highlight=False, soft_wrap=True
-        )
+        note.print(plain(f"next: calibrary registry add FILE{where}"), highlight=False, soft_wrap=True)
     return 0
 
 

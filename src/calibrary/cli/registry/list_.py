@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from calibrary.errors import RegistryError
     from calibrary.keep.keeper import Held
 
 __all__ = ["add_parser"]
@@ -24,6 +25,9 @@ examples:
   calibrary registry list dji --status approved
   calibrary registry list --at 2026-05-01 --json
 """
+
+
+EXIT_UNREADABLE = 1
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -45,7 +49,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="only entries of this status; may be given several times",
     )
     parser.add_argument(
-        "--grade", action="append", choices=[grade.value for grade in Grade if grade.is_metric]
+        "--grade",
+        action="append",
+        choices=[grade.value for grade in Grade if grade.is_metric],
+        help="only entries of this grade; may be given several times",
     )
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
     add_registry_flag(parser)
@@ -54,29 +61,30 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import make_console, plain
     from calibrary.keep.entry_json import held_json
 
-    keeper = opened(arguments)
+    keeper, note = opened(arguments), make_console(stderr=True)
     words = [word.lower() for word in arguments.words]
+    unreadable: list[RegistryError] = []
     listed = [
         held
-        for held in keeper.entries(arguments.at)
+        for held in keeper.entries(arguments.at, unreadable=unreadable.append)
         if all(word in held.id for word in words)
         and (not arguments.status or held.entry.status.value in arguments.status)
         and (not arguments.grade or held.entry.calibration.grade.value in arguments.grade)
     ]
     if arguments.json:
-        document = {"entries": [held_json(held) for held in listed]}
+        document = {"schema": "calibrary/entry-listing-1", "entries": [held_json(held) for held in listed]}
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
-        return 0
-    _show(make_console(stderr=False), listed)
-    if not listed:
-        note = make_console(stderr=True)
-        note.print(
-            "no entry fits; 'calibrary registry add FILE' puts one in", highlight=False, soft_wrap=True
-        )
-    return 0
+    else:
+        _show(make_console(stderr=False), listed)
+        if not listed and not unreadable:
+            told = "no entry fits; 'calibrary registry add FILE' puts one in"
+            note.print(told, highlight=False, soft_wrap=True)
+    for error in unreadable:
+        note.print(f"[red]not listed[/] {plain(str(error))}", highlight=False, soft_wrap=True)
+    return EXIT_UNREADABLE if unreadable else 0
 
 
 def _show(console: Console, listed: Sequence[Held]) -> None:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from calibrary.keep.keeper import Keeper
+    from calibrary.keep.shelf import Shelf
 
-__all__ = ["add_registry_flag", "opened"]
+__all__ = ["add_registry_flag", "opened", "shelf_of"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser) -> None:
@@ -32,3 +33,15 @@ def opened(arguments: argparse.Namespace) -> Keeper:
     from calibrary.keep.place import require_registry
 
     return Keeper.open(require_registry(arguments.registry))
+
+
+def shelf_of(arguments: argparse.Namespace, rev: str | None = None) -> Shelf:
+    """The entries of the registry that is meant, at a revision; a plain folder of files will do.
+
+    Raises:
+        RegistryError: there is none, or no such revision.
+    """
+    from calibrary.keep.place import require_registry
+    from calibrary.keep.shelf import open_shelf
+
+    return open_shelf(require_registry(arguments.registry), rev)

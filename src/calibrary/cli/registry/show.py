@@ -1,10 +1,11 @@
-"""``calibrary registry show``: one entry, as it is or as it was."""
+"""``calibrary registry show``: one entry, as it is or as it was, or what changed between the two."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.registry.place import add_registry_flag, opened
@@ -12,6 +13,7 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from calibrary.keep.fields import FieldChange
     from calibrary.keep.keeper import Held
 
 __all__ = ["add_parser"]
@@ -21,7 +23,9 @@ examples:
   calibrary registry show dji/fc6310r
   calibrary registry show fc6310r@2026-05-01            as it was at the end of that day
   calibrary registry show fc6310r@firmware:01.09        as it was made for that firmware
+  calibrary registry show fc6310r --diff v2026.1        what changed since that tag
   calibrary registry show fc6310r --yaml                the file itself
+  calibrary registry show --textconv FILE               an entry's file as git diff shows it
 """
 
 
@@ -34,30 +38,80 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("key", metavar="KEY[@REV]")
+    parser.add_argument(
+        "key", nargs="?", metavar="KEY[@REV]", help="make/model[/variant], and what it was at REV"
+    )
+    parser.add_argument(
+        "--diff", metavar="REV", help="field by field against what it was at a commit, tag, day or firmware"
+    )
     add_registry_flag(parser)
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON on standard output")
     form.add_argument("--yaml", action="store_true", help="print the entry's file")
-    parser.set_defaults(run=_run)
+    form.add_argument(
+        "--textconv",
+        type=Path,
+        metavar="FILE",
+        help="print the fields of an entry's file, one a line, for git diff",
+    )
+    parser.set_defaults(run=_run, parser=parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
-    from calibrary.keep.entry_json import held_json
-    from calibrary.registry.entry_yaml import entry_yaml
+    if (arguments.key is None) == (arguments.textconv is None):
+        arguments.parser.error("wanted KEY[@REV], or --textconv FILE")
+    if arguments.textconv is not None:
+        return _convert(arguments.textconv)
+    if arguments.diff is not None and arguments.yaml:
+        arguments.parser.error("--diff: not together with --yaml; git diff compares files")
+    return _show(arguments)
 
-    held = opened(arguments).get(arguments.key)
-    if arguments.json:
-        sys.stdout.write(json.dumps(held_json(held), indent=2, ensure_ascii=True, allow_nan=False) + "\n")
-    elif arguments.yaml:
-        sys.stdout.write(entry_yaml(held.entry).decode())
-    else:
-        _show(make_console(stderr=False), held)
+
+def _convert(path: Path) -> int:
+    """What git asks of a textconv driver; it must not fail, for git would then show nothing at all."""
+    from calibrary.keep.plain_text import entry_text
+
+    # Git reads bytes, whatever encoding this terminal has.
+    sys.stdout.buffer.write(entry_text(path).encode("utf-8", "backslashreplace"))
     return 0
 
 
-def _show(console: Console, held: Held) -> None:
+def _show(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import make_console, plain
+    from calibrary.cli.registry.changes import change_table
+    from calibrary.keep.entry_json import held_json
+    from calibrary.keep.fields import change_json, differences
+
+    keeper = opened(arguments)
+    held = keeper.get(arguments.key)
+    against, changes = None, None
+    if arguments.diff is not None:
+        against = f"{held.id}@{arguments.diff}"
+        changes = differences(keeper.get(against).entry, held.entry)
+    if arguments.json:
+        document = {"schema": "calibrary/entry-listing-1", **held_json(held)}
+        if changes is not None:
+            document |= {"against": against, "changes": [change_json(change) for change in changes]}
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    elif arguments.yaml:
+        sys.stdout.buffer.write(keeper.registry.store.blob(held.oid))
+    elif changes is None:
+        _describe(make_console(stderr=False), held)
+    else:
+        console = make_console(stderr=False)
+        console.print(_summary(plain(arguments.key), plain(against or ""), changes), highlight=False)
+        if changes:
+            console.print(change_table(changes))
+    return 0
+
+
+def _summary(key: str, against: str, changes: tuple[FieldChange, ...]) -> str:
+    if not changes:
+        return f"{key} says what {against} said"
+    return f"[bold]{key}[/] against {against}"
+
+
+def _describe(console: Console, held: Held) -> None:
     from rich.table import Table
 
     from calibrary.cli.console import plain
@@ -74,7 +128,7 @@ def _show(console: Console, held: Held) -> None:
 
 def _rows(held: Held) -> list[tuple[str, str]]:
     entry, calibration = held.entry, held.entry.calibration
-    K, quality, made = calibration.intrinsics, calibration.quality, calibration.provenance
+    K, quality = calibration.intrinsics, calibration.quality
     std = dict(quality.std) if quality is not None else {}
     if quality is not None and quality.covariance is not None:
         std |= quality.covariance.std
@@ -102,10 +156,18 @@ def _rows(held: Held) -> list[tuple[str, str]]:
             ("coverage", quality.coverage, "{:.0%}"),
         )
         rows += [(name, form.format(value)) for name, value, form in measured if value is not None]
+    return rows + _provenance(held)
+
+
+def _provenance(held: Held) -> list[tuple[str, str]]:
+    entry, made = held.entry, held.entry.calibration.provenance
+    serial = entry.calibration.camera.serial
     stated = (
-        ("serial", calibration.camera.serial and f"hash {calibration.camera.serial}"),
+        ("serial", serial and f"hash {serial}"),
         ("firmware", entry.firmware and str(entry.firmware)),
         ("valid", entry.validity and str(entry.validity)),
+        ("tolerance", entry.tolerance and f"± {entry.tolerance:.2%} of fx"),
+        ("also called", ", ".join(f"{alias.make} {alias.model}" for alias in entry.aliases)),
         ("made from", made.source or made.kind),
         ("sha256", made.sha256),
         ("made with", made.tool),
@@ -113,8 +175,9 @@ def _rows(held: Held) -> list[tuple[str, str]]:
         ("made on", made.date),
         ("made at firmware", made.firmware),
         ("focus", made.focus),
+        ("assumed", "; ".join(made.assumptions)),
         ("supersedes", entry.supersedes),
         ("commit", held.commit[:12]),
     )
-    rows += [(name, value) for name, value in stated if value]
+    rows = [(name, value) for name, value in stated if value]
     return rows + [("note", note) for note in entry.notes]

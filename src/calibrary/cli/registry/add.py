@@ -1,0 +1,192 @@
+"""``calibrary registry add``: put calibrations of any format into the registry, after a look at what changes."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.reading import Answers, add_reading_flags
+from calibrary.cli.registry.asking import add_yes_flag, agreed
+from calibrary.cli.registry.place import add_registry_flag
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from calibrary.keep.adding import Proposal
+    from calibrary.keep.candidates import Wish
+    from calibrary.keep.keeper import Keeper
+    from calibrary.registry.firmware import FirmwareRange
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary registry add camera.xml --make DJI --model FC6310R
+  calibrary registry add K.npy --image-size 5472x3648 --make DJI --model FC6310R --approve --yes
+  calibrary registry add flight/DJI_0001.JPG                what the image's metadata say
+  calibrary registry add cameras.txt --camera 2 --sub-camera ''    the second camera, without the file's own number
+  calibrary registry add cameras/dji/fc6310r/5472x3648.yaml --reason "focus was re-set"
+
+The entry is a draft until it is approved. Nothing is written that the registry's check objects to (exit code 1),
+and nothing over an entry that somebody has changed since it was shown (exit code 4).
+"""
+
+EXIT_REFUSED = 1
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "add",
+        help="put a calibration into the registry",
+        description="Put the cameras of a calibration file, an image or an entry's file into the registry.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="a file of any format, an image, or an entry's YAML"
+    )
+    parser.add_argument("--camera", type=int, metavar="N", help="only this camera of the file, from 1")
+    parser.add_argument(
+        "--firmware-range",
+        type=_range,
+        metavar="MIN..MAX",
+        help="of which firmware it is, both included; either may be left out",
+    )
+    parser.add_argument("--note", action="append", metavar="TEXT", help="what a person should know about it")
+    parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
+    parser.add_argument("--operator", metavar="NAME", help="who answers for it; git's user when left out")
+    parser.add_argument(
+        "--approve", action="store_true", help="use it at once, if the check has nothing against it"
+    )
+    parser.add_argument(
+        "--override-held", action="store_true", help="take the place of an entry that a person pinned"
+    )
+    add_camera_flags(parser, with_image_size=False)
+    add_reading_flags(parser)
+    add_registry_flag(parser)
+    add_yes_flag(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.set_defaults(run=_run)
+
+
+def _range(text: str) -> FirmwareRange:
+    from calibrary.errors import InputError
+    from calibrary.registry.firmware import FirmwareRange
+
+    first, dots, last = text.partition("..")
+    if not dots:
+        first = last = text
+    try:
+        return FirmwareRange(min=first.strip(" .") or None, max=last.strip(" .") or None)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}; wanted MIN..MAX, MIN.. or ..MAX") from None
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import make_console
+    from calibrary.cli.registry.changes import (
+        EntryChange,
+        print_document,
+        show_changes,
+        show_conflict,
+        show_findings,
+        tell_written,
+    )
+    from calibrary.keep.adding import propose, write_proposals
+    from calibrary.keep.admission import stands_against
+    from calibrary.keep.operand import Reading
+    from calibrary.registry.conflicts import EntryConflictError
+
+    keeper, note = _registry(arguments), make_console(stderr=True)
+    answers, wish = Answers.of(arguments), _wish(arguments)
+    reading = Reading(
+        format=answers.format,
+        image_size=answers.image_size,
+        options=answers.options,
+        camera=arguments.camera,
+    )
+    proposals, findings = propose(keeper, arguments.file, reading, wish)
+    changed = [
+        EntryChange(
+            entry=one.entry,
+            standing=one.standing,
+            is_new=one.base is None,
+            changes=one.changes,
+            remarks=one.remarks,
+        )
+        for one in proposals
+    ]
+    show_changes(note, changed)
+    show_findings(note, findings)
+    written = None
+    code = 0
+    due = [one for one in proposals if one.changes]
+    if against := stands_against(findings):
+        note.print(f"nothing was written: {_refused(len(against), wish)}", highlight=False, soft_wrap=True)
+        code = EXIT_REFUSED
+    elif due and agreed(arguments, _question(due)):
+        try:
+            written = write_proposals(keeper, proposals, wish, source=arguments.file)
+        except EntryConflictError as error:
+            show_conflict(note, error)
+            raise
+        tell_written(note, written, "approved" if wish.approve else "wrote", len(due))
+        if not wish.approve:
+            keys = " ".join(one.entry.id for one in due[:3])
+            more = " …" if len(due) > 3 else ""
+            note.print(
+                f"a draft is not used yet; next: calibrary registry approve {keys}{more}",
+                highlight=False,
+                soft_wrap=True,
+                markup=False,
+            )
+    elif due:
+        note.print("nothing was written", highlight=False)
+    if arguments.json:
+        print_document(keeper, changed, findings, written)
+    return code
+
+
+def _registry(arguments: argparse.Namespace) -> Keeper:
+    from calibrary.cli.console import make_console, plain
+    from calibrary.keep.beginning import begin
+    from calibrary.keep.keeper import Keeper
+    from calibrary.keep.place import default_place, find_registry
+
+    place = find_registry(arguments.registry)
+    if place is not None:
+        return Keeper.open(place)
+    keeper = begin(default_place()).keeper
+    told = f"no registry was named and none is around here, so yours was begun: {keeper.registry.store.path}"
+    make_console(stderr=True).print(plain(told), highlight=False, soft_wrap=True)
+    return keeper
+
+
+def _wish(arguments: argparse.Namespace) -> Wish:
+    from functools import partial
+
+    from calibrary.keep.candidates import Wish
+
+    return Wish(
+        key=partial(camera_of, arguments),
+        firmware=arguments.firmware_range,
+        notes=tuple(arguments.note or ()),
+        reason=arguments.reason,
+        operator=arguments.operator,
+        approve=arguments.approve,
+        override_held=arguments.override_held,
+    )
+
+
+def _question(due: Sequence[Proposal]) -> str:
+    return f"Write {due[0].entry.id}?" if len(due) == 1 else f"Write these {len(due)} entries?"
+
+
+def _refused(number: int, wish: Wish) -> str:
+    what = "an error stands against it" if number == 1 else f"{number} errors stand against it"
+    return f"{what}; put it right in the file or by the flags" + (
+        ", or add it as a draft without --approve" if wish.approve else ""
+    )

@@ -1,0 +1,34 @@
+"""``calibrary registry approve``: put entries to use, if nothing stands against it."""
+
+from __future__ import annotations
+
+import argparse
+
+from calibrary.cli.registry.deciding import add_deciding_flags, run_decision
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary registry approve fc6310r
+  calibrary registry approve dji/fc6310r dji/fc330 --reason "checked over the test field"
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "approve",
+        help="put entries to use",
+        description="Put entries to use: all of those named, or none where the check objects to one.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_deciding_flags(parser, reason_required=False)
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.registry.entry import Status
+
+    return run_decision(arguments, Status.APPROVED, "approved")

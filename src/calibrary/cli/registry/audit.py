@@ -1,0 +1,196 @@
+"""``calibrary registry audit``: what flew lately against the registry that should know it, for people and for cron."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.registry.place import add_registry_flag, shelf_of
+from calibrary.cli.registry.progress import Bar
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from calibrary.audit.answers import Answer
+    from calibrary.audit.run import Audit
+
+__all__ = ["add_parser"]
+
+EXIT_FINDINGS = 1
+STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
+USES = {"used": "green", "expired": "red", "draft": "red", "retired": "red", "none": "red"}
+
+EXAMPLES = """\
+examples:
+  calibrary registry audit flights/                          which cameras fly without a sound entry
+  calibrary registry audit flights/2026-03 flights/2026-04 --html audit.html
+  calibrary registry audit /data/flights --since 2026-04-01 --json      for cron: exit code 1 is mail
+  calibrary registry audit flights/ --stale-after 12         whose calibration is over a year old
+
+It reads only. exit code 0: nothing to do, notes perhaps; 1: an error or a warning; 3: a folder cannot be read;
+4: the registry.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "audit",
+        help="hold the registry against what flew lately",
+        description="Hold the registry against images of recent flights: cameras without an entry, entries that "
+        "the images contradict, entries that are stale. Nothing is written.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "folders",
+        type=Path,
+        nargs="+",
+        metavar="IMAGES_DIR",
+        help="folders of images, sub-folders included",
+    )
+    parser.add_argument(
+        "--since",
+        type=_day,
+        metavar="DATE",
+        help="leave out images that were taken before this day, 2026-04-01",
+    )
+    parser.add_argument(
+        "--stale-after",
+        type=_months,
+        default=24,
+        metavar="MONTHS",
+        help="age from which a calibration is told of (default: 24)",
+    )
+    parser.add_argument("--workers", type=_count, default=0, metavar="N", help="processes that read images")
+    add_registry_flag(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.add_argument("--html", type=Path, metavar="FILE", help="also write the audit as a page to show")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.audit.run import Request, audit
+    from calibrary.cli.console import make_console
+
+    if arguments.html is not None:
+        from calibrary.extract.outputs import check_page_place
+
+        check_page_place(arguments.html)
+    with Bar(make_console(stderr=True), "reading images") as bar:
+        done = audit(
+            Request(
+                folders=tuple(arguments.folders),
+                shelf=shelf_of(arguments),
+                today=date.today(),
+                since=arguments.since,
+                stale_months=arguments.stale_after,
+                workers=arguments.workers,
+                progress=bar,
+            )
+        )
+    if arguments.html is not None:
+        from calibrary.atomic import write_files
+        from calibrary.audit.page import audit_page
+        from calibrary.pages import render_page
+
+        write_files({arguments.html: render_page(audit_page(done)).encode()})
+    if arguments.json:
+        from calibrary.audit.audit_json import audit_json
+
+        sys.stdout.write(json.dumps(audit_json(done), indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    else:
+        _show(make_console(stderr=False), done)
+    return 0 if done.is_clean else EXIT_FINDINGS
+
+
+def _show(console: Console, done: Audit) -> None:
+    from calibrary.audit.findings import Level, Rule
+    from calibrary.cli.console import plain
+
+    console.print(_table(done.answers))
+    quiet = [finding for finding in done.findings if finding.rule is Rule.NOT_FLOWN]
+    for finding in done.findings:
+        if finding in quiet:
+            continue
+        about = plain(finding.camera or finding.entry or "")
+        console.print(
+            f"[{STYLES[finding.level.value]}]{finding.level.value}[/] {finding.rule.value}: {about}",
+            highlight=False,
+            soft_wrap=True,
+        )
+        console.print(f"  {plain(finding.message)}", highlight=False, soft_wrap=True)
+        if finding.action is not None:
+            console.print(f"  [cyan]next[/] {plain(finding.action)}", highlight=False, soft_wrap=True)
+    if quiet:
+        console.print(f"[dim]{_several(len(quiet), 'usable entry', 'usable entries')} did not fly here[/]")
+    for one in done.flights.unreadable[:8]:
+        console.print(
+            f"[dim]set aside {plain(one.name)}: {plain(one.reason)}[/]", highlight=False, soft_wrap=True
+        )
+    if len(done.flights.unreadable) > 8:
+        console.print(f"[dim]and {len(done.flights.unreadable) - 8} more images[/]")
+    counts = ", ".join(_several(done.of(level), level.value, f"{level.value}s") for level in Level)
+    verdict = "[bold green]nothing to do[/]" if done.is_clean else "[bold red]needs somebody[/]"
+    seen = done.flights
+    left_out = f", {seen.before} older left out" if seen.before else ""
+    left_out += f", {seen.undated} without a day" if seen.undated else ""
+    console.print(
+        f"{verdict}: {_several(len(done.answers), 'camera', 'cameras')} in "
+        f"{_several(seen.images, 'image', 'images')}{left_out}, "
+        f"{_several(done.entries, 'entry', 'entries')}: {counts}",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def _table(answers: tuple[Answer, ...]) -> Table:
+    from rich.table import Table
+
+    from calibrary.audit.answers import named
+    from calibrary.cli.console import plain
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("camera", overflow="fold")
+    table.add_column("images", justify="right")
+    table.add_column("last flown")
+    table.add_column("entry", overflow="fold")
+    table.add_column("state")
+    for answer in answers:
+        flown, use = answer.flown, answer.use.value
+        table.add_row(
+            plain(named(flown)),
+            str(flown.images),
+            flown.last.isoformat() if flown.last is not None else "–",
+            plain(answer.entry_id or "–"),
+            f"[{USES[use]}]{'no entry' if use == 'none' else use}[/]",
+        )
+    return table
+
+
+def _several(number: int, one: str, several: str) -> str:
+    return f"{number} {one if number == 1 else several}"
+
+
+def _day(text: str) -> date:
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a day such as 2026-04-01") from None
+
+
+def _months(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text[:6]) <= 1200:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of months, 1 … 1200")
+    return int(text)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or len(text) > 4 or int(text) > 256:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 0 … 256")
+    return int(text)

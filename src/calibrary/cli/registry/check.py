@@ -1,0 +1,133 @@
+"""``calibrary registry check``: whether every entry is sound, for people and for a push to be judged by."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.registry.place import add_registry_flag, shelf_of
+from calibrary.cli.registry.progress import Bar
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from calibrary.keep.checking import Checked
+    from calibrary.policy import Policy
+
+__all__ = ["add_parser"]
+
+EXIT_BAD = 1
+
+EXAMPLES = """\
+examples:
+  calibrary registry check                               all that is committed
+  calibrary registry check origin/main..HEAD             what a branch changes, and what that meets
+  calibrary registry check --worktree                    the files as they lie here, before they are committed
+  calibrary registry check --signatures --allowed-signers signers origin/main..HEAD
+
+exit code 0: no error, warnings perhaps; 1: at least one error, or a commit that nobody on the list signed.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "check",
+        help="whether every entry is sound",
+        description="Hold entries against the schema, their digest, path, provenance, the policy and one another.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "range", nargs="?", metavar="REV..REV", help="only what changed between two revisions"
+    )
+    parser.add_argument("--worktree", action="store_true", help="the files of the checkout, committed or not")
+    parser.add_argument(
+        "--policy",
+        metavar="{fleet,source}|FILE",
+        help="limits in place of those that registry.yaml names",
+    )
+    parser.add_argument(
+        "--signatures", action="store_true", help="also see that somebody on the list signed every commit"
+    )
+    parser.add_argument(
+        "--allowed-signers",
+        type=Path,
+        metavar="FILE",
+        help="who may sign with an ssh key, as ssh-keygen(1) writes it; never taken from the repository itself",
+    )
+    add_registry_flag(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import make_console
+    from calibrary.keep.checking import (
+        check_all,
+        check_range,
+        check_signatures,
+        check_work_tree,
+        checked_json,
+        parse_range,
+    )
+
+    if arguments.worktree and (arguments.range is not None or arguments.signatures):
+        arguments.parser.error("--worktree looks at files: it goes with neither REV..REV nor --signatures")
+    if arguments.allowed_signers is not None and not arguments.signatures:
+        arguments.parser.error("--allowed-signers goes with --signatures")
+    shelf, policy = shelf_of(arguments), _policy(arguments)
+    before, after = parse_range(arguments.range) if arguments.range is not None else (None, None)
+    console = make_console(stderr=True)
+    with Bar(console, "checking") as bar:
+        if arguments.worktree:
+            done = check_work_tree(shelf, policy, progress=bar)
+        elif before is not None:
+            done = check_range(shelf, before, after, policy, progress=bar)
+        else:
+            done = check_all(shelf, policy, progress=bar)
+    unsigned = None
+    if arguments.signatures:
+        unsigned = check_signatures(shelf, arguments.allowed_signers, before=before, after=after)
+    if arguments.json:
+        document = checked_json(done, unsigned)
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    else:
+        _show(make_console(stderr=False), done, unsigned)
+    return 0 if done.report.is_good and not unsigned else EXIT_BAD
+
+
+def _policy(arguments: argparse.Namespace) -> Policy | None:
+    from calibrary.policy import POLICIES
+    from calibrary.policy_file import read_policy
+
+    if arguments.policy is None:
+        return None
+    return POLICIES.get(arguments.policy) or read_policy(Path(arguments.policy))
+
+
+def _show(console: Console, done: Checked, unsigned: tuple[str, ...] | None) -> None:
+    from calibrary.cli.console import plain
+    from calibrary.validation import Severity
+
+    styles = {Severity.ERROR: "bold red", Severity.WARNING: "yellow"}
+    findings = done.report.findings
+    for finding in findings:
+        # One line each, whatever the width: they are read by grep as often as by people.
+        said = finding.message.removeprefix(f"{finding.path}: ")
+        style = styles.get(finding.severity, "")
+        console.print(
+            f"{plain(finding.path)}: [{style}]{finding.severity.value}[/]: {plain(said)} [dim]({finding.rule})[/]",
+            highlight=False,
+            soft_wrap=True,
+        )
+    for line in unsigned or ():
+        console.print(f"[bold red]not signed[/]: {plain(line)}", highlight=False, soft_wrap=True)
+    errors = len(done.report.errors)
+    warnings = len(findings) - errors
+    counts = f"{errors} error{'s' * (errors != 1)}, {warnings} warning{'s' * (warnings != 1)}"
+    verdict = "[bold green]good[/]" if done.report.is_good and not unsigned else "[bold red]bad[/]"
+    console.print(f"{verdict}: {plain(done.what)}: {counts}", highlight=False, soft_wrap=True)

@@ -1,0 +1,96 @@
+"""``calibrary registry export``: the whole registry in the form that another program reads."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.registry.place import add_registry_flag, opened
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from calibrary.keep.exporting import Export
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary registry export --format odm --out cameras.json
+  calibrary registry export --format opensfm --out camera_models_overrides.json
+  calibrary registry export --format colmap --out cameras.txt
+  calibrary registry export --format csv --out fleet.csv --status draft --status approved
+  calibrary registry export --format opencv_storage --out opencv/ --at 2026-05-01       a file for each entry
+
+FORMAT is csv, yaml (the entries' files as one stream), odm, opensfm, colmap or any format that 'calibrary formats'
+says is written. Without --status only entries that may be used are written: approved and held ones.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "export",
+        help="write all entries for another program",
+        description="Write all entries in the form that another program reads, and say how exactly it holds them.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--format", required=True, metavar="FORMAT", help="what to write")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE|DIR", help="where to")
+    parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
+    parser.add_argument(
+        "--status",
+        action="append",
+        choices=("draft", "approved", "held", "retired"),
+        help="only entries of this status; may be given several times (default: approved and held)",
+    )
+    parser.add_argument(
+        "--max-error-px",
+        type=float,
+        metavar="PX",
+        help="largest error that may come from a model the format lacks (default: 0.05)",
+    )
+    add_registry_flag(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import make_console
+    from calibrary.keep.exporting import export, exported_json
+
+    keeper = opened(arguments)
+    commit = keeper.registry.commit(arguments.at)
+    statuses = arguments.status or ("approved", "held")
+    held = [one for one in keeper.entries(commit) if one.entry.status.value in statuses]
+    done = export(held, arguments.format, arguments.out, max_error_px=arguments.max_error_px)
+    if arguments.json:
+        document = exported_json(done, commit)
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    else:
+        _tell(make_console(stderr=True), done, arguments.out)
+    return 0
+
+
+def _tell(console: Console, done: Export, out: Path) -> None:
+    from calibrary.cli.console import plain
+
+    refitted = [one for one in done.written if one.fit is not None and not one.fit.exact]
+    count = len(done.written)
+    lines = [
+        f"{out}: {count} {'entry' if count == 1 else 'entries'} as {done.format}, {count - len(refitted)} exact"
+    ]
+    lines += [
+        f"  refitted: {one.entry_id}: rms {one.fit.rms_px:.3g} px, max {one.fit.max_px:.3g} px"
+        for one in refitted
+        if one.fit is not None
+    ]
+    lines += [f"  left out: {one.entry_id}: {one.why}" for one in done.left_out]
+    if done.dropped:
+        lines.append(f"  it has no place for: {', '.join(done.dropped)}")
+    for line in lines:
+        console.print(plain(line), highlight=False, soft_wrap=True)

@@ -1,0 +1,135 @@
+"""``calibrary registry import``: a folder of calibrations, or the catalogue of known cameras, as one commit."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.reading import Answers, add_reading_flags
+from calibrary.cli.registry.asking import add_yes_flag, agreed
+from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.progress import Bar
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from calibrary.keep.importing import Import
+    from calibrary.keep.keeper import Keeper
+
+__all__ = ["add_parser"]
+
+CATALOGUE = "catalogue"
+EXIT_INPUT = 3
+
+EXAMPLES = """\
+examples:
+  calibrary registry import catalogue                    every known camera whose K can be derived, as drafts
+  calibrary registry import lab-results/ --yes           every calibration file below a folder
+  calibrary registry import p4r/ --make DJI --model FC6310R --status approved
+
+One commit, or none. Run again it changes nothing. Files that cannot be taken are told and hold up no other; exit
+code 3: there were files, and none could be taken. Entries are drafts until they are approved.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "import",
+        help="take in a folder of calibrations, or the catalogue",
+        description="Take in a folder of calibration files of any format, or the catalogue of known cameras.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "source", metavar="DIR|catalogue", help="a folder, or the word 'catalogue' (./catalogue is a folder)"
+    )
+    parser.add_argument(
+        "--status",
+        choices=("draft", "approved"),
+        default="draft",
+        help="of the new entries (default: draft); the catalogue's are always drafts",
+    )
+    parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
+    add_camera_flags(parser, with_image_size=False)
+    add_reading_flags(parser)
+    add_registry_flag(parser)
+    add_yes_flag(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import make_console
+    from calibrary.cli.registry.changes import tell_written
+    from calibrary.keep.importing import Fate, imported_json, write_import
+
+    note = make_console(stderr=True)
+    keeper = opened(arguments)
+    found = _found(arguments, keeper, note)
+    if not arguments.json:
+        _show(make_console(stderr=False), found)
+    written = None
+    if found.due and agreed(arguments, f"Write {len(found.due)} entries as one commit?"):
+        written = write_import(keeper, found, reason=arguments.reason)
+    if written is not None:
+        tell_written(note, written, "wrote", len(found.due))
+    else:
+        note.print("nothing was written" + ("" if found.due else ": nothing is new"), highlight=False)
+    if arguments.json:
+        document = imported_json(found, written.commit if written is not None else None)
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    nothing_taken = found.count(Fate.FAILED) == len(found.items)
+    return EXIT_INPUT if found.items and nothing_taken else 0
+
+
+def _found(arguments: argparse.Namespace, keeper: Keeper, console: Console) -> Import:
+    from calibrary.calibration import CameraKey
+    from calibrary.keep.adding import Wish
+    from calibrary.keep.importing import import_catalogue, import_folder
+    from calibrary.keep.operand import Reading
+
+    if arguments.source == CATALOGUE:
+        if arguments.status != "draft":
+            arguments.parser.error(
+                "the catalogue's entries are drafts: 'calibrary registry approve KEY' decides on each"
+            )
+        if camera_of(arguments, CameraKey()) != CameraKey():
+            arguments.parser.error(
+                "the catalogue says which camera each entry is of; leave out --make and the like"
+            )
+        return import_catalogue(keeper)
+    answers = Answers.of(arguments)
+    wish = Wish(
+        key=partial(camera_of, arguments), reason=arguments.reason, approve=arguments.status == "approved"
+    )
+    reading = Reading(format=answers.format, image_size=answers.image_size, options=answers.options)
+    with Bar(console, "reading files") as bar:
+        return import_folder(keeper, Path(arguments.source), reading, wish, progress=bar)
+
+
+def _show(console: Console, found: Import) -> None:
+    from calibrary.cli.console import plain
+    from calibrary.keep.importing import Fate
+
+    styles = {
+        Fate.NEW: "green",
+        Fate.CHANGED: "yellow",
+        Fate.SAME: "dim",
+        Fate.LEFT: "dim",
+        Fate.FAILED: "bold red",
+    }
+    for item in found.items:
+        if item.fate is Fate.SAME and item.why is None:
+            continue
+        named = f" → {item.entry_id}" if item.entry_id is not None else ""
+        why = f": {item.why}" if item.why is not None else ""
+        said = plain(f"{item.source}{named}{why}")
+        console.print(f"[{styles[item.fate]}]{item.fate.value:8}[/]{said}", highlight=False, soft_wrap=True)
+    counts = ", ".join(f"{found.count(fate)} {fate.value}" for fate in Fate if found.count(fate))
+    console.print(counts or "no calibration files", highlight=False, soft_wrap=True)

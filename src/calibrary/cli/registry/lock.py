@@ -1,0 +1,123 @@
+"""``calibrary registry lock``: pin the entries that a run rests on."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.registry.place import add_registry_flag, shelf_of
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from calibrary.keep.shelf import Shelf
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary registry lock                                every approved and held entry
+  calibrary registry lock flight/                        the entries that answer for a flight's images
+  calibrary registry lock dji/fc6310r sony/dsc-rx1rm2
+  calibrary extract --image-dir flight/ --registry fleet --locked       later, with just those
+
+A registry in git is read at the pinned commit later, whatever became of it since, and the run tells what has
+changed; one that has lost that commit is refused. Of a plain folder any change of a pinned entry is refused.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    from calibrary.registry.pins import LOCK_FILE
+
+    parser = subparsers.add_parser(
+        "lock",
+        help="pin the entries that a run rests on",
+        description="Pin entries as they are now, so that a run can be repeated on the same ones.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("what", nargs="*", metavar="IMAGE_DIR|KEY", help="all usable entries when left out")
+    parser.add_argument(
+        "--out", type=Path, default=Path(LOCK_FILE), metavar="FILE", help=f"the lock (default: {LOCK_FILE})"
+    )
+    parser.add_argument("--recursive", action="store_true", help="go into the sub-folders of IMAGE_DIR")
+    parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
+    add_registry_flag(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output, too")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.atomic import write_files
+    from calibrary.cli.console import make_console, plain
+    from calibrary.errors import RegistryError
+    from calibrary.keep.locking import lock_json, pinned, usable_paths
+    from calibrary.registry.pins import lock_yaml
+
+    note, shelf = make_console(stderr=True), shelf_of(arguments, arguments.at)
+    if arguments.what:
+        paths = [
+            path
+            for word in arguments.what
+            for path in _paths(shelf, word, note, recursive=arguments.recursive)
+        ]
+    else:
+        paths = usable_paths(shelf.files())
+    if not paths:
+        raise RegistryError(
+            "no entry to pin: none is approved or held; 'calibrary registry approve KEY' puts one to use"
+        )
+    lock = pinned(shelf, paths)
+    write_files({arguments.out: lock_yaml(lock)})
+    count = len(lock.pins)
+    at = f" at {lock.commit[:12]}" if lock.commit is not None else ""
+    line = f"{arguments.out}: {count} {'entry' if count == 1 else 'entries'} pinned{at}"
+    note.print(plain(line), highlight=False, soft_wrap=True)
+    if arguments.json:
+        document = lock_json(lock)
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    return 0
+
+
+def _paths(shelf: Shelf, word: str, console: Console, *, recursive: bool) -> list[str]:
+    from calibrary.keep.names import find_path
+
+    folder = Path(word)
+    if folder.is_dir():
+        return _of_flight(shelf, folder, console, recursive=recursive)
+    return [find_path(shelf.index().paths, word)]
+
+
+def _of_flight(shelf: Shelf, folder: Path, console: Console, *, recursive: bool) -> list[str]:
+    """The entries that the gate would take for these images."""
+    from datetime import date
+
+    from calibrary.cli.console import plain
+    from calibrary.errors import InputError
+    from calibrary.extract.gather import find_images, gather
+    from calibrary.extract.knowledge import Knowledge
+    from calibrary.registry.catalogue import load_catalogue
+
+    images = find_images(folder, recursive=recursive)
+    if not images:
+        raise InputError("holds no images, and names no entry", source=str(folder))
+    knowledge = Knowledge(catalogue=load_catalogue(), registry=shelf.index(), on=date.today())
+    paths: dict[str, None] = {}
+    for metadata in gather(images, folder).states:
+        known = knowledge.of(metadata)
+        if known.resolution is not None:
+            paths[known.resolution.path] = None
+            continue
+        name = (
+            " ".join(text for text in (metadata.make, metadata.model) if text)
+            or "an image that names no camera"
+        )
+        near = f" ({known.near[0].path}: {known.near[0].why_not})" if known.near else ""
+        console.print(
+            f"[yellow]note[/] {plain(f'no entry answers for {name}{near}')}", highlight=False, soft_wrap=True
+        )
+    return list(paths)

@@ -1,0 +1,58 @@
+"""A bar for what takes over a second, on a terminal only."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress, TaskID
+
+__all__ = ["Bar"]
+
+SHOWN_AFTER_S = 1.0
+
+
+class Bar:
+    """Called with how many are done and of how many; quick work never draws it."""
+
+    def __init__(self, console: Console, words: str) -> None:
+        self._console = console
+        self._words = words
+        self._start = time.monotonic()
+        self._progress: Progress | None = None
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._progress is not None:
+            self._progress.stop()
+
+    def __call__(self, done: int, total: int) -> None:
+        """So many are done."""
+        if self._progress is None:
+            if not self._console.is_terminal or time.monotonic() - self._start < SHOWN_AFTER_S:
+                return
+            self._begin(total)
+        if self._progress is not None and self._task is not None:
+            self._progress.update(self._task, completed=done, total=total)
+
+    def _begin(self, total: int) -> None:
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        self._progress = Progress(
+            TextColumn(self._words),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=self._console,
+            transient=True,
+        )
+        self._task = self._progress.add_task(self._words, total=total)
+        self._progress.start()

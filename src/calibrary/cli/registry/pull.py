@@ -1,0 +1,166 @@
+"""``calibrary registry pull``: what others have written, with ours on top of it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING
+
+from calibrary.cli.registry.place import add_registry_flag, opened
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from calibrary.keep.fields import Field
+    from calibrary.registry.conflicts import Conflict, EntryConflictError
+    from calibrary.registry.remotes import Pulled
+
+__all__ = ["add_parser"]
+
+EXIT_REGISTRY = 4
+
+EXAMPLES = """\
+examples:
+  calibrary registry pull
+  calibrary registry pull backup
+  calibrary registry pull --theirs dji/fc6310r --ours sony/dsc-rx1rm2       where both changed an entry
+  calibrary registry pull --theirs all
+
+Commits of ours are made again on top of theirs, entry by entry; text is never merged, so no K is ever put together
+from two. Where both sides changed an entry, nothing is changed until each has been decided (exit code 4).
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "pull",
+        help="bring what others have written",
+        description="Bring what others have written, and make our own commits again on top of it.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "remote", nargs="?", metavar="REMOTE", help="a remote's name or address (default: origin)"
+    )
+    parser.add_argument(
+        "--ours",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="of an entry both sides changed, keep ours; or all",
+    )
+    parser.add_argument(
+        "--theirs",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="of an entry both sides changed, take theirs; or all",
+    )
+    add_registry_flag(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import make_console
+    from calibrary.keep.exchanging import Choice, bring, remote_named, sync_json
+    from calibrary.registry.conflicts import EntryConflictError
+
+    note, keeper = make_console(stderr=True), opened(arguments)
+    remote, noted = remote_named(keeper, arguments.remote)
+    tell_noted(note, remote, noted)
+    choice = Choice(ours=arguments.ours, theirs=arguments.theirs)
+    try:
+        with note.status(f"pulling from {remote}"):
+            pulled = bring(keeper, remote, choice)
+    except EntryConflictError as error:
+        _show_conflicts(note, error)
+        if arguments.json:
+            _print(sync_json(remote, None, None, error.conflicts))
+        return EXIT_REGISTRY
+    _tell(note, remote, pulled)
+    if arguments.json:
+        _print(sync_json(remote, pulled, None))
+    return 0
+
+
+def tell_noted(console: Console, remote: str, noted: str | None) -> None:
+    """That an address was noted as a remote."""
+    from calibrary.cli.console import plain
+
+    if noted is not None:
+        console.print(plain(f"{remote} is {noted} from now on"), highlight=False, soft_wrap=True)
+
+
+def _print(document: object) -> None:
+    sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+
+
+def _tell(console: Console, remote: str, pulled: Pulled) -> None:
+    from calibrary.cli.console import plain
+
+    if pulled.before == pulled.commit:
+        ahead = "" if pulled.commit == pulled.theirs else "; ours is ahead: calibrary registry push"
+        line = f"{remote} has nothing new{ahead}"
+    else:
+        again = {0: "", 1: ", 1 commit of ours made again on top"}.get(
+            pulled.replayed, f", {pulled.replayed} commits of ours made again on top"
+        )
+        line = f"at {pulled.commit[:12]} now{again}"
+    console.print(plain(line), highlight=False, soft_wrap=True)
+    for warning in pulled.warnings:
+        console.print(f"[yellow]note[/] {plain(warning)}", highlight=False, soft_wrap=True)
+
+
+def _show_conflicts(console: Console, error: EntryConflictError) -> None:
+    from calibrary.cli.console import plain
+    from calibrary.keep.names import id_of
+
+    count = len(error.conflicts)
+    what = "an entry was" if count == 1 else f"{count} entries were"
+    console.print(
+        f"calibrary: {what} changed on both sides; nothing was changed here", highlight=False, soft_wrap=True
+    )
+    for conflict in error.conflicts:
+        _show_conflict(console, conflict)
+    keys = " ".join(f"--theirs {id_of(conflict.path)}" for conflict in error.conflicts[:2])
+    more = " …" if count > 2 else ""
+    console.print(
+        plain(
+            f"decide for each which is right: calibrary registry pull {keys}{more}, or --ours KEY to keep yours"
+        ),
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def _show_conflict(console: Console, conflict: Conflict) -> None:
+    from rich.table import Table
+
+    from calibrary.cli.console import plain
+    from calibrary.keep.exchanging import field_conflicts
+
+    console.print(f"[bold]{plain(conflict.path)}[/]", highlight=False, soft_wrap=True)
+    if conflict.ours is None or conflict.theirs is None:
+        sides = (
+            ("ours removed it", "theirs changed it")
+            if conflict.ours is None
+            else ("ours changed it", "theirs removed it")
+        )
+        console.print(f"  {', '.join(sides)}", highlight=False)
+        return
+    table = Table(box=None, padding=(0, 2, 0, 2))
+    table.add_column("field", style="dim")
+    for name in ("both had", "ours", "theirs"):
+        table.add_column(name, overflow="fold")
+    for one in field_conflicts(conflict):
+        table.add_row(plain(one.name), *(plain(_text(value)) for value in (one.base, one.ours, one.theirs)))
+    console.print(table)
+
+
+def _text(value: Field) -> str:
+    if value is None:
+        return "–"
+    return repr(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,137 @@
+"""``calibrary registry resolve``: which entry answers for a camera, and why this one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from datetime import date
+from functools import partial
+from typing import TYPE_CHECKING
+
+from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.registry.place import add_registry_flag, shelf_of
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from calibrary.keep.answering import Answer
+    from calibrary.keep.shelf import Shelf
+    from calibrary.registry.resolution import Resolution
+
+__all__ = ["add_parser"]
+
+EXIT_NONE = 4
+
+EXAMPLES = """\
+examples:
+  calibrary registry resolve flight/DJI_0001.JPG
+  calibrary registry resolve dji/fc6310r --image-size 2736x1824
+  calibrary registry resolve --make DJI --model FC6310R --serial 0V2LG3H0 --json
+  calibrary registry resolve flight/DJI_0001.JPG --at 2026-05-01 --on 2026-05-01
+
+Only approved and held entries answer, the most specific one: of this unit, this firmware, this lens or focal
+length, this sub-camera, this model. Its K is scaled, or cropped where the frame is a centred part of it. exit
+code 4: none answers, or several fit equally well; they are named.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "resolve",
+        help="the calibration that answers for an image or a camera",
+        description="Show the calibration that answers for an image or a camera, and why this one.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("what", nargs="?", metavar="IMAGE|KEY", help="left out where flags say which camera")
+    add_camera_flags(parser)
+    parser.add_argument(
+        "--on",
+        type=_day,
+        metavar="DATE",
+        help="the day it is for, as entries may be valid for some only: today",
+    )
+    parser.add_argument("--at", metavar="REV", help="as the registry was at a commit, tag, branch or day")
+    add_registry_flag(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.calibration import CameraKey
+    from calibrary.cli.console import make_console
+    from calibrary.keep.answering import answer, answer_json, asked
+
+    if arguments.what is None and camera_of(arguments, CameraKey()) == CameraKey():
+        arguments.parser.error("say which camera: an image of it, its KEY, or --make and --model")
+    shelf = shelf_of(arguments, arguments.at)
+    on = arguments.on or date.today()
+    found = answer(shelf, asked(shelf, arguments.what, partial(camera_of, arguments)), on=on)
+    if arguments.json:
+        document = answer_json(shelf, found, on=on)
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    elif found.resolution is not None:
+        _show(make_console(stderr=False), shelf, found, found.resolution)
+    if found.resolution is not None:
+        return 0
+    _tell_none(make_console(stderr=True), found)
+    return EXIT_NONE
+
+
+def _show(console: Console, shelf: Shelf, found: Answer, resolution: Resolution) -> None:
+    from rich.table import Table
+
+    from calibrary.cli.console import plain
+
+    entry, calibration = resolution.entry, resolution.calibration
+    K, lens, made = calibration.intrinsics, calibration.distortion, calibration.provenance
+    at = f" at {shelf.commit[:12]}" if shelf.commit is not None else ""
+    rows = [
+        ("camera", f"{found.question.key}, by {found.question.known_by}"),
+        ("entry", f"{resolution.path}{at}, {entry.status.value}"),
+        ("why", resolution.why.removeprefix(f"{resolution.path} ")),
+        ("adapted", made.adaptation or "no, it is of this size"),
+        *(("assumed", text) for text in made.assumptions),
+        ("grade", calibration.grade.value),
+        ("K", f"fx {K.fx:.4f}  fy {K.fy:.4f}  cx {K.cx:.4f}  cy {K.cy:.4f} px"),
+        ("of", f"{K.image_size[0]}×{K.image_size[1]} px"),
+        ("distortion", lens.model if lens is not None else "unknown"),
+        *((f"  {name}", f"{value:.8g}") for name, value in (lens.coefficients.items() if lens else ())),
+        ("made from", made.tag or ""),
+    ]
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(style="dim")
+    table.add_column(overflow="fold")
+    for name, value in rows:
+        if value:
+            table.add_row(name, plain(value))
+    for item in found.near:
+        table.add_row("near", plain(f"{item.path}: {item.why_not}"))
+    console.print(table)
+
+
+def _tell_none(console: Console, found: Answer) -> None:
+    from calibrary.cli.console import plain
+
+    key = found.question.key
+    lines = [f"calibrary: no approved entry answers for {key}, as told by {found.question.known_by}"]
+    lines += [f"  near: {item.path}: {item.why_not}" for item in found.near]
+    if found.near:
+        lines.append(
+            "'calibrary registry approve KEY' puts a draft to use; flags say what the image does not"
+        )
+    else:
+        lines.append(
+            "the registry has no entry of this make and model; 'calibrary registry add FILE' puts one in"
+        )
+    for line in lines:
+        console.print(plain(line), highlight=False, soft_wrap=True)
+
+
+def _day(text: str) -> date:
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a day such as 2026-05-01") from None

@@ -1,0 +1,37 @@
+"""``calibrary registry retire``: use entries no more, and say why."""
+
+from __future__ import annotations
+
+import argparse
+
+from calibrary.cli.registry.deciding import add_deciding_flags, run_decision
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary registry retire fc6310r --reason "lens was replaced"
+  calibrary registry retire fc6310r/5472 --reason "new frame" --superseded-by fc6310r/4864
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "retire",
+        help="use entries no more",
+        description="Use entries no more. Their files and history stay.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_deciding_flags(parser, reason_required=True)
+    parser.add_argument(
+        "--superseded-by", metavar="KEY", help="the entry that takes its place, and will say so"
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.registry.entry import Status
+
+    return run_decision(arguments, Status.RETIRED, "retired", arguments.superseded_by)

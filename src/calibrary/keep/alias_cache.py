@@ -1,0 +1,186 @@
+"""What must be known of every entry before one can be found, kept between runs and brought up to date by git.
+
+Two things are: the other names cameras go by, and the entries whose path does not say their camera. Looking through
+a hundred thousand entries for them takes seconds; of a registry that was looked through before only what differs
+since is read. The file lies in the user's cache folder and may be thrown away at any time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from platformdirs import user_cache_path
+
+from calibrary.atomic import write_files
+from calibrary.errors import CalibraryError
+from calibrary.registry.entry import ROOT, SUFFIX
+from calibrary.registry.history import changed
+from calibrary.registry.layout import CAMERAS
+from calibrary.registry.resolution import AliasMap, scan_aliases
+from calibrary.registry.store import HEX, Store
+
+__all__ = ["Names", "names_at", "names_kept"]
+
+VERSION: Final = 1
+_KEYED = re.compile(rf"{ROOT}[^/]+/[^/]+/(?:sn-[^/]+/)?[0-9][^/]*{re.escape(SUFFIX)}")
+"""Paths that a key gives; :class:`~calibrary.registry.resolution.RegistryIndex` looks at all others every time."""
+
+Alias = tuple[str, str, str]
+"""Make and model as match keys, and the folder of the camera that is so called."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Names:
+    """What the entries of one commit say that their paths do not.
+
+    Attributes:
+        commit: whose entries.
+        aliases: by path.
+        irregular: paths that no key gives.
+    """
+
+    commit: str
+    aliases: Mapping[str, tuple[Alias, ...]]
+    irregular: tuple[str, ...]
+
+    @property
+    def alias_map(self) -> AliasMap:
+        """As the resolution asks for it."""
+        found: dict[tuple[str, str], set[str]] = {}
+        for entries in self.aliases.values():
+            for make, model, folder in entries:
+                found.setdefault((make, model), set()).add(folder)
+        return {name: frozenset(folders) for name, folders in found.items()}
+
+
+def names_at(store: Store, commit: str, *, folder: Path | None = None) -> Names:
+    """The names at a commit, kept for the next time.
+
+    Args:
+        store: the repository.
+        commit: 40 hexadecimal digits.
+        folder: where they are kept; the user's cache folder when left out.
+
+    Raises:
+        RegistryError: an entry's content is missing.
+    """
+    names = names_kept(store, commit, folder=folder)
+    if names is None:
+        names = _read_whole(store, commit)
+        _keep(names, _file_of(store, folder))
+    return names
+
+
+def names_kept(store: Store, commit: str, *, folder: Path | None = None) -> Names | None:
+    """The same where an earlier run left them, brought up to this commit; None where that takes reading every entry.
+
+    Args:
+        store: as of :func:`names_at`.
+        commit: as of :func:`names_at`.
+        folder: as of :func:`names_at`.
+
+    Raises:
+        RegistryError: the content of an entry that has changed since is missing.
+    """
+    file = _file_of(store, folder)
+    known = _kept(file)
+    if known is None or known.commit == commit:
+        return known
+    # A history that was rewritten may have taken the commit with it.
+    if store.tip(known.commit) is None:
+        return None
+    names = _brought_up(store, known, commit)
+    _keep(names, file)
+    return names
+
+
+def _file_of(store: Store, folder: Path | None) -> Path:
+    folder = folder or user_cache_path("calibrary", appauthor=False) / "registry-names"
+    repository = hashlib.sha256(str(store.common_dir).encode("utf-8", "surrogateescape")).hexdigest()[:32]
+    return folder / f"{repository}.json"
+
+
+def _keep(names: Names, file: Path) -> None:
+    """Write them; a cache that cannot be written costs time and nothing else."""
+    with suppress(CalibraryError, OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_files({file: _document(names)})
+
+
+def _read_whole(store: Store, commit: str) -> Names:
+    listing = store.listing(commit, CAMERAS)
+    paths = sorted(listing)
+    contents = store.read_many([listing[path] for path in paths])
+    return Names(
+        commit=commit,
+        aliases=_aliases(zip(paths, contents, strict=True)),
+        irregular=tuple(path for path in paths if not _KEYED.fullmatch(path)),
+    )
+
+
+def _brought_up(store: Store, known: Names, commit: str) -> Names:
+    """What was known, but for the entries that differ."""
+    differing = changed(store, known.commit, commit)
+    there = {file.path: file.after for file in differing if file.after is not None}
+    contents = store.read_many([*there.values()])
+    touched = {file.path for file in differing}
+    aliases = {path: names for path, names in known.aliases.items() if path not in touched}
+    irregular = {path for path in known.irregular if path not in touched}
+    return Names(
+        commit=commit,
+        aliases=aliases | _aliases(zip(there, contents, strict=True)),
+        irregular=tuple(sorted(irregular | {path for path in there if not _KEYED.fullmatch(path)})),
+    )
+
+
+def _aliases(files: Iterable[tuple[str, bytes]]) -> dict[str, tuple[Alias, ...]]:
+    found = {}
+    for path, data in files:
+        named = scan_aliases([(path, data)])
+        if named:
+            found[path] = tuple(
+                (make, model, folder) for (make, model), folders in named.items() for folder in folders
+            )
+    return found
+
+
+def _document(names: Names) -> bytes:
+    document = {
+        "version": VERSION,
+        "commit": names.commit,
+        "aliases": {path: [list(alias) for alias in aliases] for path, aliases in names.aliases.items()},
+        "irregular": list(names.irregular),
+    }
+    return json.dumps(document, ensure_ascii=True, separators=(",", ":")).encode()
+
+
+def _kept(file: Path) -> Names | None:
+    """What an earlier run left; None of anything that is not just that."""
+    try:
+        document = json.loads(file.read_bytes())
+        if document["version"] != VERSION or HEX.match(document["commit"]) is None:
+            return None
+        return Names(
+            commit=document["commit"],
+            aliases={_text(path): _of_entry(aliases) for path, aliases in document["aliases"].items()},
+            irregular=tuple(_text(path) for path in document["irregular"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+def _of_entry(aliases: Sequence[Sequence[str]]) -> tuple[Alias, ...]:
+    return tuple((_text(make), _text(model), _text(folder)) for make, model, folder in aliases)
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return value

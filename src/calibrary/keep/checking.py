@@ -1,0 +1,278 @@
+"""Checking a registry: all of it, what changed between two revisions, or what lies in the work tree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from calibrary.calibration_json import Json
+from calibrary.errors import InputError, RegistryError
+from calibrary.keep.admission import finding_json
+from calibrary.keep.names import id_of
+from calibrary.keep.shelf import Shelf
+from calibrary.policy import FLEET, Policy
+from calibrary.registry.check import CheckFinding, CheckReport, check
+from calibrary.registry.entry import ROOT, SUFFIX, folder_of
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.folder import entry_paths, read_entry_file
+from calibrary.registry.history import changed, history
+from calibrary.registry.layout import check_path
+from calibrary.registry.revisions import commit_at, parse_rev
+from calibrary.registry.signatures import signatures
+from calibrary.registry.store import Store
+from calibrary.validation import Severity
+
+__all__ = [
+    "Checked",
+    "check_all",
+    "check_range",
+    "check_signatures",
+    "check_work_tree",
+    "checked_json",
+    "parse_range",
+]
+
+MENTIONS: Final = (b"aliases", b"supersedes")
+"""Fields by which an entry speaks of others, wherever they stand."""
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checked:
+    """What a check came to.
+
+    Attributes:
+        what: was checked, in words.
+        commit: of the entries, None for files that lie somewhere.
+        before: where a range begins.
+        report: what was found.
+    """
+
+    what: str
+    commit: str | None
+    before: str | None = None
+    report: CheckReport
+
+
+def parse_range(text: str) -> tuple[str, str | None]:
+    """The two ends of REV..REV; an end that is left out is the newest commit.
+
+    Raises:
+        RegistryError: it is no range.
+    """
+    before, dots, after = text.partition("..")
+    if not dots or not before or after.startswith("."):
+        raise RegistryError(f"{text!r} is no range of revisions, wanted REV..REV, such as origin/main..HEAD")
+    return before, after or None
+
+
+def check_all(shelf: Shelf, policy: Policy | None = None, *, progress: Progress | None = None) -> Checked:
+    """Every entry at the shelf's commit, or in a plain folder.
+
+    Args:
+        shelf: the registry.
+        policy: in place of the registry's own.
+        progress: called with how many entries are done, and of how many.
+
+    Raises:
+        RegistryError: the registry cannot be listed.
+    """
+    if shelf.keeper is None or shelf.commit is None:
+        return check_work_tree(shelf, policy, progress=progress)
+    store, listed = shelf.keeper.registry.store, shelf.keeper.registry.snapshot(shelf.commit).paths
+    files = _Files(listed, lambda path: store.blob(listed[path]), progress)
+    report = _with_places(check(files, _policy(shelf, policy)), files)
+    return Checked(what=f"{len(files)} entries at {shelf.commit[:12]}", commit=shelf.commit, report=report)
+
+
+def check_work_tree(
+    shelf: Shelf, policy: Policy | None = None, *, progress: Progress | None = None
+) -> Checked:
+    """The files as they lie in the folder, committed or not.
+
+    Args:
+        shelf: as of :func:`check_all`.
+        policy: as of :func:`check_all`.
+        progress: as of :func:`check_all`.
+
+    Raises:
+        RegistryError: there is no work tree, or it cannot be listed.
+    """
+    root = shelf.place
+    if shelf.keeper is not None:
+        tree = shelf.keeper.registry.store.work_tree
+        if tree is None:
+            raise RegistryError(f"{shelf.place}: a bare repository has no work tree; leave out --worktree")
+        root = tree
+    paths = entry_paths(root)
+    files = _Files(paths, partial(read_entry_file, root), progress)
+    report = _with_places(check(files, _policy(shelf, policy)), files)
+    return Checked(what=f"{len(files)} entries in the folder", commit=None, report=report)
+
+
+def check_range(
+    shelf: Shelf,
+    before: str,
+    after: str | None,
+    policy: Policy | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Checked:
+    """What changed between two revisions, and what that means for entries it meets.
+
+    Those it meets are the others of its models, those that claim a name, and those that supersede. What was wrong
+    with them before is left out.
+
+    Args:
+        shelf: as of :func:`check_all`.
+        before: the revision that was.
+        after: the one that is; the shelf's own when left out.
+        policy: as of :func:`check_all`.
+        progress: as of :func:`check_all`.
+
+    Raises:
+        RegistryError: the registry is a plain folder, or there is no such revision.
+    """
+    if shelf.keeper is None or shelf.commit is None:
+        raise RegistryError(f"{shelf.place}: a plain folder has no revisions; leave out REV..REV")
+    registry = shelf.keeper.registry
+    store, policy = registry.store, _policy(shelf, policy)
+    start = commit_at(store, parse_rev(before))
+    end = commit_at(store, parse_rev(after)) if after is not None else shelf.commit
+    old, new = store.listing(start, "cameras"), store.listing(end, "cameras")
+    touched = {file.path for file in changed(store, start, end)}
+    own = touched & new.keys()
+    files = _Files(_met(store, new, touched), lambda path: store.blob(new[path]), progress)
+    was = _Files(_met(store, old, touched), lambda path: store.blob(old[path]))
+    found = _with_places(check(files, policy), own).findings
+    known = set(check(was, policy).findings) if len(own) < len(files) else set()
+    findings = tuple(item for item in found if item.path in own or item not in known)
+    return Checked(
+        what=f"{len(own)} entries changed from {start[:12]} to {end[:12]}",
+        commit=end,
+        before=start,
+        report=CheckReport(entries=len(own), findings=findings),
+    )
+
+
+def check_signatures(
+    shelf: Shelf, signers: Path | None, *, before: str | None = None, after: str | None = None
+) -> tuple[str, ...]:
+    """The commits that nobody on the list signed, each with why; of all history, or after a revision.
+
+    Args:
+        shelf: the registry.
+        signers: a file as of ssh-keygen(1), "ALLOWED SIGNERS"; without one only OpenPGP keys are known.
+        before: the revision after which commits count; all of them when left out.
+        after: the last revision; the shelf's own when left out.
+
+    Raises:
+        RegistryError: the registry is a plain folder, or git cannot tell.
+    """
+    if shelf.keeper is None or shelf.commit is None:
+        raise RegistryError(f"{shelf.place}: a plain folder has no commits to be signed")
+    store = shelf.keeper.registry.store
+    end = commit_at(store, parse_rev(after)) if after is not None else shelf.commit
+    span = f"{commit_at(store, parse_rev(before))}..{end}" if before is not None else end
+    commits = [revision.commit for revision in history(store, None, span)]
+    return tuple(str(found) for found in signatures(store, commits, signers) if not found.is_good)
+
+
+def checked_json(done: Checked, unsigned: tuple[str, ...] | None) -> dict[str, Json]:
+    """The JSON form of a check (schemas/registry-check-1.schema.json)."""
+    findings: list[Json] = [finding_json(finding) for finding in done.report.findings]
+    commits: Json = [*unsigned] if unsigned is not None else None
+    return {
+        "schema": "calibrary/registry-check-1",
+        "verdict": "good" if done.report.is_good and not unsigned else "bad",
+        "commit": done.commit,
+        "before": done.before,
+        "entries": done.report.entries,
+        "findings": findings,
+        "unsigned": commits,
+    }
+
+
+class _Files(Mapping[str, bytes]):
+    """Entries that are read when they are asked for, so that a hundred thousand need no memory."""
+
+    def __init__(
+        self, paths: Collection[str], read: Callable[[str], bytes], progress: Progress | None = None
+    ) -> None:
+        self._paths = frozenset(paths)
+        self._read = read
+        self._progress = progress
+        self._done = 0
+
+    def __getitem__(self, path: str) -> bytes:
+        if path not in self._paths:
+            raise KeyError(path)
+        data = self._read(path)
+        if self._progress is not None:
+            # An entry that another one supersedes is asked for twice.
+            self._done = min(self._done + 1, len(self._paths))
+            self._progress(self._done, len(self._paths))
+        return data
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted(self._paths))
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+
+def _policy(shelf: Shelf, policy: Policy | None) -> Policy:
+    if policy is not None:
+        return policy
+    return shelf.keeper.charter.policy if shelf.keeper is not None else FLEET
+
+
+def _with_places(report: CheckReport, paths: Iterable[str]) -> CheckReport:
+    """With the files that no registry could have written: of a name that some disk or git would stumble over."""
+    told = list(report.findings)
+    for path in paths:
+        try:
+            check_path(path)
+        except RegistryError as error:
+            told.append(
+                CheckFinding(path=path, rule="place", severity=Severity.ERROR, message=f"{error}; move it")
+            )
+    told.sort(key=lambda finding: (finding.path, finding.rule, finding.message))
+    return CheckReport(entries=report.entries, findings=tuple(told))
+
+
+def _met(store: Store, listed: Mapping[str, str], touched: Collection[str]) -> set[str]:
+    """The changed entries of a state, and every other that one of them may meet."""
+    models = {_model(path) for path in touched}
+    met = {path for path in listed if path in touched or _model(path) in models}
+    rest = sorted(listed.keys() - met)
+    ids = [id_of(path).encode() for path in touched]
+    for path, data in zip(rest, store.read_many([listed[path] for path in rest]), strict=True):
+        aliases, supersedes = (word in data for word in MENTIONS)
+        if aliases or (supersedes and any(name in data for name in ids)):
+            met.add(path)
+    own = {path for path in touched if path in listed}
+    for path, data in zip(sorted(own), store.read_many([listed[path] for path in sorted(own)]), strict=True):
+        met |= _spoken_of(path, data, listed)
+    return met
+
+
+def _spoken_of(path: str, data: bytes, listed: Mapping[str, str]) -> set[str]:
+    """The entries that a changed one names: that it supersedes, or whose name it claims."""
+    try:
+        entry = parse_entry(data, path, require_digest=False)
+    except InputError:
+        return set()
+    folders = tuple(folder_of(alias.make, alias.model) for alias in entry.aliases)
+    found = {other for other in listed if folders and other.startswith(folders)}
+    if entry.supersedes is not None and (there := f"{ROOT}{entry.supersedes}{SUFFIX}") in listed:
+        found.add(there)
+    return found
+
+
+def _model(path: str) -> str:
+    return "/".join(path.split("/")[:3])

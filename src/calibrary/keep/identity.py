@@ -1,0 +1,54 @@
+"""Which camera took an image: the key an entry is found by, with what the catalogue tells of the sub-camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from calibrary.calibration import CameraKey
+from calibrary.evidence.identity import camera_key
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.known_camera import KnownCamera
+from calibrary.registry.catalogue import Catalogue, load_catalogue, match_image
+
+__all__ = ["Identified", "identified", "image_key"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identified:
+    """A camera as an image tells it.
+
+    Attributes:
+        key: with its firmware, which is no part of the key that groups images, but an entry may be of one only.
+        camera: its row of the catalogue, None for a camera nobody knows.
+        siblings: the other cameras that share its Model.
+        why: how the row was told, or why there is none.
+    """
+
+    key: CameraKey
+    camera: KnownCamera | None
+    siblings: tuple[KnownCamera, ...]
+    why: str
+
+
+def identified(metadata: ImageMetadata, catalogue: Catalogue) -> Identified:
+    """The camera that wrote this metadata."""
+    match = match_image(catalogue, metadata)
+    inferred = match.camera.sub_camera if match.camera is not None else None
+    return Identified(
+        key=replace(camera_key(metadata, inferred), firmware=metadata.software),
+        camera=match.camera,
+        siblings=match.siblings or match.candidates,
+        why=match.reason,
+    )
+
+
+def image_key(path: Path) -> Identified:
+    """The camera that took an image.
+
+    Raises:
+        InputError: the file cannot be read, or is no image.
+    """
+    from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  the readers, which KEYs do not need
+
+    return identified(read_metadata(path), load_catalogue())

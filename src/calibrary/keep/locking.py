@@ -1,0 +1,171 @@
+"""``calibrary.lock``: pinning the entries that a run rests on, and answering from just those later.
+
+A git registry still has the entries as they were, so a run is repeated from the pinned commit whatever became of
+the registry since, and is told what has changed. A plain folder has only what lies there: if that is something
+else, the run is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibrary.calibration_json import Json
+from calibrary.errors import InputError, RegistryError
+from calibrary.keep.shelf import Shelf
+from calibrary.registry.entry import Status
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.folder import entry_paths, read_entry_file
+from calibrary.registry.pins import Lock, Pin, pin_of, read_lock, refuse_drift
+from calibrary.registry.resolution import RegistryIndex
+
+__all__ = ["Locked", "lock_json", "locked", "pinned", "usable_paths"]
+
+MOST_TOLD = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Locked:
+    """What answers under a lock.
+
+    Attributes:
+        index: of the pinned entries alone, as they were.
+        remarks: what has become of them in the registry since.
+    """
+
+    index: RegistryIndex
+    remarks: tuple[str, ...] = ()
+
+
+def pinned(shelf: Shelf, paths: Iterable[str]) -> Lock:
+    """A lock of some entries as they stand.
+
+    Args:
+        shelf: the registry.
+        paths: of the entries.
+
+    Raises:
+        RegistryError: one is not there or cannot be read.
+    """
+    wanted = sorted(set(paths))
+    if shelf.keeper is None or shelf.commit is None:
+        pins = tuple(_pin(path, read_entry_file(shelf.place, path)) for path in wanted)
+        return Lock(registry=shelf.place.name or None, pins=pins)
+    store = shelf.keeper.registry.store
+    listed = shelf.keeper.registry.snapshot(shelf.commit).paths
+    if missing := [path for path in wanted if path not in listed]:
+        raise RegistryError(f"{missing[0]}: not in the registry at {shelf.commit[:12]}")
+    contents = store.read_many([listed[path] for path in wanted])
+    pins = tuple(_pin(path, data) for path, data in zip(wanted, contents, strict=True))
+    # A folder's whole path tells about a disk, and a remote's address may hold a password.
+    return Lock(registry=store.path.name, commit=shelf.commit, pins=pins)
+
+
+def lock_json(lock: Lock) -> dict[str, Json]:
+    """What the lock's file says (schemas/lock-1.schema.json)."""
+    entries: list[Json] = [
+        {"path": pin.path, "blob": pin.blob, "digest": pin.digest}
+        for pin in sorted(lock.pins, key=lambda pin: pin.path)
+    ]
+    return {
+        "schema": "calibrary/lock-1",
+        "registry": lock.registry,
+        "commit": lock.commit,
+        "entries": entries,
+    }
+
+
+def usable_paths(files: Mapping[str, bytes]) -> list[str]:
+    """The entries that somebody answers for.
+
+    Raises:
+        RegistryError: one cannot be read.
+    """
+    usable = []
+    for path, data in files.items():
+        try:
+            entry = parse_entry(data, path, require_digest=False)
+        except InputError as error:
+            raise RegistryError(str(error)) from None
+        if entry.is_usable:
+            usable.append(path)
+    return usable
+
+
+def locked(shelf: Shelf, lock_file: Path) -> Locked:
+    """The pinned entries of a registry and no others, each of them as it was.
+
+    Raises:
+        InputError: the lock cannot be read.
+        RegistryError: an entry cannot be had as it was: the registry does not hold the pinned commit, the commit
+            does not hold what is pinned, or what lies in a plain folder has changed.
+    """
+    lock = read_lock(lock_file)
+    if shelf.keeper is None or lock.commit is None:
+        return Locked(index=_unchanged(shelf, lock, lock_file))
+    store = shelf.keeper.registry.store
+    if store.tip(lock.commit) is None:
+        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if store.is_shallow else ""
+        raise RegistryError(
+            f"{store.path} does not hold commit {lock.commit[:12]}, which {lock_file} pins{hint}; bring it "
+            f"(calibrary registry pull), or accept what is there now: calibrary registry lock"
+        )
+    files = {}
+    for pin in lock.pins:
+        blob = store.read(lock.commit, pin.path)
+        if blob is not None:
+            files[pin.path] = blob.data
+    refuse_drift(lock, [_pin(path, data) for path, data in files.items()], name=str(lock_file))
+    index = RegistryIndex(files, files.__getitem__, require_digest=False)
+    return Locked(index=index, remarks=_since(shelf, lock))
+
+
+def _unchanged(shelf: Shelf, lock: Lock, lock_file: Path) -> RegistryIndex:
+    if shelf.keeper is None:
+        wanted = {pin.path for pin in lock.pins}
+        files = {
+            path: read_entry_file(shelf.place, path) for path in entry_paths(shelf.place) if path in wanted
+        }
+    else:
+        store, listed = shelf.keeper.registry.store, shelf.keeper.registry.snapshot(shelf.commit).paths
+        files = {pin.path: store.blob(listed[pin.path]) for pin in lock.pins if pin.path in listed}
+    refuse_drift(lock, [_pin(path, data) for path, data in files.items()], name=str(lock_file))
+    return RegistryIndex(files, files.__getitem__, require_digest=False)
+
+
+def _since(shelf: Shelf, lock: Lock) -> tuple[str, ...]:
+    """What has become of pinned entries: a run that is repeated on a retired one should not go unnoticed."""
+    if shelf.keeper is None or shelf.commit is None or lock.commit is None:
+        return ()
+    store, listed = shelf.keeper.registry.store, shelf.keeper.registry.snapshot(shelf.commit).paths
+    told = []
+    for pin in lock.pins:
+        oid = listed.get(pin.path)
+        if oid == pin.blob:
+            continue
+        told.append(f"{pin.path} {_became(store.blob(oid), pin) if oid is not None else 'is gone'}")
+    if not told:
+        return ()
+    more = f" and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
+    return (
+        f"the lock's entries are used as they were at {lock.commit[:12]}; since then "
+        f"{'; '.join(told[:MOST_TOLD])}{more} ('calibrary registry lock' pins what is there now)",
+    )
+
+
+def _became(data: bytes, pin: Pin) -> str:
+    try:
+        entry = parse_entry(data, pin.path, require_digest=False)
+    except InputError:
+        return "was changed, and cannot be read"
+    if entry.status is Status.RETIRED:
+        return "was retired" + (f" ({entry.reason})" if entry.reason else "")
+    return "was changed"
+
+
+def _pin(path: str, data: bytes) -> Pin:
+    try:
+        return pin_of(path, data)
+    except InputError as error:
+        raise RegistryError(str(error)) from None

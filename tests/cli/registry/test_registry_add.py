@@ -1,0 +1,365 @@
+"""``registry add``: what enters a registry, what is shown before, and what is refused."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibrary.calibration import Grade, Quality
+from calibrary.cli.main import main
+from calibrary.keep import adding
+from calibrary.keep.keeper import Keeper
+from calibrary.keep.place import default_place
+from calibrary.parsers.imagery import hash_serial
+from calibrary.registry.entry import Alias, Status
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.firmware import FirmwareRange
+from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, printed, run, xml
+from tests.extract.fleet import DEWARP, picture
+from tests.extract.fleet import P4R as P4R_TAGS
+from tests.registry.entries import an_entry
+from tests.registry.stores import git
+
+
+def test_a_new_entry_is_a_draft_with_its_whole_provenance(fleet: Path, tmp_path: Path) -> None:
+    file = xml(tmp_path / "a.xml")
+    add(file, "--reason", "first flight", "--note", "lens cap was scratched")
+    entry = held(fleet).entry
+    made = entry.calibration.provenance
+    assert entry.status is Status.DRAFT
+    assert (made.source, made.sha256) == ("a.xml", hashlib.sha256(file.read_bytes()).hexdigest())
+    assert made.operator == "Ada Keeper"
+    assert made.date
+    assert made.tool
+    assert entry.notes == ("lens cap was scratched",)
+    assert git(fleet, "log", "-1", "--format=%(trailers:key=Reason,valueonly)") == "first flight"
+    assert git(fleet, "status", "--porcelain") == ""
+
+
+@pytest.mark.usefixtures("fleet")
+def test_without_a_name_for_the_camera_the_flags_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, told = run(capsys, "add", xml(tmp_path / "a.xml"), "--make", "DJI", "--yes")
+    assert code == 3
+    assert told == (
+        "calibrary: a.xml: does not say the camera's model, by which an entry is found; say --model NAME\n"
+    )
+
+
+def test_without_an_image_size_the_flag_is_named(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.save(tmp_path / "K.npy", np.array([[3660.5, 0, 2731.5], [0, 3655.25, 1846.75], [0, 0, 1]]))
+    code, _, told = run(capsys, "add", tmp_path / "K.npy", *CAMERA, "--yes")
+    assert (code, "--image-size" in told) == (3, True)
+    add(tmp_path / "K.npy", "--image-size", "5472x3648")
+    assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
+
+
+def test_the_flags_come_before_the_file(fleet: Path, tmp_path: Path) -> None:
+    add(xml(tmp_path / "a.xml"), "--sub-camera", "wide", "--focal-mm", "8.8", "--firmware", "01.09")
+    entry = held(fleet, "fc6310r").entry
+    assert entry.id == "dji/fc6310r/5472x3648+sub-wide+f8.8"
+    assert entry.calibration.provenance.firmware == "01.09"
+
+
+def test_a_range_of_firmware_is_part_of_the_key(fleet: Path, tmp_path: Path) -> None:
+    add(xml(tmp_path / "a.xml"), "--firmware-range", "01.08..01.09")
+    add(xml(tmp_path / "b.xml", 3665.0), "--firmware-range", "01.10..")
+    ranges = [one.entry.firmware for one in Keeper.open(fleet).entries()]
+    assert ranges == [FirmwareRange(min="01.08", max="01.09"), FirmwareRange(min="01.10")]
+
+
+def test_a_serial_number_is_hashed(fleet: Path, tmp_path: Path) -> None:
+    add(xml(tmp_path / "a.xml"), "--serial", "0V2ABC1234567")
+    [path] = Keeper.open(fleet).registry.snapshot().paths
+    assert path == f"cameras/dji/fc6310r/sn-{hash_serial('DJI', '0V2ABC1234567')}/5472x3648.yaml"
+    assert "0V2ABC1234567" not in git(fleet, "log", "-p", "--no-textconv")
+
+
+def test_a_serial_number_in_an_entrys_file_is_hashed(fleet: Path, tmp_path: Path) -> None:
+    (tmp_path / "entry.yaml").write_bytes(entry_yaml(an_entry(serial="0V2ABC1234567")))
+    add(tmp_path / "entry.yaml", camera=())
+    assert "0V2ABC1234567" not in git(fleet, "log", "-p", "--no-textconv")
+
+
+def test_what_only_another_program_needs_stays_out(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = xml(tmp_path / "a.xml")
+    file.write_text(file.read_text().replace("</calibration>", "<owner>Jane Doe</owner></calibration>"))
+    code, _, told = run(capsys, "add", file, *CAMERA, "--yes")
+    assert (code, "left out" in told) == (0, True)
+    assert held(fleet).entry.calibration.extras == ()
+    assert b"Jane Doe" not in entry_yaml(held(fleet).entry)
+
+
+def test_an_image_enters_by_its_metadata_with_its_grade(fleet: Path, tmp_path: Path) -> None:
+    image = picture(tmp_path / "a.jpg", **P4R_TAGS, dewarp=DEWARP)
+    add(image, camera=())
+    calibration = held(fleet, "fc6310r").entry.calibration
+    assert calibration.grade is Grade.CALIBRATED
+    assert calibration.provenance.kind == "image-metadata"
+    assert calibration.provenance.sha256 == hashlib.sha256(image.read_bytes()).hexdigest()
+
+
+def test_of_an_image_only_a_measured_k_names_the_unit(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(picture(tmp_path / "a.jpg", **P4R_TAGS, body_serial="77A"), camera=())
+    [one] = Keeper.open(fleet).entries()
+    assert one.entry.calibration.grade is Grade.DERIVED
+    assert one.entry.calibration.camera.serial is None
+    assert "no unit is named" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("grade", [Grade.PRIOR, Grade.SEED])
+@pytest.mark.usefixtures("fleet")
+def test_a_guess_is_refused(
+    tmp_path: Path,
+    grade: Grade,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    guess = replace(an_entry().calibration, grade=grade)
+    monkeypatch.setattr("calibrary.parsers.read", lambda *_, **__: [guess])
+    code, _, told = run(capsys, "add", xml(tmp_path / "a.xml"), "--yes")
+    assert (code, f"grade {grade.value} is a guess" in told) == (3, True)
+
+
+def test_every_camera_of_a_file_enters_in_one_commit_or_one_is_chosen(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "cameras.txt"
+    file.write_text(
+        "1 PINHOLE 4000 3000 2931.4 2930.9 2004.3 1496.1\n2 PINHOLE 2000 1500 1465.7 1465.4 1002.1 748.0\n"
+    )
+    before = commit_of(fleet)
+    code, _, told = run(capsys, "add", file, *CAMERA, "--camera", "2", "--yes")
+    assert (code, "the file calls it '2'" in told) == (0, True)
+    assert [one.id for one in Keeper.open(fleet).entries()] == ["dji/fc6310r/2000x1500+sub-2"]
+    add(file, "--sub-camera", "")
+    assert git(fleet, "rev-list", "--count", f"{before}..HEAD") == "2"
+    ids = ["dji/fc6310r/2000x1500", "dji/fc6310r/2000x1500+sub-2", "dji/fc6310r/4000x3000"]
+    assert sorted(one.id for one in Keeper.open(fleet).entries()) == ids
+
+
+@pytest.mark.usefixtures("fleet")
+def test_cameras_that_would_be_one_entry_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "cameras.txt"
+    file.write_text(
+        "1 PINHOLE 4000 3000 2931.4 2930.9 2004.3 1496.1\n2 PINHOLE 4000 3000 2933.7 2931.4 2003.1 1497.0\n"
+    )
+    code, _, told = run(capsys, "add", file, *CAMERA, "--sub-camera", "wide", "--yes")
+    assert (code, "--camera N" in told) == (3, True)
+
+
+def test_the_difference_is_shown_field_by_field_with_its_size(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quality = Quality(std={"fx": 0.3, "fy": 0.3})
+    for name, fx in (("one.yaml", 3660.0), ("two.yaml", 3662.0)):
+        (tmp_path / name).write_bytes(entry_yaml(an_entry(fx=fx, quality=quality)))
+    add(tmp_path / "one.yaml", camera=())
+    document = printed(capsys, "registry-change-1", "add", tmp_path / "two.yaml", "--yes")
+    [entry] = document["entries"]
+    [fx] = [change for change in entry["changes"] if change["field"] == "intrinsics.fx"]
+    assert (fx["before"], fx["after"], fx["delta"]) == (3660.0, 3662.0, 2.0)
+    assert fx["z"] == pytest.approx(2.0 / np.hypot(0.3, 0.3))
+    assert document["commit"] == commit_of(fleet)
+
+
+def test_the_same_file_again_changes_nothing_and_nobodys_approval(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"), "--approve")
+    before = commit_of(fleet)
+    code, _, told = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--operator", "Someone Else", "--yes")
+    assert (code, "is there already" in told) == (0, True)
+    assert commit_of(fleet) == before
+    assert held(fleet).entry.status is Status.APPROVED
+
+
+def test_a_new_k_of_an_approved_camera_is_a_draft_and_that_is_told(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"), "--approve")
+    code, _, told = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--yes")
+    assert code == 0
+    assert "becomes a draft" in told
+    assert held(fleet).entry.status is Status.DRAFT
+
+
+def test_what_the_registry_knows_of_a_camera_outlives_a_new_k(fleet: Path, tmp_path: Path) -> None:
+    known = an_entry(aliases=(Alias(make="DJI", model="Phantom 4 RTK"),), tolerance=0.01, focal_mm=None)
+    (tmp_path / "entry.yaml").write_bytes(entry_yaml(replace(known, extensions={"x-owner": "survey"})))
+    add(tmp_path / "entry.yaml", camera=())
+    add(xml(tmp_path / "a.xml", 3664.0))
+    entry = held(fleet).entry
+    assert entry.calibration.intrinsics.fx == 3664.0
+    assert (entry.aliases, entry.tolerance) == (known.aliases, 0.01)
+    assert entry.extensions == {"x-owner": "survey"}
+
+
+def test_where_nobody_can_be_asked_yes_is_wanted(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    before = commit_of(fleet)
+    with pytest.raises(SystemExit) as ended:
+        main(["registry", "add", str(xml(tmp_path / "a.xml")), *CAMERA])
+    assert ended.value.code == 2
+    assert "say --yes" in capsys.readouterr().err
+    assert commit_of(fleet) == before
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("answer", "wrote"), [("y\n", True), ("n\n", False), ("\n", False), ("", False)])
+def test_a_person_is_asked(
+    fleet: Path, tmp_path: Path, answer: str, wrote: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", Terminal(answer))
+    before = commit_of(fleet)
+    assert main(["registry", "add", str(xml(tmp_path / "a.xml")), *CAMERA]) == 0
+    assert (commit_of(fleet) != before) is wrote
+
+
+def test_what_the_check_objects_to_is_not_written(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = commit_of(fleet)
+    off = xml(tmp_path / "a.xml", cx=-900.0)
+    code, _, told = run(capsys, "add", off, *CAMERA, "--approve", "--yes")
+    assert (code, "without --approve" in told) == (1, True)
+    assert commit_of(fleet) == before
+    assert run(capsys, "add", off, *CAMERA, "--yes")[0] == 0
+    assert run(capsys, "approve", P4R)[0] == 1
+    assert held(fleet).entry.status is Status.DRAFT
+
+
+def test_the_registrys_own_policy_decides(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    charter = fleet / "registry.yaml"
+    ours = '{schema: "calibrary/policy-1", name: "ours", principal_point_drift_max: 0.0001}'
+    charter.write_text(charter.read_text().replace('policy: "fleet"\n', f"policy: {ours}\n"))
+    git(fleet, "commit", "--quiet", "-am", "Ask for more")
+    assert run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--approve", "--yes")[0] == 1
+
+
+def test_a_held_entry_keeps_its_place(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"))
+    run(capsys, "hold", P4R, "--reason", "agreed for 2026")
+    code, _, told = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--approve", "--yes")
+    assert code == 4
+    assert "held (agreed for 2026)" in told
+    assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
+    add(tmp_path / "b.xml", "--override-held")
+    assert held(fleet).entry.calibration.intrinsics.fx == 3663.0
+
+
+def test_of_two_writers_the_second_is_told_what_the_first_wrote_and_writes_nothing(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add(xml(tmp_path / "a.xml"))
+    write = adding.write_proposals
+
+    def after_another(*arguments: object, **named: object) -> object:
+        monkeypatch.setattr(adding, "write_proposals", write)
+        add(xml(tmp_path / "theirs.xml", 3661.0))
+        return write(*arguments, **named)  # type: ignore[arg-type]  # handed on as they came
+
+    monkeypatch.setattr(adding, "write_proposals", after_another)
+    code, _, told = run(capsys, "add", xml(tmp_path / "ours.xml", 3662.0), *CAMERA, "--yes")
+    assert code == 4
+    assert "nothing was written" in told
+    assert "theirs, and what was to be written" in told
+    assert held(fleet).entry.calibration.intrinsics.fx == 3661.0
+
+
+def test_an_entry_edited_by_hand_in_the_work_tree_is_sealed_and_says_so(fleet: Path, tmp_path: Path) -> None:
+    add(xml(tmp_path / "a.xml"), "--approve")
+    file = fleet / f"cameras/{P4R}.yaml"
+    lines = [line for line in file.read_text().splitlines(keepends=True) if not line.startswith("digest:")]
+    file.write_text("".join(lines).replace("fx: 3660.5", "fx: 3661.5"))
+    add(file, "--reason", "typing error", camera=())
+    calibration = held(fleet).entry.calibration
+    assert calibration.intrinsics.fx == 3661.5
+    assert "numbers changed by hand" in calibration.provenance.assumptions
+    assert git(fleet, "status", "--porcelain") == ""
+
+
+def test_a_hand_made_entry_in_the_work_tree_takes_its_place(fleet: Path) -> None:
+    entry = an_entry()
+    file = fleet / entry.path
+    file.parent.mkdir(parents=True)
+    text = entry_yaml(entry).decode()
+    file.write_text(
+        "".join(line for line in text.splitlines(keepends=True) if not line.startswith("digest:"))
+    )
+    add(file, camera=())
+    assert held(fleet, "fc6310r").entry.calibration.intrinsics == entry.calibration.intrinsics
+    assert git(fleet, "status", "--porcelain") == ""
+
+
+def test_a_hand_edit_survives_a_write_that_fails(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add(xml(tmp_path / "a.xml"))
+    file = fleet / f"cameras/{P4R}.yaml"
+    lines = [line for line in file.read_text().splitlines(keepends=True) if not line.startswith("digest:")]
+    edited = "".join(lines).replace("fx: 3660.5", "fx: 3661.5")
+    file.write_text(edited)
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Keeper, "save", full)
+    monkeypatch.setenv("CALIBRARY_DEBUG", "")
+    assert run(capsys, "add", file, "--yes")[0] != 0
+    assert file.read_text() == edited
+
+
+def test_an_entry_that_cannot_be_read_can_be_replaced(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"))
+    file = fleet / f"cameras/{P4R}.yaml"
+    file.write_text(file.read_text().replace("fx: 3660.5", "fx: 3999.5"))
+    git(fleet, "commit", "--quiet", "-am", "Break the seal")
+    code, _, told = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--yes")
+    assert (code, "cannot be read and is replaced" in told) == (0, True)
+    assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
+
+
+def test_the_first_entry_of_a_user_begins_a_registry_of_his_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("XDG_DATA_HOME", "LOCALAPPDATA"):
+        monkeypatch.setenv(name, str(tmp_path / "data"))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    code, _, told = run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--yes")
+    assert (code, "yours was begun" in told) == (0, True)
+    assert held(default_place()).id == P4R
+
+
+@pytest.mark.usefixtures("fleet")
+def test_a_folder_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "add", tmp_path, *CAMERA, "--yes")[0] == 3
+    assert run(capsys, "add", tmp_path / "none.xml", *CAMERA, "--yes")[0] == 3

@@ -1,0 +1,219 @@
+"""``registry check``: every way in which an entry can be wrong, told by its path, in CI as by hand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calibrary.registry.entry import UNSTATED, Alias, Status
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.schemas import require
+from tests.cli.registry.fleets import printed, run
+from tests.cli.registry.shelves import put, put_bytes
+from tests.registry.entries import an_entry
+from tests.registry.stores import git
+
+GOOD = an_entry()
+
+
+def replaced(old: str, new: str, entry: object = GOOD) -> bytes:
+    """An entry's file with one text changed by hand."""
+    text = entry_yaml(entry).decode()  # type: ignore[arg-type]  # an Entry
+    assert old in text
+    return text.replace(old, new, 1).encode()
+
+
+def test_a_good_registry_is_good(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    commit = put(fleet, GOOD, an_entry(model="Other"))
+    code, out, _ = run(capsys, "check")
+    assert (code, out) == (0, f"good: 2 entries at {commit[:12]}: 0 errors, 0 warnings\n")
+    document = printed(capsys, "registry-check-1", "check")
+    assert (document["verdict"], document["entries"], document["commit"]) == ("good", 2, commit)
+
+
+def test_an_empty_registry_is_good(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert fleet
+    assert run(capsys, "check")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("path", "data", "rule"),
+    [
+        (GOOD.path, replaced("fx: 3661.25", "fx: 3662.25"), "digest"),
+        (GOOD.path, replaced('grade: "calibrated"', 'grade: "guessed"'), "entry"),
+        (GOOD.path, b"\x00no yaml", "entry"),
+        ("cameras/dji/elsewhere/1x1.yaml", entry_yaml(GOOD), "path"),
+        (GOOD.path, entry_yaml(an_entry(provenance=UNSTATED)), "provenance"),
+        (GOOD.path, entry_yaml(replace(GOOD, supersedes="dji/gone/1x1")), "supersedes"),
+    ],
+)
+def test_one_line_says_where_and_what_to_do(
+    fleet: Path, capsys: pytest.CaptureFixture[str], path: str, data: bytes, rule: str
+) -> None:
+    put_bytes(fleet, {path: data})
+    code, out, _ = run(capsys, "check")
+    findings = [line for line in out.splitlines() if line.startswith(f"{path}: error: ")]
+    assert code == 1
+    assert len(findings) == 1
+    assert findings[0].endswith(f"({rule})")
+    assert out.splitlines()[-1].startswith("bad: 1 entries at")
+
+
+def test_the_policy_is_the_registrys_own_unless_another_is_named(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lopsided = an_entry(fx=3661.25)
+    K = replace(lopsided.calibration.intrinsics, fy=3661.25 * 1.12)
+    put(fleet, replace(lopsided, calibration=replace(lopsided.calibration, intrinsics=K)))
+    strict = tmp_path / "strict.yaml"
+    strict.write_text('schema: calibrary/policy-1\nname: "strict"\nbase: "fleet"\nfocal_symmetry_max: 0.05\n')
+    assert run(capsys, "check", "--policy", "source")[0] == 0
+    code, out, _ = run(capsys, "check", "--policy", strict)
+    assert code == 1
+    assert "fx" in out
+
+
+class TestRange:
+    """Only what a branch changes is judged, and what that means for the entries it meets."""
+
+    def test_what_was_wrong_before_is_not_this_branchs_fault(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        put_bytes(fleet, {"cameras/old/sin/1x1.yaml": b"no entry"})
+        before = put(fleet, an_entry(model="Before"))
+        put(fleet, GOOD)
+        document = printed(capsys, "registry-check-1", "check", f"{before}..HEAD")
+        assert (document["verdict"], document["entries"], document["before"]) == ("good", 1, before)
+        assert run(capsys, "check")[0] == 1
+
+    def test_a_new_entry_must_be_unlike_those_that_stand(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before = put(fleet, GOOD)
+        put_bytes(fleet, {"cameras/dji/fc6310r/misplaced.yaml": entry_yaml(GOOD)})
+        code, out, _ = run(capsys, "check", f"{before}..")
+        assert code == 1
+        assert "fit" in out
+
+    def test_an_entry_far_away_that_claims_its_name_is_met(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before = put(fleet, an_entry(make="Zeta", aliases=(Alias(make="DJI", model="FC6310R"),)))
+        put(fleet, GOOD)
+        code, out, _ = run(capsys, "check", f"{before}..")
+        assert code == 1
+        assert "DJI FC6310R has entries of its own" in out
+
+    def test_a_removed_entry_that_another_supersedes_is_told(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        old = an_entry(make="Alpha", status=Status.RETIRED, reason="worn")
+        before = put(fleet, old, replace(GOOD, supersedes=old.id))
+        put_bytes(fleet, {old.path: None})
+        code, out, _ = run(capsys, "check", f"{before}..")
+        assert code == 1
+        assert f"it supersedes {old.id}, and there is no such entry" in out
+
+    def test_an_entry_that_supersedes_one_that_stands_is_good(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        old = an_entry(make="Alpha", status=Status.RETIRED, reason="worn")
+        before = put(fleet, old)
+        put(fleet, replace(GOOD, supersedes=old.id))
+        assert run(capsys, "check", f"{before}..")[0] == 0
+
+    @pytest.mark.parametrize("text", ["main", "..main", "a...b"])
+    def test_what_is_no_range_says_what_is_one(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str], text: str
+    ) -> None:
+        put(fleet, GOOD)
+        code, _, told = run(capsys, "check", text)
+        assert code == 4
+        assert "wanted REV..REV" in told
+
+
+def test_a_shallow_checkout_as_ci_makes_it_is_checked(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = put(fleet, GOOD)
+    put(fleet, an_entry(model="Other"))
+    git(tmp_path, "clone", "--quiet", "--depth=1", f"file://{fleet}", "ci")
+    git(tmp_path / "ci", "checkout", "--quiet", "--detach")
+    assert run(capsys, "check", "--registry", tmp_path / "ci")[0] == 0
+    code, _, told = run(capsys, "check", f"{first}..HEAD", "--registry", tmp_path / "ci")
+    assert code == 4
+    assert "git fetch --unshallow" in told
+
+
+class TestWorkTree:
+    """For whoever edits files by hand, before they are committed."""
+
+    def test_files_are_judged_as_they_lie(self, fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        put(fleet, GOOD)
+        (fleet / GOOD.path).write_bytes(replaced("fx: 3661.25", "fx: 3662.25"))
+        assert run(capsys, "check")[0] == 0
+        code, out, _ = run(capsys, "check", "--worktree")
+        assert code == 1
+        assert "registry add" in out
+
+    def test_a_name_that_some_disk_would_stumble_over_is_told(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        put(fleet, GOOD)
+        file = fleet / "cameras/DJI/Aux/1x1.yaml"
+        file.parent.mkdir(parents=True)
+        file.write_bytes(entry_yaml(GOOD))
+        code, out, _ = run(capsys, "check", "--worktree")
+        assert code == 1
+        assert "is no place in a registry" in out
+
+    def test_a_plain_folder_is_checked_like_one(
+        self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert fleet
+        file = tmp_path / "plain" / GOOD.path
+        file.parent.mkdir(parents=True)
+        file.write_bytes(entry_yaml(GOOD))
+        code, out, _ = run(capsys, "check", "--registry", tmp_path / "plain")
+        assert (code, out) == (0, "good: 1 entries in the folder: 0 errors, 0 warnings\n")
+
+    def test_a_bare_registry_has_none(
+        self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        git(tmp_path, "clone", "--quiet", "--bare", str(fleet), "bare.git")
+        code, _, told = run(capsys, "check", "--worktree", "--registry", tmp_path / "bare.git")
+        assert code == 4
+        assert "leave out --worktree" in told
+
+
+class TestSignatures:
+    def test_a_commit_that_nobody_signed_is_told(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before = git(fleet, "rev-parse", "HEAD")
+        commit = put(fleet, GOOD)
+        code, out, _ = run(capsys, "check", "--signatures", f"{before}..")
+        assert code == 1
+        assert f"not signed: {commit[:12]}: none" in out
+        _, out, _ = run(capsys, "check", "--signatures", "--json")
+        document = json.loads(out)
+        require(document, "registry-check-1")
+        assert (document["verdict"], len(document["unsigned"])) == ("bad", 2)
+
+    @pytest.mark.usefixtures("fleet")
+    def test_flags_that_do_not_go_together_are_a_misuse(self, capsys: pytest.CaptureFixture[str]) -> None:
+        for arguments in (["--worktree", "a..b"], ["--worktree", "--signatures"], ["--allowed-signers", "x"]):
+            with pytest.raises(SystemExit, match="2"):
+                run(capsys, "check", *arguments)
+
+
+def test_names_out_of_entries_do_not_steer_the_terminal(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hostile = an_entry(model="\x1b[2J[red]x", provenance=UNSTATED)
+    put_bytes(fleet, {"cameras/dji/elsewhere/1x1.yaml": entry_yaml(hostile)})
+    _, out, _ = run(capsys, "check")
+    assert "\x1b" not in out

@@ -1,0 +1,206 @@
+"""``registry init``: what a registry begins with, and what it leaves alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from calibrary.cli.main import main
+from calibrary.errors import InputError
+from calibrary.keep.keeper import Keeper
+from calibrary.keep.welcome import DRIVER, DRIVER_COMMAND, example_entry
+from calibrary.policy import SOURCE
+from calibrary.registry.charter import charter_yaml, parse_charter
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.schemas import require
+from calibrary.strictyaml import load_yaml
+from tests.cli.registry.fleets import CAMERA, P4R, add, run, xml
+from tests.registry.stores import git
+
+FILES = [".gitattributes", ".github/workflows/registry-check.yml", "README.md", "registry.yaml"]
+
+
+def test_a_registry_begins_with_one_commit_that_says_what_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, _ = run(capsys, "init", tmp_path / "fleet")
+    assert code == 0
+    assert git(tmp_path / "fleet", "ls-files").splitlines() == FILES
+    assert git(tmp_path / "fleet", "log", "--format=%s") == "Begin a registry of camera calibrations"
+    assert git(tmp_path / "fleet", "status", "--porcelain") == ""
+
+
+def test_this_folder_is_the_place_where_none_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["registry", "init"]) == 0
+    assert (tmp_path / "registry.yaml").is_file()
+
+
+def test_its_json_keeps_the_schema(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "init", tmp_path / "fleet", "--yes", "--json")
+    document = json.loads(out)
+    require(document, "registry-begun-1")
+    assert (document["files"], document["textconv"]) == (FILES, True)
+
+
+def test_the_readmes_example_is_an_entry_of_no_camera(fleet: Path) -> None:
+    text = (fleet / "README.md").read_text()
+    example = text.partition("```yaml\n")[2].partition("```")[0]
+    assert parse_entry(example.encode(), "README.md") == example_entry()
+    assert [*Keeper.open(fleet).entries()] == []
+
+
+def test_the_workflow_runs_the_check_on_every_push_and_may_write_nothing(fleet: Path) -> None:
+    text = (fleet / ".github/workflows/registry-check.yml").read_text()
+    assert "calibrary registry check" in text
+    assert "on: [push, pull_request]" in text
+    assert "permissions:\n  contents: read\n" in text
+
+
+def test_git_diff_shows_fields_only_where_the_user_agreed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, _, told = run(capsys, "init", tmp_path / "asked-nobody")
+    run(capsys, "init", tmp_path / "agreed", "--yes")
+    assert f"config {DRIVER} '{DRIVER_COMMAND}'" in told
+    git(tmp_path / "asked-nobody", "config", "--local", DRIVER, code=1)
+    assert git(tmp_path / "agreed", "config", "--local", DRIVER) == DRIVER_COMMAND
+    path = f"cameras/{P4R}.yaml"
+    assert git(tmp_path / "agreed", "check-attr", "diff", path) == f"{path}: diff: calibrary"
+
+
+def test_a_repository_without_a_commit_is_begun_in(tmp_path: Path) -> None:
+    git(tmp_path, "init", "--quiet", "fleet")
+    assert main(["registry", "init", str(tmp_path / "fleet")]) == 0
+    assert git(tmp_path / "fleet", "ls-files").splitlines() == FILES
+
+
+def test_a_repository_of_something_else_is_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    git(tmp_path, "init", "--quiet", "code")
+    (tmp_path / "code/main.c").write_text("int main;")
+    git(tmp_path / "code", "add", "main.c")
+    git(tmp_path / "code", "commit", "--quiet", "-m", "Begin")
+    code, _, told = run(capsys, "init", tmp_path / "code")
+    assert code == 4
+    assert "a git repository of something else" in told
+    assert git(tmp_path / "code", "log", "--format=%s") == "Begin"
+    code, _, told = run(capsys, "list", "--registry", tmp_path / "code")
+    assert code == 4
+    assert "no registry" in told
+
+
+def test_a_registry_is_not_begun_twice(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, told = run(capsys, "init", fleet)
+    assert code == 4
+    assert "there is a registry already" in told
+
+
+def test_a_file_in_the_way_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "README.md").write_text("mine\n")
+    code, _, told = run(capsys, "init", tmp_path)
+    assert code == 4
+    assert "README.md stands here already" in told
+    assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
+    assert (tmp_path / "README.md").read_text() == "mine\n"
+
+
+def test_a_registry_in_another_repository_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    git(tmp_path, "init", "--quiet")
+    _, _, told = run(capsys, "init", tmp_path / "fleet")
+    assert ".gitignore" in told
+
+
+def test_a_remote_is_copied_with_its_entries(
+    fleet: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    code, _, told = run(capsys, "init", "--remote", fleet)
+    assert code == 0
+    assert "a copy of" in told
+    assert [one.id for one in Keeper.open(tmp_path / "elsewhere/fleet").entries()] == [P4R]
+
+
+def test_an_empty_remote_is_begun_and_can_be_pushed_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    git(tmp_path, "init", "--quiet", "--bare", "hub.git")
+    code, _, told = run(capsys, "init", tmp_path / "fleet", "--remote", tmp_path / "hub.git")
+    assert (code, "push it" in told) == (0, True)
+    git(tmp_path / "fleet", "push", "--quiet", "origin", "main")
+    assert git(tmp_path / "hub.git", "ls-tree", "-r", "--name-only", "main").splitlines() == FILES
+
+
+def test_a_remote_that_is_no_registry_leaves_nothing_behind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    git(tmp_path, "init", "--quiet", "code")
+    git(tmp_path / "code", "commit", "--quiet", "--allow-empty", "-m", "Begin")
+    code, _, told = run(capsys, "init", tmp_path / "fleet", "--remote", tmp_path / "code")
+    assert (code, "no registry" in told) == (4, True)
+    assert not (tmp_path / "fleet").exists()
+
+
+def test_a_bare_registry_takes_entries(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["registry", "init", "--bare", str(tmp_path / "fleet.git")]) == 0
+    add(xml(tmp_path / "a.xml"), "--registry", str(tmp_path / "fleet.git"), camera=CAMERA)
+    code, out, _ = run(capsys, "list", "--registry", tmp_path / "fleet.git")
+    assert (code, P4R in out) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "place"),
+    [
+        ('schema: "calibrary/registry-1"', 'schema: "calibrary/registry-2"', "schema"),
+        ("layout: 1", "layout: 2", "layout"),
+        ('entries: "calibrary/entry-1"', 'entries: "calibrary/entry-9"', "entries"),
+    ],
+)
+def test_a_newer_registry_is_refused_with_what_was_found_and_the_way_out(
+    fleet: Path, before: str, after: str, place: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    charter = fleet / "registry.yaml"
+    charter.write_text(charter.read_text().replace(before, after))
+    git(fleet, "commit", "--quiet", "-am", "Move on")
+    code, _, told = run(capsys, "list")
+    assert code == 4
+    assert f"registry.yaml: {place}: is {after.partition(': ')[2].strip(chr(34))}" in told
+    assert "update calibrary" in told
+
+
+def test_a_registry_begun_by_hand_is_one_by_its_entries(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"))
+    git(fleet, "rm", "--quiet", "registry.yaml")
+    git(fleet, "commit", "--quiet", "-m", "Forget")
+    assert run(capsys, "list")[0] == 0
+
+
+def test_a_broken_charter_is_told_by_its_line(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (fleet / "registry.yaml").write_text('schema: "calibrary/registry-1"\nlayout: "one"\n')
+    git(fleet, "commit", "--quiet", "-am", "Break")
+    code, _, told = run(capsys, "list")
+    assert (code, "registry.yaml: line 2" in told) == (4, True)
+
+
+def test_the_charter_it_writes_reads_back() -> None:
+    assert isinstance(load_yaml(charter_yaml(), source="registry.yaml"), dict)
+    assert parse_charter(charter_yaml("source")).policy == SOURCE
+
+
+def test_limits_of_its_own_stand_in_the_charter() -> None:
+    text = (
+        b'schema: "calibrary/registry-1"\nlayout: 1\n'
+        b'policy: {schema: "calibrary/policy-1", name: "ours", principal_point_drift_max: 0.02}\n'
+    )
+    assert parse_charter(text).policy.principal_point_drift_max == 0.02
+    with pytest.raises(InputError):
+        parse_charter(text.replace(b"0.02", b"2"))

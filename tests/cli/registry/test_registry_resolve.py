@@ -1,0 +1,174 @@
+"""``registry resolve``: which calibration answers for an image or a camera, why this one, and what else was near."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from calibrary.extract.knowledge import Knowledge
+from calibrary.parsers.imagery import hash_serial, read_metadata
+from calibrary.registry.entry import Alias, Status, Validity
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.firmware import FirmwareRange
+from calibrary.schemas import require
+from tests.cli.registry.fleets import P4R, printed, run
+from tests.cli.registry.shelves import put
+from tests.extract.fleet import picture
+from tests.registry.entries import an_entry
+from tests.registry.stores import git
+
+TAGS = {"make": "DJI", "model": "FC6310R", "focal_mm": (88, 10)}
+
+
+def test_an_image_gets_the_entry_of_its_camera(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    commit = put(fleet, an_entry(focal_mm=None))
+    answer = printed(capsys, "resolution-1", "resolve", picture(tmp_path / "a.jpg", **TAGS))
+    assert answer["entry"]["id"] == P4R
+    assert answer["commit"] == commit
+    assert answer["calibration"]["intrinsics"]["fx"] == 3661.25
+    assert answer["camera"]["focal_mm"] == 8.8
+    assert answer["known_by"].startswith("the image: Phantom 4 RTK")
+
+
+def test_the_same_entry_answers_that_extract_would_take(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(
+        fleet,
+        an_entry(focal_mm=None),
+        an_entry(focal_mm=None, fx=3600.0, firmware=FirmwareRange(min="01.09")),
+    )
+    image = picture(tmp_path / "a.jpg", **TAGS, software="01.10")
+    answer = printed(capsys, "resolution-1", "resolve", image)
+    taken = Knowledge.load(fleet).of(read_metadata(image)).resolution
+    assert taken is not None
+    assert answer["entry"]["path"] == taken.path
+    assert answer["calibration"]["intrinsics"]["fx"] == taken.calibration.intrinsics.fx == 3600.0
+
+
+def test_a_smaller_image_gets_k_scaled_and_a_shorter_one_cropped(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry())
+    _, half, _ = run(capsys, "resolve", "dji/fc6310r", "--image-size", "2736x1824")
+    assert "scaled 5472×3648 → 2736×1824" in half
+    answer = printed(capsys, "resolution-1", "resolve", "dji/fc6310r", "--image-size", "5472x3078")
+    assert answer["calibration"]["intrinsics"]["cy"] == 1824 + 7.25 - (3648 - 3078) / 2
+    assert answer["calibration"]["provenance"]["adaptation"] == "cropped 5472×3648 → 5472×3078"
+    assert answer["calibration"]["provenance"]["assumptions"] == ["the crop is centred"]
+
+
+def test_flags_alone_say_which_camera(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(fleet, an_entry())
+    code, out, _ = run(capsys, "resolve", "--make", "dji", "--model", "FC6310R")
+    assert (code, "fx 3661.2500" in out) == (0, True)
+
+
+def test_a_serial_number_finds_the_entry_of_that_unit(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(), an_entry(fx=3655.5, serial=hash_serial("DJI", "0V2LG3H0")))
+    answer = printed(
+        capsys, "resolution-1", "resolve", "--make", "DJI", "--model", "FC6310R", "--serial", "0V2LG3H0"
+    )
+    assert answer["calibration"]["intrinsics"]["fx"] == 3655.5
+    assert answer["why"].endswith("1 more fit and say less")
+    assert [item["path"] for item in answer["near"]] == [an_entry().path]
+
+
+def test_none_is_exit_code_4_with_what_is_near_and_why_not(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(status=Status.DRAFT))
+    code, out, told = run(capsys, "resolve", "--make", "DJI", "--model", "FC6310R")
+    assert (code, out) == (4, "")
+    assert f"near: {an_entry().path}: it is draft" in told
+    assert "registry approve" in told
+    code, out, _ = run(capsys, "resolve", "--make", "DJI", "--model", "FC6310R", "--json")
+    document = json.loads(out)
+    require(document, "resolution-1")
+    assert (code, document["entry"], document["calibration"]) == (4, None, None)
+
+
+def test_two_that_fit_alike_are_named(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, other = an_entry(focal_mm=None), an_entry(focal_mm=None, size=(4864, 3648))
+    put(fleet, first, other)
+    code, _, told = run(capsys, "resolve", "dji/fc6310r")
+    assert code == 4
+    assert first.path in told
+    assert other.path in told
+
+
+def test_another_name_of_a_camera_finds_it(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(fleet, an_entry(aliases=(Alias(make="Other Maker", model="P4 RTK"),)))
+    for _ in range(2):  # the second time from what the first has left in the cache
+        answer = printed(capsys, "resolution-1", "resolve", "Other Maker/P4 RTK")
+        assert answer["entry"]["id"] == an_entry().id
+        answer = printed(capsys, "resolution-1", "resolve", "--make", "other maker", "--model", "P4 RTK")
+        assert "which goes by this name as well" in answer["why"]
+
+
+def test_the_day_it_is_for_and_the_state_of_the_registry_are_two_things(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = put(fleet, an_entry(fx=3600.0))
+    put(fleet, an_entry(fx=3700.0, validity=Validity(first=date(2026, 5, 1))))
+    by_day = ["resolve", "dji/fc6310r", "--on", "2026-04-30"]
+    assert run(capsys, *by_day)[0] == 4
+    answer = printed(capsys, "resolution-1", *by_day, "--at", first)
+    assert (answer["calibration"]["intrinsics"]["fx"], answer["commit"]) == (3600.0, first)
+    assert printed(capsys, "resolution-1", "resolve", P4R, "--on", "2026-05-01")["on"] == "2026-05-01"
+
+
+def test_a_bare_registry_and_a_plain_folder_answer_as_well(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry())
+    git(tmp_path, "clone", "--quiet", "--bare", str(fleet), "bare.git")
+    shutil.copytree(fleet / "cameras", tmp_path / "plain/cameras")
+    for place in ("bare.git", "plain"):
+        answer = printed(capsys, "resolution-1", "resolve", "dji/fc6310r", "--registry", tmp_path / place)
+        assert answer["calibration"]["intrinsics"]["fx"] == 3661.25
+    assert answer["commit"] is None
+    code, _, told = run(capsys, "resolve", "dji/fc6310r", "--registry", tmp_path / "plain", "--at", "main")
+    assert (code, "no revisions" in told) == (4, True)
+
+
+def test_what_is_committed_answers_and_not_what_lies_in_the_work_tree(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    entry = an_entry()
+    put(fleet, entry)
+    (fleet / entry.path).write_bytes(entry_yaml(an_entry(fx=9999.0)))
+    assert printed(capsys, "resolution-1", "resolve", P4R)["calibration"]["intrinsics"]["fx"] == 3661.25
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (["nobody/at-all"], 4, "no such camera"),
+        (["missing.jpg"], 3, "no such file"),
+        (["--make", "DJI"], 3, "say --model NAME"),
+        (["dji/fc6310r", "--registry", "nowhere"], 4, "no registry here"),
+    ],
+)
+def test_what_cannot_be_asked_is_one_line_with_its_exit_code(
+    fleet: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, told: str
+) -> None:
+    put(fleet, an_entry())
+    got, _, said = run(capsys, "resolve", *arguments)
+    assert got == code
+    assert told in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.usefixtures("fleet")
+def test_asking_for_nothing_is_a_misuse(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        run(capsys, "resolve")
