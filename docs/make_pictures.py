@@ -19,6 +19,14 @@ from rich.console import Console
 from rich.terminal_theme import TerminalTheme
 from rich.text import Text
 
+from calibrary.calib.board import Board
+from calibrary.calib.synthesis import Settings, Truth, poses
+from calibrary.calib.synthesis.cameras import example_camera, head
+from calibrary.calib.synthesis.files import write_frames
+from calibrary.calibrating.frames import find_frames, told_by
+from calibrary.calibrating.page import calibration_page
+from calibrary.calibrating.sights import search
+from calibrary.calibrating.solving import Wanted, solved
 from calibrary.cli.extract_display import judgement
 from calibrary.demo import write_flight
 from calibrary.extract.hand_off import Solver
@@ -88,6 +96,11 @@ PAGE_COLOURS = 128
 EXTRACT_PARTS = (("header", 640), ("#dji-fc6310r-5472x3648", 730))
 """The overview, and one camera whole."""
 
+BOARD = Board(columns=11, rows=8, square_mm=40.0)
+BOARD_FRAMES, BOARD_SEED = 24, 1
+CALIBRATE_PARTS = (("header", 930), ("#held", 720), ("#trust", 520))
+"""The verdict with K, and of the plots coverage, tilt, uncertainty and what halves of the views disagree about."""
+
 
 def judge(flight: Path) -> Outcome:
     """What the gate makes of the chosen files of a demonstration flight."""
@@ -114,6 +127,19 @@ def extract_page(outcome: Outcome) -> str:
     """What ``--html`` writes."""
     with TemporaryDirectory() as folder:
         return render_page(outcome_page(outcome, plan(outcome, Path(folder) / "K_matrix.npy", Solver.NONE)))
+
+
+def board_page() -> str:
+    """What ``calibrate --report`` writes of frames that were rendered."""
+    camera = example_camera(BOARD_SEED)
+    with TemporaryDirectory() as folder:
+        out = Path(folder) / "frames"
+        held = poses(BOARD, camera, BOARD_FRAMES, BOARD_SEED)
+        truth = Truth(board=BOARD, calibration=camera, poses=held, settings=Settings())
+        write_frames(out, truth, BOARD_SEED, lambda number: head(camera, None, number))
+        frames = find_frames([str(out)])
+        sights = search(frames, told_by(frames, lambda key: key, focus="locked at infinity"), BOARD)
+        return render_page(calibration_page(solved(sights, Wanted()), sights))
 
 
 def screenshot(html: str, out: Path, *, parts: Sequence[tuple[str, int]]) -> None:
@@ -175,6 +201,7 @@ def main() -> int:
     (arguments.out / "extract.svg").write_text(draw(outcome), encoding="utf-8")
     if arguments.pages:
         screenshot(extract_page(outcome), arguments.out / "extract-page.png", parts=EXTRACT_PARTS)
+        screenshot(board_page(), arguments.out / "calibrate-page.png", parts=CALIBRATE_PARTS)
     return 0
 
 

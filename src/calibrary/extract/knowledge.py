@@ -7,13 +7,12 @@ from datetime import date
 from pathlib import Path
 
 from calibrary.calibration import Calibration
-from calibrary.errors import InputError, RegistryError
-from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.keep.identity import identified
+from calibrary.keep.locking import locked
+from calibrary.keep.shelf import Shelf, open_shelf
 from calibrary.known_camera import KnownCamera
-from calibrary.registry.catalogue import Catalogue, load_catalogue, match_image
-from calibrary.registry.folder import open_folder, read_entry_file
-from calibrary.registry.pins import pin_of, read_lock, refuse_drift
+from calibrary.registry.catalogue import Catalogue, load_catalogue
 from calibrary.registry.resolution import Near, RegistryIndex, Resolution
 
 __all__ = ["Knowledge", "Known"]
@@ -61,28 +60,34 @@ class Knowledge:
         catalogue: of known cameras.
         registry: the fleet's own.
         on: the day that entries must be valid on; None asks nothing of theirs.
+        remarks: what a person should know of the registry before resting on it.
     """
 
     catalogue: Catalogue
     registry: RegistryIndex | None = None
     on: date | None = None
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def load(cls, registry: Path | None, lock: Path | None = None) -> Knowledge:
         """Read the catalogue and list the registry.
 
         Args:
-            registry: a registry's folder.
+            registry: a registry in git, bare or checked out, of which what is committed is used; or a plain
+                folder of files.
             lock: the file that pins entries of it; no others are used then.
 
         Raises:
-            RegistryError: there is no registry at the path, or it has drifted from the lock.
+            RegistryError: there is no registry at the path, or what the lock pins cannot be had as it was.
             InputError: the lock cannot be read.
         """
         if registry is None:
             return cls(catalogue=load_catalogue())
-        index = _pinned(registry, lock) if lock is not None else open_folder(registry)
-        return cls(catalogue=load_catalogue(), registry=index, on=date.today())
+        catalogue, shelf, today = load_catalogue(), open_shelf(registry), date.today()
+        if lock is not None:
+            held = locked(shelf, lock)
+            return cls(catalogue=catalogue, registry=held.index, on=today, remarks=held.remarks)
+        return cls(catalogue=catalogue, registry=shelf.index(), on=today, remarks=_not_used(shelf))
 
     @property
     def has_registry(self) -> bool:
@@ -96,26 +101,23 @@ class Knowledge:
             RegistryError: two of the registry's entries fit the camera equally well, or one that may fit cannot
                 be read.
         """
-        match = match_image(self.catalogue, metadata)
-        known = Known(camera=match.camera, siblings=match.siblings or match.candidates, why=match.reason)
+        told = identified(metadata, self.catalogue)
+        known = Known(camera=told.camera, siblings=told.siblings, why=told.why)
         if self.registry is None:
             return known
-        inferred = match.camera.sub_camera if match.camera is not None else None
-        # No part of the key that groups images, but an entry may be of one firmware only.
-        key = replace(camera_key(metadata, inferred), firmware=metadata.software)
+        key = told.key
         resolution = self.registry.resolve(key, on=self.on)
         near = self.registry.near(key, on=self.on) if resolution is None else ()
         return replace(known, resolution=resolution, near=near)
 
 
-def _pinned(registry: Path, lock: Path) -> RegistryIndex:
-    """The pinned entries of a registry and no others, each of them as it was."""
-    there, held = open_folder(registry), read_lock(lock)
-    pinned = {pin.path for pin in held.pins}
-    files = {path: read_entry_file(registry, path) for path in there.paths if path in pinned}
-    try:
-        current = [pin_of(path, data) for path, data in files.items()]
-    except InputError as error:
-        raise RegistryError(str(error)) from None
-    refuse_drift(held, current, name=str(lock))
-    return RegistryIndex(files, files.__getitem__, require_digest=False)
+def _not_used(shelf: Shelf) -> tuple[str, ...]:
+    """A person who edits a file and sees nothing come of it should not have to guess why."""
+    edited = shelf.uncommitted()
+    if not edited:
+        return ()
+    more = f" and {len(edited) - 1} more" if len(edited) > 1 else ""
+    return (
+        f"the registry is used as committed; {edited[0]}{more} differs in its work tree and is not committed "
+        "('calibrary registry add FILE' does that)",
+    )

@@ -103,7 +103,7 @@ def run(request: Request) -> Outcome:
             for camera in cameras
         ),
         rejected=tuple(gathered.rejected),
-        warnings=warnings,
+        warnings=(*knowledge.remarks, *warnings),
     )
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -37,6 +36,9 @@ __all__ = [
 
 MENTIONS: Final = (b"aliases", b"supersedes")
 """Fields by which an entry speaks of others, wherever they stand."""
+
+BLOCK: Final = 250
+"""Entries that are read at once; one by one, waiting for git takes a third of a check."""
 
 Progress = Callable[[int, int], None]
 
@@ -84,9 +86,9 @@ def check_all(shelf: Shelf, policy: Policy | None = None, *, progress: Progress 
     if shelf.keeper is None or shelf.commit is None:
         return check_work_tree(shelf, policy, progress=progress)
     store, listed = shelf.keeper.registry.store, shelf.keeper.registry.snapshot(shelf.commit).paths
-    files = _Files(listed, lambda path: store.blob(listed[path]), progress)
-    report = _with_places(check(files, _policy(shelf, policy)), files)
-    return Checked(what=f"{len(files)} entries at {shelf.commit[:12]}", commit=shelf.commit, report=report)
+    files = _Files(listed, _in_git(store, listed), progress)
+    report = _completed(check(files, _policy(shelf, policy)), files, files)
+    return Checked(what=f"{_entries(len(files))} at {shelf.commit[:12]}", commit=shelf.commit, report=report)
 
 
 def check_work_tree(
@@ -109,9 +111,9 @@ def check_work_tree(
             raise RegistryError(f"{shelf.place}: a bare repository has no work tree; leave out --worktree")
         root = tree
     paths = entry_paths(root)
-    files = _Files(paths, partial(read_entry_file, root), progress)
-    report = _with_places(check(files, _policy(shelf, policy)), files)
-    return Checked(what=f"{len(files)} entries in the folder", commit=None, report=report)
+    files = _Files(paths, _in_folder(root), progress)
+    report = _completed(check(files, _policy(shelf, policy)), files, files)
+    return Checked(what=f"{_entries(len(files))} in the folder", commit=None, report=report)
 
 
 def check_range(
@@ -146,13 +148,13 @@ def check_range(
     old, new = store.listing(start, "cameras"), store.listing(end, "cameras")
     touched = {file.path for file in changed(store, start, end)}
     own = touched & new.keys()
-    files = _Files(_met(store, new, touched), lambda path: store.blob(new[path]), progress)
-    was = _Files(_met(store, old, touched), lambda path: store.blob(old[path]))
-    found = _with_places(check(files, policy), own).findings
+    files = _Files(_met(store, new, touched), _in_git(store, new), progress)
+    was = _Files(_met(store, old, touched), _in_git(store, old))
+    found = _completed(check(files, policy), files, own).findings
     known = set(check(was, policy).findings) if len(own) < len(files) else set()
     findings = tuple(item for item in found if item.path in own or item not in known)
     return Checked(
-        what=f"{len(own)} entries changed from {start[:12]} to {end[:12]}",
+        what=f"{_entries(len(own))} changed from {start[:12]} to {end[:12]}",
         commit=end,
         before=start,
         report=CheckReport(entries=len(own), findings=findings),
@@ -198,31 +200,68 @@ def checked_json(done: Checked, unsigned: tuple[str, ...] | None) -> dict[str, J
 
 
 class _Files(Mapping[str, bytes]):
-    """Entries that are read when they are asked for, so that a hundred thousand need no memory."""
+    """Entries that are read some hundred at a time as they are asked for, so that a hundred thousand need no memory.
+
+    Attributes:
+        unreadable: files that were asked for and could not be had, and why; in their place stands nothing.
+    """
 
     def __init__(
-        self, paths: Collection[str], read: Callable[[str], bytes], progress: Progress | None = None
+        self,
+        paths: Collection[str],
+        read: Callable[[Sequence[str]], Iterable[bytes]],
+        progress: Progress | None = None,
     ) -> None:
-        self._paths = frozenset(paths)
+        self.unreadable: dict[str, str] = {}
+        self._order = sorted(paths)
+        self._known = frozenset(paths)
         self._read = read
         self._progress = progress
-        self._done = 0
+        self._block: Mapping[str, bytes] = {}
+        self._next = 0
 
     def __getitem__(self, path: str) -> bytes:
-        if path not in self._paths:
+        if path not in self._known:
             raise KeyError(path)
-        data = self._read(path)
-        if self._progress is not None:
-            # An entry that another one supersedes is asked for twice.
-            self._done = min(self._done + 1, len(self._paths))
-            self._progress(self._done, len(self._paths))
-        return data
+        found = self._block.get(path)
+        if found is not None:
+            return found
+        if self._next < len(self._order) and self._order[self._next] == path:
+            names = self._order[self._next : self._next + BLOCK]
+            self._block = self._had(names)
+            self._next += len(names)
+            if self._progress is not None:
+                self._progress(self._next, len(self._order))
+            return self._block[path]
+        # Another entry speaks of this one, out of turn.
+        return self._had([path])[path]
+
+    def _had(self, names: Sequence[str]) -> dict[str, bytes]:
+        try:
+            return dict(zip(names, self._read(names), strict=True))
+        except RegistryError as error:
+            if len(names) > 1:
+                return {name: self._had([name])[name] for name in names}
+            self.unreadable[names[0]] = str(error)
+            return {names[0]: b""}
 
     def __iter__(self) -> Iterator[str]:
-        return iter(sorted(self._paths))
+        return iter(self._order)
 
     def __len__(self) -> int:
-        return len(self._paths)
+        return len(self._order)
+
+
+def _in_git(store: Store, listed: Mapping[str, str]) -> Callable[[Sequence[str]], Iterable[bytes]]:
+    return lambda names: store.read_many([listed[name] for name in names])
+
+
+def _in_folder(root: Path) -> Callable[[Sequence[str]], Iterable[bytes]]:
+    return lambda names: (read_entry_file(root, name) for name in names)
+
+
+def _entries(count: int) -> str:
+    return "1 entry" if count == 1 else f"{count} entries"
 
 
 def _policy(shelf: Shelf, policy: Policy | None) -> Policy:
@@ -231,18 +270,24 @@ def _policy(shelf: Shelf, policy: Policy | None) -> Policy:
     return shelf.keeper.charter.policy if shelf.keeper is not None else FLEET
 
 
-def _with_places(report: CheckReport, paths: Iterable[str]) -> CheckReport:
-    """With the files that no registry could have written: of a name that some disk or git would stumble over."""
-    told = list(report.findings)
+def _completed(report: CheckReport, files: _Files, paths: Iterable[str]) -> CheckReport:
+    """With files that could not be read, and those that no registry could have written.
+
+    A name may be one that some disk or git would stumble over, whatever is in the file.
+    """
+    told = [finding for finding in report.findings if finding.path not in files.unreadable]
+    told += [_error(path, "entry", message) for path, message in files.unreadable.items()]
     for path in paths:
         try:
             check_path(path)
         except RegistryError as error:
-            told.append(
-                CheckFinding(path=path, rule="place", severity=Severity.ERROR, message=f"{error}; move it")
-            )
+            told.append(_error(path, "place", f"{error}; move it"))
     told.sort(key=lambda finding: (finding.path, finding.rule, finding.message))
     return CheckReport(entries=report.entries, findings=tuple(told))
+
+
+def _error(path: str, rule: str, message: str) -> CheckFinding:
+    return CheckFinding(path=path, rule=rule, severity=Severity.ERROR, message=message)
 
 
 def _met(store: Store, listed: Mapping[str, str], touched: Collection[str]) -> set[str]:

@@ -72,12 +72,20 @@ def bring(keeper: Keeper, remote: str = DEFAULT, choice: Choice | None = None) -
     except EntryConflictError as error:
         sides = _decided(error, choice or Choice())
     before = store.tip()
+    conflicts = [conflict for conflict, _ in sides]
     # What we say is made what they say first, so that the pull finds both agreed; ours then follows as a change of
     # theirs, which is what it is.
-    _settle(keeper, [conflict for conflict, _ in sides])
-    pulled = pull(store, remote)
+    _settle(keeper, conflicts)
+    try:
+        pulled = pull(store, remote)
+    except BaseException:
+        _write_ours(keeper, conflicts, Note(subject="Take ours back: the pull did not come through"))
+        raise
     kept = [conflict for conflict, is_ours in sides if is_ours]
-    commit = _kept(keeper, kept) if kept else pulled.commit
+    try:
+        commit = _kept(keeper, kept) if kept else pulled.commit
+    except RegistryError as error:
+        raise RegistryError(f"pulled, but ours was not kept; it is in commit {before}: {error}") from None
     return Pulled(
         before=before,
         commit=commit,
@@ -214,8 +222,6 @@ def _settle(keeper: Keeper, conflicts: Collection[Conflict]) -> None:
 
 
 def _kept(keeper: Keeper, conflicts: Sequence[Conflict]) -> str:
-    """Our side of entries, written as a change of theirs."""
-    changes = [Change(path=one.path, data=one.ours, base=one.theirs_oid) for one in conflicts]
     cameras = [id_of(one.path) for one in conflicts]
     whose = cameras[0] if len(cameras) == 1 else f"{len(cameras)} cameras"
     note = Note(
@@ -223,6 +229,16 @@ def _kept(keeper: Keeper, conflicts: Sequence[Conflict]) -> str:
         reason="both sides had changed it, and ours was chosen",
         cameras=cameras,
     )
+    return _write_ours(keeper, conflicts, note)
+
+
+def _write_ours(keeper: Keeper, conflicts: Sequence[Conflict], note: Note) -> str:
+    """Our side of entries, written as a change of theirs."""
+    changes = [
+        Change(path=one.path, data=one.ours, base=one.theirs_oid)
+        for one in conflicts
+        if one.ours is not None or one.theirs is not None
+    ]
     return keeper.registry.put_many(changes, note).commit
 
 

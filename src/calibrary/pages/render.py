@@ -21,19 +21,24 @@ MOST_LINES = 1_000
 LONGEST_ALT = 2_000
 
 
-def render_page(page: Page) -> str:
-    """The page as HTML: no script, no network, and nothing in it that is not from ``page``.
+def render_page(page: Page, *, script: str | None = None) -> str:
+    """The page as HTML: no network, no script but the one given, and nothing in it that is not from ``page``.
 
-    The policy in its head forbids the rest even where something had slipped through: only this very style sheet
-    and pictures inside the page are allowed.
+    The policy in its head forbids the rest even where something had slipped through: only this very style sheet,
+    this very script and pictures inside the page are allowed.
+
+    Args:
+        page: what it says.
+        script: ours, never from input; the page has to serve without it.
 
     Raises:
         InputError: a figure's drawing is no SVG.
     """
     style = _style()
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    scripts = f" script-src {_digest(script)};" if script is not None else ""
     security = (
-        f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; style-src {_digest(style)};{scripts} img-src data:; base-uri 'none'; "
+        "form-action 'none'"
     )
     names = _Names()
 
@@ -48,7 +53,13 @@ def render_page(page: Page) -> str:
         drawing=drawing,
         security=security,
         style=Markup(style),  # noqa: S704  our own file
+        script=Markup(script) if script is not None else None,  # noqa: S704  our own file
     )
+
+
+def _digest(text: str) -> str:
+    """How a Content-Security-Policy names this very text."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 class _Names:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.registry.entry import UNSTATED, Alias, Status
+from calibrary.registry.entry import UNSTATED, Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.schemas import require
 from tests.cli.registry.fleets import printed, run
@@ -19,9 +19,9 @@ from tests.registry.stores import git
 GOOD = an_entry()
 
 
-def replaced(old: str, new: str, entry: object = GOOD) -> bytes:
+def replaced(old: str, new: str, entry: Entry = GOOD) -> bytes:
     """An entry's file with one text changed by hand."""
-    text = entry_yaml(entry).decode()  # type: ignore[arg-type]  # an Entry
+    text = entry_yaml(entry).decode()
     assert old in text
     return text.replace(old, new, 1).encode()
 
@@ -34,8 +34,8 @@ def test_a_good_registry_is_good(fleet: Path, capsys: pytest.CaptureFixture[str]
     assert (document["verdict"], document["entries"], document["commit"]) == ("good", 2, commit)
 
 
-def test_an_empty_registry_is_good(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert fleet
+@pytest.mark.usefixtures("fleet")
+def test_an_empty_registry_is_good(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "check")[0] == 0
 
 
@@ -59,7 +59,7 @@ def test_one_line_says_where_and_what_to_do(
     assert code == 1
     assert len(findings) == 1
     assert findings[0].endswith(f"({rule})")
-    assert out.splitlines()[-1].startswith("bad: 1 entries at")
+    assert out.splitlines()[-1].startswith("bad: 1 entry at")
 
 
 def test_the_policy_is_the_registrys_own_unless_another_is_named(
@@ -70,7 +70,7 @@ def test_the_policy_is_the_registrys_own_unless_another_is_named(
     put(fleet, replace(lopsided, calibration=replace(lopsided.calibration, intrinsics=K)))
     strict = tmp_path / "strict.yaml"
     strict.write_text('schema: calibrary/policy-1\nname: "strict"\nbase: "fleet"\nfocal_symmetry_max: 0.05\n')
-    assert run(capsys, "check", "--policy", "source")[0] == 0
+    assert run(capsys, "check")[0] == 0
     code, out, _ = run(capsys, "check", "--policy", strict)
     assert code == 1
     assert "fx" in out
@@ -170,15 +170,27 @@ class TestWorkTree:
         assert code == 1
         assert "is no place in a registry" in out
 
-    def test_a_plain_folder_is_checked_like_one(
-        self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    def test_a_file_that_cannot_be_read_stops_no_other(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        assert fleet
+        put(fleet, GOOD, an_entry(model="Sealed"))
+        other = an_entry(model="A Link").path
+        (fleet / other).parent.mkdir(parents=True)
+        (fleet / other).symlink_to(fleet / GOOD.path)
+        (fleet / an_entry(model="Sealed").path).write_bytes(replaced("fx: 3661.25", "fx: 3662.25"))
+        code, out, _ = run(capsys, "check", "--worktree")
+        assert code == 1
+        assert f"{other}: error: wanted a regular file (entry)" in out
+        assert f"{an_entry(model='Sealed').path}: error: " in out
+
+    def test_a_plain_folder_is_checked_like_one(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
         file = tmp_path / "plain" / GOOD.path
         file.parent.mkdir(parents=True)
         file.write_bytes(entry_yaml(GOOD))
         code, out, _ = run(capsys, "check", "--registry", tmp_path / "plain")
-        assert (code, out) == (0, "good: 1 entries in the folder: 0 errors, 0 warnings\n")
+        assert (code, out) == (0, "good: 1 entry in the folder: 0 errors, 0 warnings\n")
 
     def test_a_bare_registry_has_none(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

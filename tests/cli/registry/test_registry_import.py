@@ -151,7 +151,7 @@ class TestFolder:
     ) -> None:
         (tmp_path / "lab").mkdir()
         xml(tmp_path / "lab/a.xml")
-        command = ["import", tmp_path / "lab", *CAMERA, "--yes"]
+        command = ["import", str(tmp_path / "lab"), *CAMERA, "--yes"]
         run(capsys, *command)
         commit = commit_of(fleet)
         code, out, told = run(capsys, *command)

@@ -6,6 +6,7 @@ import json
 import shutil
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,7 @@ from tests.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.stores import git
 
-TAGS = {"make": "DJI", "model": "FC6310R", "focal_mm": (88, 10)}
+TAGS: dict[str, Any] = {"make": "DJI", "model": "FC6310R", "focal_mm": (88, 10)}
 
 
 def test_an_image_gets_the_entry_of_its_camera(

@@ -6,7 +6,7 @@ import argparse
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
-from calibrary.cli.calibrate import board, synth
+from calibrary.cli.calibrate import board, solve, synth
 
 __all__ = ["add_parser"]
 
@@ -28,17 +28,11 @@ _ALL: Final[dict[str, _Word]] = {"board": board, "synth": synth}
 WORDS: Final = MappingProxyType(_ALL)
 """A folder of frames that bears such a name is given as ./board or ./synth."""
 
-DESCRIPTION = """\
-Print a calibration board, or render frames of one under a known camera.
-
-words:
+DESCRIPTION = f"""\
+{solve.DESCRIPTION}
+in place of FRAMES:
   board   write a board as PDF or SVG, true to the millimetre
   synth   render frames of a board, with the truth beside them
-"""
-EXAMPLES = """\
-examples:
-  calibrary calibrate board checkerboard:11x8 --square-mm 40 --out board.pdf
-  calibrary calibrate synth frames/ --board checkerboard:11x8 --square-mm 40
 """
 
 
@@ -58,14 +52,16 @@ class _CalibrateParser(argparse.ArgumentParser):
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
-    listed = subparsers.add_parser("calibrate", help="print a calibration board, or render frames of one")
+    listed = subparsers.add_parser(
+        "calibrate", help="find K from frames of a board; print boards, render frames"
+    )
     parser = _CalibrateParser(
         prog=listed.prog,
         description=DESCRIPTION,
-        epilog=EXAMPLES,
+        epilog=solve.EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("word", choices=tuple(WORDS), metavar="WORD", help=" or ".join(WORDS))
+    solve.add_arguments(parser)
     parser.words = {
         word: argparse.ArgumentParser(
             prog=f"{listed.prog} {word}",

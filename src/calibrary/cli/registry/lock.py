@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = ["add_parser"]
 
+LOCK_FILE = "calibrary.lock"
+"""As :data:`calibrary.registry.pins.LOCK_FILE`, without what that module loads."""
+
 EXAMPLES = """\
 examples:
   calibrary registry lock                                every approved and held entry
@@ -31,8 +34,6 @@ changed; one that has lost that commit is refused. Of a plain folder any change 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
-    from calibrary.registry.pins import LOCK_FILE
-
     parser = subparsers.add_parser(
         "lock",
         help="pin the entries that a run rests on",

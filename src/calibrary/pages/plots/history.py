@@ -21,7 +21,7 @@ ACCENT, SECOND = Colour.ACCENT.light, Colour.SECOND.light
 
 WIDTH = 760.0
 LEFT, RIGHT = 92.0, 24.0
-TOP, PANEL, GAP = 26.0, 92.0, 16.0
+TOP, PANEL, GAP = 44.0, 92.0, 30.0
 LABEL_WIDTH = 88.0
 """Room that a label below the last panel takes."""
 
@@ -96,7 +96,7 @@ def _panel(label: str, values: FloatArray, std: FloatArray, at: FloatArray, top:
             f'<path d="M{LEFT} {y(tick):.1f}H{WIDTH - RIGHT}" fill="none" stroke="{LINE}" stroke-width="0.8"/>'
         )
         yield _text(LEFT - 6, y(tick) + 4, text, anchor="end")
-    yield _text(LEFT - 6, top - 6, label, anchor="end", ink=INK)
+    yield _text(LEFT - 6, top - 10, label, anchor="end", ink=INK)
     for run in _runs(finite):
         line = "L".join(f"{at[i]:.1f} {y(values[i]):.1f}" for i in run)
         yield f'<path d="M{line}" fill="none" stroke="{ACCENT}" stroke-width="1.3"/>'
@@ -140,14 +140,14 @@ def _marks(marks: Sequence[tuple[int, str]], at: FloatArray, foot: float) -> Ite
     for index, what in marks:
         x = float((at[index - 1] + at[index]) / 2) if index > 0 else float(at[0]) - 18
         yield (
-            f'<path d="M{x:.1f} {TOP - 6}V{foot:.1f}" fill="none" stroke="{SECOND}" stroke-width="1.2" '
+            f'<path d="M{x:.1f} {TOP - 22:.0f}V{foot:.1f}" fill="none" stroke="{SECOND}" stroke-width="1.2" '
             'stroke-dasharray="4 3"/>'
         )
         if x >= free:
             near_the_edge = x > WIDTH - MARK_WIDTH
             yield _text(
                 x - 4 if near_the_edge else x + 4,
-                TOP - 10,
+                TOP - 26,
                 name(what)[:24],
                 anchor="end" if near_the_edge else "start",
                 ink=SECOND,

@@ -1,0 +1,255 @@
+"""What finding and checking entries costs, in registries of real entries of three sizes.
+
+    python benchmarks/registry_entries.py [--quick] [--large] [--repeats R]
+
+Registries of 1 000 and 10 000 entries (--large: 100 000 too), bare and packed; one camera in a hundred goes by another
+name as well. A resolve ends with K at the image's size; a warm one is asked of a process that is up, a cold one is a
+process from its start to its end, beside the least that any process could do: a git that prints the one file, and a
+Python that imports nothing. Nothing here fails on a slow machine; a goal is met or missed, and that is printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
+from calibrary.distortion import BrownConrady
+from calibrary.keep.alias_cache import names_at
+from calibrary.keep.checking import check_all
+from calibrary.keep.shelf import Shelf, open_shelf
+from calibrary.registry.charter import charter_yaml
+from calibrary.registry.entry import Alias, Entry, Status
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.fleet import Note, Registry
+from calibrary.registry.maintenance import maintain
+from calibrary.registry.writing import Change
+
+if TYPE_CHECKING:
+    from benchmarks.extract import interleaved, ratio, row
+else:
+    # A program's own folder is where Python looks first.
+    from extract import interleaved, ratio, row
+
+MAKES = 20
+NAMED_EVERY = 100
+ASKED = 500
+CHECKED_UP_TO = 10_000
+SIZE = (5472, 3648)
+FLAT = 2.0
+"""How much slower a warm resolve may be in the largest registry than in the smallest; the rest is chance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """How much of everything is done."""
+
+    entries: tuple[int, ...]
+    repeats: int
+
+
+def key_of(number: int) -> CameraKey:
+    """A camera as an image of half the size tells it."""
+    return CameraKey(
+        make=f"Make {number % MAKES:02d}", model=f"MODEL-{number:06d}", focal_mm=8.8, image_size=(2736, 1824)
+    )
+
+
+def entry(number: int) -> Entry:
+    """An approved entry with everything that a calibration says of itself."""
+    chance = random.Random(number)  # noqa: S311  the same numbers in every run
+    f = chance.uniform(3000.0, 4500.0)
+    calibration = Calibration(
+        camera=replace(key_of(number), image_size=SIZE),
+        intrinsics=Intrinsics(
+            fx=f, fy=f * 1.0003, cx=2736 + chance.gauss(0, 9), cy=1824 + chance.gauss(0, 9), image_size=SIZE
+        ),
+        distortion=BrownConrady(k1=chance.gauss(0, 0.02), k2=0.01, p1=1e-4, p2=-1e-4, k3=0.0),
+        grade=Grade.CALIBRATED,
+        quality=Quality(rms_px=0.3, views=80, std={"fx": 0.4, "fy": 0.4, "cx": 0.3, "cy": 0.3}),
+        provenance=Provenance(
+            kind="calibration-file",
+            source=f"{number}.xml",
+            sha256=f"{number:064x}",
+            tool="lab",
+            date="2026-01-01",
+        ),
+    )
+    named = (Alias(make="Other", model=f"NAME-{number}"),) if number % NAMED_EVERY == 0 else ()
+    return Entry(calibration=calibration, status=Status.APPROVED, aliases=named)
+
+
+def registry_of(folder: Path, entries: int) -> Shelf:
+    """A packed bare registry."""
+    registry, _ = Registry.init(folder, {"registry.yaml": charter_yaml()}, bare=True, durable=False)
+    changes = [Change(path=one.path, data=entry_yaml(one)) for one in map(entry, range(entries))]
+    registry.put_many(changes, Note(subject="Import"))
+    maintain(registry.store)
+    registry.store.close()
+    return open_shelf(folder)
+
+
+def warm(shelf: Shelf, entries: int) -> float:
+    """Resolving in a process that is up; the seconds that one takes."""
+    chance = random.Random(1)  # noqa: S311  the same numbers in every run
+    keys = [key_of(chance.randrange(entries)) for _ in range(ASKED)]
+    index = shelf.index()
+    assert index.resolve(keys[0]) is not None
+    times: dict[str, list[float]] = {}
+    for name in ("first", "again"):
+        times[name] = []
+        for key in keys:
+            start = perf_counter()
+            index.resolve(key)
+            times[name].append(perf_counter() - start)
+    others = [CameraKey(make="Other", model=f"NAME-{n}") for n in range(0, entries, NAMED_EVERY)][:ASKED]
+    start = perf_counter()
+    index.resolve(others[0])
+    scan_s = perf_counter() - start
+    by_name = []
+    for key in others[1:]:
+        start = perf_counter()
+        assert index.resolve(key) is not None
+        by_name.append(perf_counter() - start)
+    print("\nResolve, warm: key to K at the image's size")
+    again = median(times["again"])
+    row("a camera that was asked for before", f"{again * 1e3:.3f} ms", again * 1e3, at_most=1.0)
+    row("a camera for the first time, read and parsed", f"{median(times['first']) * 1e3:.3f} ms")
+    row("by another name, for the first time", f"{median(by_name) * 1e3:.3f} ms")
+    row("  before that once: looking for other names", f"{scan_s:.2f} s")
+    return again
+
+
+def cold(shelf: Shelf, entries: int, repeats: int) -> None:
+    """Resolving as a process of its own."""
+    folder, number = shelf.place, entries // 2
+    key, path = key_of(number), entry(number).path
+    command = [
+        sys.executable,
+        "-m",
+        "calibrary.cli.main",
+        "registry",
+        "resolve",
+        "--registry",
+        str(folder),
+        "--json",
+    ]
+    own = [*command, "--make", str(key.make), "--model", str(key.model)]
+    named = [*command, "--make", "Other", "--model", "NAME-0"]
+    cache = Path(os.environ["XDG_CACHE_HOME"])
+
+    def forgetful() -> None:
+        shutil.rmtree(cache, ignore_errors=True)
+        process(own)
+
+    def process(words: list[str]) -> None:
+        subprocess.run(words, check=True, capture_output=True)
+
+    contestants: dict[str, Callable[[], object]] = {
+        "forgetful": forgetful,
+        "named": lambda: process(named),
+        "own": lambda: process(own),
+        "version": lambda: process([sys.executable, "-m", "calibrary.cli.main", "--version"]),
+        "git": lambda: process(["git", "-C", str(folder), "show", f"HEAD:{path}"]),
+        "python": lambda: process([sys.executable, "-c", "pass"]),
+    }
+    process(named)
+    assert shelf.keeper is not None
+    assert shelf.commit is not None
+    names_at(shelf.keeper.registry.store, shelf.commit)
+    times = interleaved(contestants, repeats)
+    # The turn of `named` comes right after the cache was thrown away: it looks through all entries.
+    times["named again"] = interleaved({"named again": lambda: process(named)}, repeats)["named again"]
+    print("\nResolve, cold: a process from start to end")
+    row("ours, other names known from before", each_ms(times["own"]))
+    row("ours, nothing known from before", each_ms(times["forgetful"]))
+    row("ours, by another name, known from before", each_ms(times["named again"]))
+    row("ours, by another name, nothing known from before", each_ms(times["named"]))
+    row("calibrary --version", each_ms(times["version"]))
+    row("git show HEAD:path", each_ms(times["git"]))
+    row("python -c pass", each_ms(times["python"]))
+    row("  ours takes, of calibrary --version", ratio(times["own"], times["version"])[0])
+
+
+def check(shelf: Shelf, entries: int) -> None:
+    """Everything that check says, of every entry."""
+    start = perf_counter()
+    done = check_all(shelf)
+    seconds = perf_counter() - start
+    assert done.report.is_good
+    assert done.report.entries == entries
+    print("\nCheck of everything: schema, digest, path, policy, uncertainty, one against another")
+    row("entries a second, one process", f"{entries / seconds:.0f} /s", entries / seconds, at_least=500.0)
+
+
+def each_ms(seconds: list[float]) -> str:
+    """The median."""
+    return f"{median(seconds) * 1e3:.0f} ms"
+
+
+def measure(sizes: Sizes) -> None:
+    """Make the registries and print everything."""
+    git = subprocess.run(["git", "version"], check=True, capture_output=True, text=True).stdout.split()[2]
+    print(
+        f"Python {platform.python_version()}, git {git}, {os.cpu_count()} cores, {platform.system()}", end=""
+    )
+    print(f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "")
+    again = []
+    for entries in sizes.entries:
+        with tempfile.TemporaryDirectory(prefix="calibrary-bench-") as name:
+            print(f"\n{entries} entries")
+            shelf = registry_of(Path(name, "registry"), entries)
+            again.append(warm(shelf, entries))
+            cold(shelf, entries, sizes.repeats)
+            if entries <= CHECKED_UP_TO:
+                check(shelf, entries)
+            assert shelf.keeper is not None
+            shelf.keeper.registry.store.close()
+    if len(again) > 1:
+        growth = again[-1] / again[0]
+        print(f"\nResolve, warm, from {sizes.entries[0]} to {sizes.entries[-1]} entries")
+        row("  the largest registry takes", f"{growth:.2f} ×", growth, at_most=FLAT)
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    parser = argparse.ArgumentParser(description="What finding and checking entries costs.")
+    parser.add_argument("--quick", action="store_true", help="a small run, to see that everything runs")
+    parser.add_argument("--large", action="store_true", help="100 000 entries too, which takes minutes")
+    parser.add_argument("--repeats", type=int, default=5, metavar="R", help="of what is compared")
+    arguments = parser.parse_args()
+    if arguments.repeats < 1:
+        parser.error("wanted at least one repetition")
+    sizes = Sizes(
+        entries=(1000, 10_000, 100_000) if arguments.large else (1000, 10_000), repeats=arguments.repeats
+    )
+    if arguments.quick:
+        print("A quick run, to see that everything runs: too small for the goals.")
+        sizes = Sizes(entries=(200,), repeats=1)
+    # Nobody's taste of git, and nobody's cache.
+    with tempfile.TemporaryDirectory() as home:
+        config = Path(home, ".gitconfig")
+        config.write_text("[user]\n\tname = Fleet Keeper\n\temail = keeper@example.com\n[gc]\n\tauto = 0\n")
+        os.environ |= {
+            "GIT_CONFIG_GLOBAL": str(config),
+            "GIT_CONFIG_NOSYSTEM": "1",
+            "HOME": home,
+            "XDG_CACHE_HOME": str(Path(home, "cache")),
+        }
+        measure(sizes)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""On which day an image was taken, for those who ask for it: no part of its metadata, which are of the camera.
+
+CIPA DC-008: DateTimeOriginal, DateTimeDigitized, and TIFF's DateTime, each "2024:05:17 09:30:00" by the camera's
+own clock.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from datetime import date
+from typing import Final
+
+from calibrary.errors import InputError
+from calibrary.evidence.metadata import TagFault
+from calibrary.parsers.imagery import heif, jpeg, png, tiff
+from calibrary.parsers.imagery.directory import Directory, Tiff
+from calibrary.parsers.imagery.exif import EXIF_POINTER
+from calibrary.parsers.imagery.source import Block, Source, open_source
+
+__all__ = ["taken_on"]
+
+ORIGINAL: Final = 0x9003
+DIGITIZED: Final = 0x9004
+MODIFIED: Final = 0x0132
+LONGEST: Final = 64
+_DAY = re.compile(rb"\s*(\d{4})[:\-](\d{2})[:\-](\d{2})")
+FIRST_YEAR: Final = 1990
+"""A camera whose clock was never set begins at 1970, 1980 or in the year 0."""
+
+
+def taken_on(path: str | os.PathLike[str]) -> date | None:
+    """The day by the camera's clock; None where the image does not say one, or none that can be.
+
+    Raises:
+        InputError: the file cannot be opened or read.
+    """
+    with open_source(path) as source, suppress(InputError):
+        block = _exif(source)
+        if block is None:
+            return None
+        structure = Tiff(block)
+        image = structure.directory(structure.first, {EXIF_POINTER, MODIFIED})
+        return next(_days(structure, image), None)
+    return None
+
+
+def _exif(source: Source) -> Block | None:
+    """What begins with a TIFF header: the block inside another file, or a TIFF itself."""
+    if source.head.startswith(jpeg.SIGNATURE):
+        return jpeg.read_jpeg(source).exif
+    if source.head.startswith(png.SIGNATURE):
+        return png.read_png(source).exif
+    if heif.is_heif(source.head):
+        return heif.read_heif(source).exif
+    return Block(source, 0, source.size) if source.head.startswith(tiff.SIGNATURES) else None
+
+
+def _days(structure: Tiff, image: Directory) -> Iterator[date]:
+    """The shutter's first, then the scanner's, then the editor's."""
+    pointer = image.entries.get(EXIF_POINTER)
+    offsets = structure.integers(pointer) if pointer is not None else ()
+    if len(offsets) == 1:
+        with suppress(InputError):
+            exif = structure.directory(offsets[0], {ORIGINAL, DIGITIZED})
+            yield from _said(structure, exif, (ORIGINAL, DIGITIZED))
+    yield from _said(structure, image, (MODIFIED,))
+
+
+def _said(structure: Tiff, directory: Directory, tags: tuple[int, ...]) -> Iterator[date]:
+    for tag in tags:
+        entry = directory.entries.get(tag)
+        data = structure.value("date", entry, LONGEST) if entry is not None else None
+        if data is None or isinstance(data, TagFault) or (found := _DAY.match(data)) is None:
+            continue
+        year, month, day = (int(number) for number in found.groups())
+        if year < FIRST_YEAR:
+            continue
+        with suppress(ValueError):
+            yield date(year, month, day)

@@ -1,0 +1,122 @@
+"""Points whose place in space is known, as a table: X Y Z u v image, a row for each sight of a point.
+
+Ground control, or the sparse cloud of a reconstruction. X, Y and Z are metres in any right-handed frame, u and v
+pixels. K does not depend on the unit of length, so that a cloud without a scale will do as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from calibrary.calib.observations import ControlPoints, Observations, View
+from calibrary.calibration import CameraKey, ImageSize
+from calibrary.conventions import Origin, canonical_from_file
+from calibrary.errors import ParseError
+from calibrary.parsers.files import read_regular_file
+
+__all__ = ["read_control_points"]
+
+COLUMNS: Final = ("x", "y", "z", "u", "v", "image")
+MAX_BYTES: Final = 64_000_000
+MOST_ROWS: Final = 500_000
+MM: Final = 1000.0
+DELIMITERS: Final = ",;\t"
+
+
+def read_control_points(
+    path: Path, image_size: ImageSize, camera: CameraKey, origin: Origin, focus: str | None = None
+) -> Observations:
+    """The sights of a table.
+
+    Args:
+        path: text of comma-, semicolon- or tab-separated columns, which its first line names in any order.
+        image_size: (width, height) px of every image.
+        camera: which camera took them.
+        origin: where u and v count from.
+        focus: how its lens was focused.
+
+    Raises:
+        InputError: it cannot be read.
+        ParseError: a column is missing, a value is no number, or an image shows a point twice.
+    """
+    rows = _rows(_text(path), path.name)
+    points: dict[tuple[float, float, float], int] = {}
+    views: dict[str, dict[int, tuple[float, float]]] = {}
+    for line, (place, seen, image) in rows:
+        at = points.setdefault(place, len(points))
+        view = views.setdefault(image, {})
+        if at in view:
+            raise ParseError(
+                f"shows the point {place} twice in {image}; wanted one row for each", source=path.name,
+                place=f"line {line}",
+            )  # fmt: skip
+        view[at] = seen
+    if not views:
+        raise ParseError("holds no rows below its first line", source=path.name)
+    shift = canonical_from_file((0.0, 0.0), origin, image_size)
+    return Observations(
+        board=ControlPoints(points=np.array(list(points)) * MM),
+        image_size=image_size,
+        views=tuple(
+            View(
+                name=name,
+                ids=np.array(list(seen), dtype=np.intp),
+                image_points=np.array(list(seen.values())) + shift,
+            )
+            for name, seen in views.items()
+        ),
+        camera=camera,
+        focus=focus,
+        firmware=camera.firmware,
+    )
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ParseError("is not UTF-8, wanted a table of text", source=path.name) from None
+
+
+_Sight = tuple[tuple[float, float, float], tuple[float, float], str]
+
+
+def _rows(text: str, source: str) -> Iterator[tuple[int, _Sight]]:
+    head = text.partition("\n")[0]
+    delimiter = max(DELIMITERS, key=head.count)
+    order = _order(head.split(delimiter), source)
+    for line, row in enumerate(text.splitlines()[1:], start=2):
+        if line > MOST_ROWS:
+            raise ParseError(f"holds more than {MOST_ROWS} rows; thin them out", source=source)
+        if row.strip():
+            yield line, _sight(row.split(delimiter), order, source, f"line {line}")
+
+
+def _order(names: Sequence[str], source: str) -> Mapping[str, int]:
+    found = {name.strip().lower(): at for at, name in enumerate(names)}
+    missing = [name for name in COLUMNS if name not in found]
+    if missing:
+        raise ParseError(
+            f"names no column {', '.join(missing)}; wanted X,Y,Z,u,v,image in the first line, metres and pixels below",
+            source=source,
+            place="line 1",
+        )
+    return found
+
+
+def _sight(cells: Sequence[str], order: Mapping[str, int], source: str, place: str) -> _Sight:
+    if len(cells) <= max(order[name] for name in COLUMNS):
+        raise ParseError(f"has {len(cells)} cells, wanted {len(order)}", source=source, place=place)
+    try:
+        x, y, z, u, v = (float(cells[order[name]]) for name in COLUMNS[:-1])
+    except ValueError as error:
+        raise ParseError(f"{error}", source=source, place=place) from None
+    image = cells[order["image"]].strip()
+    if not all(math.isfinite(value) for value in (x, y, z, u, v)) or not image:
+        raise ParseError("wanted five finite numbers and an image's name", source=source, place=place)
+    return (x, y, z), (u, v), image

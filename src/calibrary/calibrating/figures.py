@@ -1,0 +1,126 @@
+"""What only a calibration's page shows: the corners on a frame, and the bend of the board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.board import Board
+from calibrary.calib.detectors.refinement import reduced
+from calibrary.calib.frames import read_frame
+from calibrary.calib.model_choice import WarpTest
+from calibrary.calib.observations import View
+from calibrary.calib.result import ViewResult
+from calibrary.calibration import ImageSize
+from calibrary.pages import Figure
+from calibrary.pages.palette import Colour
+from calibrary.pages.plots.canvas import draw, frame_axes, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["bend", "corners_on_frame"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+PICTURE_SIDE: Final = 640
+"""px of the frame's copy; two of them keep a page far below two megabytes."""
+MARGIN: Final = 0.25
+"""Around the board, of its larger side: what is farther away only makes the corners smaller."""
+LEVELS: Final = 16
+"""Of gray in the copy: enough to see a board, and a third of the bytes."""
+DIM: Final = (70, 255)
+"""The copy's black is raised to this, so that marks stand out of the dark squares."""
+
+
+def corners_on_frame(path: Path, view: View, fit: ViewResult, board: Board, *, caption: str) -> Figure:
+    """The corners where they were found, over a small copy of that part of the frame.
+
+    Args:
+        path: of the frame.
+        view: its corners.
+        fit: which of them were set aside.
+        board: which board.
+        caption: what to look for.
+
+    Raises:
+        InputError: the frame is not there any more.
+    """
+    frame = read_frame(path)
+    left, top, right, bottom = _around(view.image_points, frame.size)
+    small, _ = reduced(frame.gray[top:bottom, left:right], PICTURE_SIDE)
+    low, high = DIM
+    gray = low + np.round(small / 255.0 * (LEVELS - 1)) / (LEVELS - 1) * (high - low)
+    out = np.isin(view.ids, [at for at, _ in fit.corners_out])
+    first = int(np.argmin(view.ids))
+    row = view.image_points[np.flatnonzero(view.ids < board.lattice[0])]
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        frame_axes(axes, frame.size)
+        extent = (float(left), float(right), float(bottom), float(top))
+        axes.imshow(gray, extent=extent, cmap="gray", vmin=0, vmax=255, interpolation="none")
+        axes.plot(*row.T, color=Colour.SECOND.light, linewidth=1.2)
+        for some, colour, mark in ((~out, Colour.ACCENT, "o"), (out, Colour.BAD, "X")):
+            axes.plot(
+                *view.image_points[some].T,
+                linestyle="none",
+                marker=mark,
+                markersize=5 if mark == "o" else 8,
+                markerfacecolor="none" if mark == "o" else colour.light,
+                markeredgecolor=colour.light,
+            )
+        axes.plot(
+            *view.image_points[first], marker="s", markersize=9, markerfacecolor="none",
+            markeredgecolor=Colour.SECOND.light, markeredgewidth=1.6,
+        )  # fmt: skip
+        axes.set_xlim(left, right)
+        axes.set_ylim(bottom, top)
+
+    alt = f"Frame {view.name} with {len(view.ids)} corners marked"
+    alt += f", {int(out.sum())} of them set aside." if out.any() else "."
+    drawn_height = round(430 * min(1.3, (bottom - top) / (right - left))) + 70
+    return Figure(svg=draw(paint, width=520, height=drawn_height), alt=alt, caption=caption)
+
+
+def _around(corners: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
+    """(left, top, right, bottom) px of the part of a frame that shows the board, and some of what is around it."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = MARGIN * float((high - low).max())
+    left, top = (max(0, int(at - margin)) for at in low.tolist())
+    right, bottom = (min(side, int(at + margin) + 1) for at, side in zip(high.tolist(), size, strict=True))
+    return left, top, right, bottom
+
+
+def bend(board: Board, test: WarpTest, *, caption: str) -> Figure:
+    """How far the board stands off its plane, along its middle row and column."""
+    across, down = (side / 2 for side in board.extent_mm)
+    share = np.linspace(-1.0, 1.0, 61)
+    w0, w1 = test.warp_mm
+    lines = (
+        ("across", across, w0 * (1 - share**2), Colour.ACCENT, "-"),
+        ("down", down, w1 * (1 - share**2), Colour.SECOND, "--"),
+    )
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        for name, half, lift, colour, style in lines:
+            axes.plot(share * half, lift, style, color=colour.light, linewidth=2.0)
+            axes.annotate(
+                name,
+                (share[45] * half, lift[45]),
+                xytext=(5, 5),
+                textcoords="offset points",
+                color=colour.light,
+            )
+        axes.axhline(0, color=Colour.MUTED.light, linewidth=0.8)
+        axes.grid()
+        axes.set_xlabel("from the middle of the board (mm)")
+        axes.set_ylabel("away from the camera (mm)")
+        axes.margins(y=0.15)
+
+    alt = f"Bend of the board along its middle row, {number(w0)} mm, and its middle column, {number(w1)} mm."
+    return Figure(svg=draw(paint, width=520, height=320), alt=alt, caption=caption)

@@ -1,0 +1,78 @@
+"""How the lens was focused, as far as EXIF says it: CIPA DC-008, SubjectDistance and SubjectDistanceRange.
+
+Whether a person locked it stands in no standard tag; two frames that differ here were focused anew in between.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from calibrary.errors import InputError
+from calibrary.evidence.metadata import TagFault
+from calibrary.parsers.imagery import Source, open_source
+from calibrary.parsers.imagery.directory import Directory, Tiff
+from calibrary.parsers.imagery.exif import EXIF_POINTER
+from calibrary.parsers.imagery.jpeg import SIGNATURE as JPEG
+from calibrary.parsers.imagery.jpeg import read_jpeg
+from calibrary.parsers.imagery.png import SIGNATURE as PNG
+from calibrary.parsers.imagery.png import read_png
+from calibrary.parsers.imagery.source import Block
+from calibrary.parsers.imagery.tiff import SIGNATURES as TIFF
+
+__all__ = ["focus_of"]
+
+DISTANCE: Final = 0x9206
+RANGE: Final = 0xA40C
+RATIONAL, SHORT = 5, 3
+INFINITY: Final = 0xFFFFFFFF
+"""As the numerator of a SubjectDistance."""
+RANGES: Final = {1: "macro", 2: "close", 3: "distant"}
+
+
+def focus_of(path: Path) -> str | None:
+    """The distance the lens was focused at, in words; None where the frame does not say it.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    with open_source(path) as source, suppress(InputError):
+        block = _exif(source)
+        if block is not None:
+            tiff = Tiff(block)
+            return _in_words(tiff, _exif_directory(tiff))
+    return None
+
+
+def _exif(source: Source) -> Block | None:
+    """What begins with a TIFF header: the block inside a JPEG or PNG, or a TIFF itself."""
+    if source.head.startswith(JPEG):
+        return read_jpeg(source).exif
+    if source.head.startswith(PNG):
+        return read_png(source).exif
+    return Block(source, 0, source.size) if source.head.startswith(TIFF) else None
+
+
+def _exif_directory(tiff: Tiff) -> Directory | None:
+    pointer = tiff.directory(tiff.first, {EXIF_POINTER}).entries.get(EXIF_POINTER)
+    offsets = tiff.integers(pointer) if pointer is not None else ()
+    return tiff.directory(offsets[0], {DISTANCE, RANGE}) if len(offsets) == 1 else None
+
+
+def _in_words(tiff: Tiff, exif: Directory | None) -> str | None:
+    distance = exif.entries.get(DISTANCE) if exif is not None else None
+    if distance is not None and distance.kind == RATIONAL and distance.count == 1:
+        data = tiff.value("EXIF SubjectDistance", distance, 8)
+        if not isinstance(data, TagFault):
+            above, below = struct.unpack(f"{tiff.byte_order}II", data)
+            if above == INFINITY:
+                return "infinity"
+            if above and below and math.isfinite(above / below):
+                return f"{above / below:.4g} m"
+    near = exif.entries.get(RANGE) if exif is not None else None
+    if near is not None and near.kind == SHORT and near.count == 1:
+        return RANGES.get(next(iter(tiff.integers(near)), 0))
+    return None

@@ -1,0 +1,362 @@
+"""``calibrary calibrate FRAMES``: a camera from frames of a board, with a verdict, a report and a registry entry."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.calibrate.flags import number
+from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from calibrary.calib.board import Board
+    from calibrary.calib.result import CalibrationResult
+    from calibrary.calibrating.outputs import Places
+    from calibrary.calibrating.sights import Sights
+    from calibrary.calibrating.solving import Wanted
+    from calibrary.calibration import CameraKey
+    from calibrary.cli.calibrate.solve_display import Display
+    from calibrary.keep.keeper import Keeper
+
+__all__ = ["DESCRIPTION", "EXAMPLES", "MODELS", "add_arguments", "run"]
+
+DESCRIPTION = """\
+Find a camera's K and distortion from frames of a calibration board, and say how far to trust them.
+
+FRAMES are files, folders and patterns; the frames of one camera at one focus. The verdict is PASS, PROVISIONAL or
+REFUSE, with every reason and what to do next. A provisional calibration becomes a draft at most, a refused
+one a report and nothing else.
+"""
+EXAMPLES = """\
+examples:
+  calibrary calibrate frames/ --board checkerboard:11x8 --square-mm 40 --report camera.html
+  calibrary calibrate 'frames/*.JPG' --square-mm 40 --out camera.xml --to agisoft_xml
+  calibrary calibrate frames/ --board charuco:8x5 --square-mm 30 --corners corners.json --registry ../fleet
+  calibrary calibrate --from corners.json --model rational --json
+  calibrary calibrate --points gcp.csv --image-size 5472x3648 --seed-k K_matrix_seed.npy --report camera.html
+
+exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or the registry's check objects; 3 unreadable input
+"""
+MODELS = ("auto", "k1k2", "k1k2k3", "k1k2p1p2", "brown", "rational", "fisheye")
+EXIT_NOT_PASSED = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of a calibration."""
+    parser.add_argument("frames", type=Path, nargs="*", metavar="FRAMES", help="files, folders or patterns")
+    board = parser.add_argument_group("the board")
+    board.add_argument(
+        "--board",
+        metavar="BOARD",
+        help="which one, in inner corners: checkerboard:11x8 (default: a checkerboard, its size found by trying)",
+    )
+    board.add_argument(
+        "--square-mm",
+        type=number(0.01, 10_000),
+        metavar="MM",
+        help="side of a square; K does not depend on it, poses and the board's bend do",
+    )
+    board.add_argument(
+        "--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker, diameter of a circle"
+    )
+    others = parser.add_argument_group("in place of frames")
+    others.add_argument(
+        "--from", dest="corners_in", type=Path, metavar="CORNERS", help="the corners.json of an earlier run"
+    )
+    others.add_argument(
+        "--points",
+        type=Path,
+        metavar="CSV",
+        help="points of known places, a table of X,Y,Z,u,v,image in metres and px; needs --image-size",
+    )
+    others.add_argument(
+        "--pixel-origin",
+        choices=("corner", "centre"),
+        default="corner",
+        help="where u and v count from in the first pixel: its outer corner, or its centre as OpenCV does "
+        "(default: corner)",
+    )
+    _add_output_flags(parser)
+    add_camera_flags(parser)
+    _add_solving_flags(parser)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON on standard output")
+    parser.set_defaults(run=run, parser=parser)
+
+
+def _add_solving_flags(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--camera-model", dest="model", metavar="NAME", help="the camera's Model, as EXIF writes it"
+    )
+    # The camera's --model of the other commands gives way: here the word means the lens.
+    parser.conflict_handler = "resolve"
+    solving = parser.add_argument_group("how to solve")
+    parser.conflict_handler = "error"
+    solving.add_argument(
+        "--model",
+        dest="lens_model",
+        choices=MODELS,
+        default="auto",
+        help="of the lens (default: auto, by the corners)",
+    )
+    solving.add_argument("--no-warp", action="store_true", help="take the board for flat without asking")
+    solving.add_argument(
+        "--seed-k", type=Path, metavar="FILE", help="a K to start from, such as the ingest gate's seed"
+    )
+    solving.add_argument("--focus", metavar="TEXT", help='how the lens was focused: "locked at infinity"')
+    solving.add_argument(
+        "--workers", type=_count, default=0, metavar="N", help="processes that look for the board"
+    )
+
+
+def _add_output_flags(parser: argparse.ArgumentParser) -> None:
+    outputs = parser.add_argument_group("what is written")
+    outputs.add_argument(
+        "--report", type=Path, metavar="FILE", help="a page with every number and plot, .html"
+    )
+    outputs.add_argument(
+        "--corners", type=Path, metavar="FILE", help="what was seen, to solve it again with --from, .json"
+    )
+    outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
+    outputs.add_argument("--to", metavar="FORMAT", help="its format (default: told by its name)")
+    outputs.add_argument(
+        "--correlations", action="store_true", help="also show which parameters trade places"
+    )
+    keeping = parser.add_argument_group("the registry")
+    keeping.add_argument(
+        "--registry", type=Path, metavar="PATH", help="put the calibration into this one, as a draft"
+    )
+    keeping.add_argument("--as", dest="as_key", metavar="KEY", help="for the camera of this entry")
+    keeping.add_argument("--approve", action="store_true", help="use it at once, if it passes")
+    keeping.add_argument("--reason", metavar="TEXT", help="why, for the history")
+    keeping.add_argument("--operator", metavar="NAME", help="who answers for it; git's user when left out")
+    keeping.add_argument(
+        "--override-held", action="store_true", help="take the place of an entry that a person pinned"
+    )
+    add_yes_flag(parser, "write into the registry without asking")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Find, solve, judge, tell, write."""
+    from calibrary.atomic import write_files
+    from calibrary.calib.result import result_json
+    from calibrary.calib.verdict import Outcome
+    from calibrary.calibrating.sights import read_seed
+    from calibrary.calibrating.solving import Wanted, solved
+    from calibrary.cli.calibrate.solve_display import Display
+
+    _check_usage(arguments)
+    places = _places(arguments)
+    places.check()
+    keeper, said = _registry(arguments)
+    with Display(quiet=arguments.json) as display:
+        sights = _sights(arguments, said, needs_key=keeper is not None, display=display)
+        size = sights.observations.image_size
+        wanted = Wanted(
+            model=arguments.lens_model,
+            warp=not arguments.no_warp,
+            guess=read_seed(arguments.seed_k, size) if arguments.seed_k is not None else None,
+            operator=arguments.operator,
+            corners_name=_corners_name(arguments),
+        )
+        result = solved(sights, wanted)
+    display.show(result, sights, correlations=arguments.correlations)
+    files = places.files(result, sights)
+    write_files(files.content)
+    display.tell(files)
+    passed = result.verdict.outcome is Outcome.PASS
+    kept = keeper is None or _keep(arguments, keeper, result, wanted, display)
+    if arguments.json:
+        sys.stdout.write(json.dumps(result_json(result), allow_nan=False) + "\n")
+    return 0 if passed and kept else EXIT_NOT_PASSED
+
+
+def _check_usage(arguments: argparse.Namespace) -> None:
+    """End as misused what no work would make sense of."""
+    parser = arguments.parser
+    given = [bool(arguments.frames), arguments.corners_in is not None, arguments.points is not None]
+    if sum(given) != 1:
+        parser.error("wanted frames, --from CORNERS or --points CSV, and one of them only")
+    if arguments.frames and arguments.square_mm is None:
+        parser.error("the side of a square is not known: say --square-mm MM")
+    if not arguments.frames and (arguments.board or arguments.square_mm or arguments.marker_mm):
+        parser.error(
+            "--board, --square-mm and --marker-mm are of frames; what --from and --points hold is known"
+        )
+    if arguments.points is not None and arguments.image_size is None:
+        parser.error("--points needs the size of the images: say --image-size WxH")
+    if arguments.to is not None and arguments.out is None:
+        parser.error("--to is the format of --out FILE, which is missing")
+    if _writes_registry(arguments):
+        if not arguments.yes and not can_ask():
+            parser.error("nobody can be asked here before the registry is written; say --yes")
+    elif arguments.approve or arguments.reason or arguments.override_held:
+        parser.error(
+            "--approve, --reason and --override-held are of a registry: say --registry PATH or --as KEY"
+        )
+
+
+def _writes_registry(arguments: argparse.Namespace) -> bool:
+    return arguments.registry is not None or arguments.as_key is not None
+
+
+def _places(arguments: argparse.Namespace) -> Places:
+    from calibrary.calibrating.outputs import Places
+
+    return Places(report=arguments.report, corners=arguments.corners, out=arguments.out, format=arguments.to)
+
+
+def _corners_name(arguments: argparse.Namespace) -> str | None:
+    kept = arguments.corners or arguments.corners_in
+    return kept.name if kept is not None else None
+
+
+def _registry(arguments: argparse.Namespace) -> tuple[Keeper | None, Callable[[CameraKey], CameraKey]]:
+    """The registry that is to be written, and what was said of the camera."""
+    from dataclasses import replace
+    from functools import partial
+
+    from calibrary.calibrating.entry import camera_named
+    from calibrary.cli.registry.place import opened
+
+    flags = partial(camera_of, arguments)
+    if not _writes_registry(arguments):
+        return None, flags
+    keeper = opened(arguments)
+    if arguments.as_key is None:
+        return keeper, flags
+    named = camera_named(keeper, arguments.as_key)
+
+    def said(known: CameraKey) -> CameraKey:
+        # The entry says which camera; with which firmware, and at which size, only the frames do.
+        return flags(replace(named, firmware=known.firmware, image_size=known.image_size))
+
+    return keeper, said
+
+
+def _sights(
+    arguments: argparse.Namespace,
+    said: Callable[[CameraKey], CameraKey],
+    *,
+    needs_key: bool,
+    display: Display,
+) -> Sights:
+    from calibrary.calibrating.entry import require_key
+
+    if arguments.frames:
+        return _searched(arguments, said, needs_key=needs_key, display=display)
+    sights = _read_points(arguments, said) if arguments.points is not None else _read_corners(arguments, said)
+    if needs_key:
+        require_key(sights.observations.camera)
+    return sights
+
+
+def _searched(
+    arguments: argparse.Namespace,
+    said: Callable[[CameraKey], CameraKey],
+    *,
+    needs_key: bool,
+    display: Display,
+) -> Sights:
+    from calibrary.calibrating.entry import require_key
+    from calibrary.calibrating.frames import find_frames, told_by
+    from calibrary.calibrating.sights import search
+    from calibrary.calibration import CameraKey
+    from calibrary.errors import InputError
+
+    frames = find_frames([str(path) for path in arguments.frames])
+    board = _board(arguments)
+    told = told_by(frames, said, arguments.focus)
+    if needs_key:
+        require_key(told.setting.camera if told.setting is not None else said(CameraKey()))
+    if told.setting is not None and arguments.image_size not in {None, told.setting.image_size}:
+        raise InputError(
+            "the frames are {}×{} px and no other size; leave --image-size out".format(
+                *told.setting.image_size
+            )
+        )
+    display.found(len(frames))
+    return search(frames, told, board, workers=arguments.workers, progress=display.advance)
+
+
+def _board(arguments: argparse.Namespace) -> Board | float:
+    from calibrary.calib.board import parse_board
+
+    if arguments.board is None:
+        return float(arguments.square_mm)
+    return parse_board(arguments.board, arguments.square_mm, arguments.marker_mm)
+
+
+def _read_points(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Sights:
+    from calibrary.calibrating.control_points import read_control_points
+    from calibrary.calibrating.sights import Sights
+    from calibrary.calibration import CameraKey
+    from calibrary.conventions import Origin
+
+    origin = Origin.PIXEL_CENTRE if arguments.pixel_origin == "centre" else Origin.CORNER
+    camera = said(CameraKey(image_size=arguments.image_size))
+    observations = read_control_points(
+        arguments.points, arguments.image_size, camera, origin, arguments.focus
+    )
+    return Sights(observations=observations)
+
+
+def _read_corners(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Sights:
+    from calibrary.calibrating.sights import saved_sights
+    from calibrary.errors import InputError
+
+    sights = saved_sights(arguments.corners_in, said, arguments.focus)
+    size = sights.observations.image_size
+    if arguments.image_size not in {None, size}:
+        raise InputError(
+            "its corners are of {}×{} px; leave --image-size out".format(*size),
+            source=arguments.corners_in.name,
+        )
+    return sights
+
+
+def _keep(
+    arguments: argparse.Namespace, keeper: Keeper, result: CalibrationResult, wanted: Wanted, display: Display
+) -> bool:
+    """Write the entry, if the verdict, the check and the person allow it; whether nothing stands against it."""
+    from calibrary.calib.verdict import Outcome
+    from calibrary.calibrating.entry import entry_of, proposed
+    from calibrary.keep.adding import Wish, write_proposals
+    from calibrary.keep.admission import stands_against
+
+    outcome = result.verdict.outcome
+    if outcome is Outcome.REFUSE:
+        display.say("a refused calibration becomes no entry; nothing was written into the registry")
+        return False
+    approve = arguments.approve and outcome is Outcome.PASS
+    if arguments.approve and not approve:
+        display.say("only a calibration that passes is approved; this one becomes a draft at most")
+    wish = Wish(
+        reason=arguments.reason,
+        operator=arguments.operator,
+        approve=approve,
+        override_held=arguments.override_held,
+    )
+    proposal, findings = proposed(keeper, entry_of(result, wanted), wish)
+    display.show_entry(proposal, findings)
+    if stands_against(findings):
+        display.say("the check objects, so nothing was written into the registry")
+        return False
+    if not proposal.changes:
+        return True
+    if not agreed(arguments, f"Write {proposal.entry.id}?"):
+        display.say("nothing was written into the registry")
+        return True
+    display.written(write_proposals(keeper, [proposal], wish), proposal)
+    return True
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or len(text) > 4 or int(text) > 256:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 0 … 256")
+    return int(text)

@@ -1,0 +1,243 @@
+"""What a person sees of a calibration: a progress bar, the verdict with its reasons, K with its spread, the views."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+from rich.console import Console
+from rich.padding import Padding
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.verdict import Outcome, Severity
+from calibrary.calibrating.outputs import Files
+from calibrary.calibrating.sights import Sights
+from calibrary.calibration import Calibration, Quality
+from calibrary.cli.console import make_console, plain
+from calibrary.cli.registry.changes import EntryChange, show_changes, show_findings, tell_written
+from calibrary.keep.adding import Proposal
+from calibrary.registry.check import CheckFinding
+from calibrary.registry.entry import Status
+from calibrary.registry.writing import Written
+
+__all__ = ["Display"]
+
+STYLES: Final = {
+    Outcome.PASS: "bold green",
+    Outcome.PROVISIONAL: "bold yellow",
+    Outcome.REFUSE: "bold red",
+    Severity.NOTE: "dim",
+    Severity.PROVISIONAL: "yellow",
+    Severity.REFUSE: "red",
+}
+MOST_VIEWS: Final = 40
+"""Of those that count; the ones that do not are all listed."""
+
+
+class Display:
+    """The terminal's side of one calibration; with ``quiet`` only what is urgent is said."""
+
+    def __init__(self, *, quiet: bool, console: Console | None = None) -> None:
+        self._quiet = quiet
+        self._console = console or make_console(stderr=True)
+        self._progress = Progress(
+            TextColumn("looking for the board"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=self._console,
+            transient=True,
+            disable=not self._console.is_terminal,
+        )
+        self._task = self._progress.add_task("looking", total=None, visible=False)
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def found(self, count: int) -> None:
+        """The number of frames is known."""
+        self._progress.update(self._task, total=count, visible=True)
+
+    def advance(self, count: int) -> None:
+        """So many more frames are done."""
+        self._progress.advance(self._task, count)
+
+    def say(self, text: str) -> None:
+        """One line that matters also to who reads the JSON."""
+        self._print(plain(text))
+
+    def show(self, result: CalibrationResult, sights: Sights, *, correlations: bool) -> None:
+        """Tell the whole result, refused or not."""
+        if self._quiet:
+            return
+        self._verdict(result, sights)
+        # Of a refused calibration there is no K; its report keeps the numbers for who wants to know why.
+        if result.verdict.outcome is not Outcome.REFUSE:
+            self._indented(_parameters(result.calibration))
+            if correlations and result.calibration.quality is not None:
+                self._indented(_correlations(result.calibration.quality))
+            self._print("")
+        for name, text in _facts(result):
+            self._print(f"  [dim]{name:<12}[/] {plain(text)}")
+        self._print("")
+        self._indented(_views(result, sights))
+
+    def tell(self, files: Files) -> None:
+        """What was written, and what was not."""
+        for path in files.held_back:
+            self.say(f"not written, since the calibration is refused: {path}")
+        if self._quiet:
+            return
+        for path in files.content:
+            self.say(f"wrote {path}")
+        if files.losses:
+            self.say(f"the format has no place for: {', '.join(files.losses)}")
+
+    def show_entry(self, proposal: Proposal, findings: Sequence[CheckFinding]) -> None:
+        """The entry beside what stands at its place; of a new one everything was told already."""
+        if proposal.base is None:
+            self.say(f"{proposal.entry.id}  new")
+            for remark in proposal.remarks:
+                self.say(f"  note: {remark}")
+        elif not self._quiet:
+            change = EntryChange(
+                entry=proposal.entry,
+                standing=proposal.standing,
+                is_new=proposal.base is None,
+                changes=proposal.changes,
+                remarks=proposal.remarks,
+            )
+            show_changes(self._console, [change])
+        show_findings(self._console, findings)
+
+    def written(self, written: Written, proposal: Proposal) -> None:
+        """What was committed."""
+        status = proposal.entry.status
+        tell_written(self._console, written, "approved" if status is Status.APPROVED else "wrote", 1)
+        if status is Status.DRAFT:
+            self.say(f"a draft is not used yet; next: calibrary registry approve {proposal.entry.id}")
+
+    def _verdict(self, result: CalibrationResult, sights: Sights) -> None:
+        outcome, quality = result.verdict.outcome, result.calibration.quality or Quality()
+        board = sights.observations.board
+        self._print(
+            f"[{STYLES[outcome]}]{outcome.value.upper()}[/]  {plain(str(result.calibration.camera))}: "
+            f"{quality.views} of {len(result.views) + len(sights.rejected)} views of {plain(str(board))}, rms "
+            f"{quality.rms_px:.3f} px"
+        )
+        for reason in result.verdict.reasons:
+            self._print(f"  [{STYLES[reason.severity]}]{reason.code}[/]: {plain(reason.message)}")
+        for note in sights.notes:
+            self._print(f"  [dim]note[/]: {plain(note)}")
+        self._print("")
+
+    def _indented(self, table: Table) -> None:
+        self._console.print(Padding(table, (0, 0, 0, 2), expand=False))
+
+    def _print(self, text: str) -> None:
+        self._console.print(text, highlight=False, soft_wrap=True)
+
+
+def _parameters(calibration: Calibration) -> Table:
+    """Every parameter with its spread: as the residuals give it, and as the halves let it be believed."""
+    quality = calibration.quality or Quality()
+    wider = math.sqrt(quality.inflation)
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("")
+    for title in ("value", "σ", "σ × κ"):
+        table.add_column(title, justify="right")
+    K = calibration.intrinsics
+    lens = calibration.distortion.coefficients if calibration.distortion is not None else {}
+    values = {"fx": K.fx, "fy": K.fy, "cx": K.cx, "cy": K.cy} | lens
+    for name, value in values.items():
+        std = quality.std.get(name)
+        if std is None and not value:
+            continue
+        digits = 6 if std is None or std <= 0 else min(9, max(2, 2 - math.floor(math.log10(std))))
+        spread = ("–", "–") if std is None else (f"{std:#.2g}", f"{std * wider:#.2g}")
+        table.add_row(name, f"{value:.{digits}f}", *spread)
+    return table
+
+
+def _correlations(quality: Quality) -> Table:
+    table = Table(
+        box=None, padding=(0, 1, 0, 0), title="correlations", title_justify="left", title_style="dim"
+    )
+    if quality.covariance is None:
+        return table
+    names, C = quality.covariance.names, quality.covariance.matrix
+    sigma = np.sqrt(np.diag(C))
+    table.add_column("")
+    for name in names[:-1]:
+        table.add_column(name, justify="right")
+    for row, name in enumerate(names):
+        shares = (f"{C[row, at] / (sigma[row] * sigma[at]):+.2f}" for at in range(row))
+        table.add_row(name, *shares)
+    return table
+
+
+def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
+    """What the verdict was judged by, a line each."""
+    evidence, seen, quality = result.evidence, result.evidence.geometry, result.calibration.quality
+    if result.candidates:
+        least = min(one.bic for one in result.candidates)
+        tried = ", ".join(
+            f"{one.model.value} {one.bic - least:+.1f}" + (f" ({one.refused})" if one.refused else "")
+            for one in result.candidates
+        )
+        yield "model", f"{result.model.value}; BIC against the best: {tried}"
+    if quality is not None and quality.kappa2 is not None:
+        yield "κ²", f"{quality.kappa2:.2f}, halves of the views against each other; up to 2 is good"
+    if result.warp is not None:
+        w0, w1 = result.warp.warp_mm
+        found = "solved for" if evidence.is_warped else "not taken"
+        yield "board's bend", f"{w0:+.3f} mm across, {w1:+.3f} mm down (F = {result.warp.f:.1f}), {found}"
+    yield (
+        "tilt",
+        f"normals spread {seen.tilt_spread_deg:.0f}°, farthest ÷ nearest corner {seen.depth_ratio:.2f}",
+    )
+    yield (
+        "coverage",
+        f"{seen.coverage.fraction:.0%} of the cells, {seen.coverage.reach:.0%} of the way to the corners",
+    )
+    if evidence.edge_px is not None:
+        yield "uncertainty", f"at most {evidence.edge_px:.2g} px anywhere in the frame"
+
+
+def _views(result: CalibrationResult, sights: Sights) -> Table:
+    """One row a frame, whether it counts or not and why."""
+    remarks = {remark.name: remark.remark.text for remark in sights.remarks}
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("view")
+    table.add_column("rms px", justify="right")
+    table.add_column("", overflow="fold")
+    shown = 0
+    for view in result.views:
+        if view.without is None:
+            shown += 1
+            if shown > MOST_VIEWS:
+                continue
+            out = f"{len(view.corners_out)} corners set aside" if view.corners_out else ""
+            said = "; ".join(text for text in (out, remarks.get(view.name, "")) if text)
+            table.add_row(plain(view.name), f"{view.rms_px:.3f}", plain(said))
+        else:
+            rms = f"{view.rms_px:.3f}" if view.rms_px is not None else "–"
+            table.add_row(
+                plain(view.name), rms, f"[yellow]{view.without.why.value}[/]: {plain(view.without.message)}"
+            )
+    if shown > MOST_VIEWS:
+        table.add_row(f"and {shown - MOST_VIEWS} more", "", "")
+    for one in sights.rejected:
+        table.add_row(plain(one.name), "–", f"[red]{one.remark.reason.value}[/]: {plain(one.remark.text)}")
+    return table

@@ -1,0 +1,75 @@
+"""``calibrary registry serve``: the registry's pages in this machine's browser."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from calibrary.cli.registry.place import add_registry_flag
+from calibrary.cli.registry.site import worker_count
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary registry serve                     prints the address to open; Ctrl-C ends it
+  calibrary registry serve --port 8710
+
+Only this machine can reach it. When the registry changes the pages are made anew; reload to see them.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "serve",
+        help="show the registry in a browser on this machine",
+        description="Show the registry in a browser on this machine, and on no other.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--port", type=_port, default=0, metavar="N", help="default: any that is free")
+    add_registry_flag(parser)
+    parser.add_argument(
+        "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
+    )
+    parser.set_defaults(run=_run)
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or not 0 <= int(text) <= 65_535:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a port, 1 … 65535, or 0 for any that is free")
+    return int(text)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from rich.progress import Progress
+
+    from calibrary.cli.console import make_console, plain
+    from calibrary.keep.place import require_registry
+    from calibrary.site.server import Server
+
+    console = make_console(stderr=True)
+    registry = require_registry(arguments.registry)
+
+    def told(text: str) -> None:
+        console.print(plain(text), highlight=False, soft_wrap=True)
+
+    try:
+        with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+            task = bar.add_task("making pages", total=None)
+
+            def progress(done: int, total: int) -> None:
+                bar.update(task, completed=done, total=total)
+
+            server = Server(
+                registry, port=arguments.port, workers=arguments.workers, progress=progress, told=told
+            )
+        with server:
+            sys.stdout.write(f"{server.url}\n")
+            sys.stdout.flush()
+            told("Ctrl-C ends it")
+            server.run()
+    except KeyboardInterrupt:
+        told("ended")
+    return 0

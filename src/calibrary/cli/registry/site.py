@@ -1,0 +1,78 @@
+"""``calibrary registry site``: the registry as web pages in a folder."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from calibrary.cli.registry.place import add_registry_flag
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary registry site public/               open public/index.html; no server is needed
+  calibrary registry site --registry fleet/ /srv/www/cameras
+
+OUT is replaced as a whole, and only where it is new, empty, or an earlier site. The same commit gives the same
+bytes.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "site",
+        help="write the registry as web pages",
+        description="Write the registry as web pages: a list to search and filter, a page for each camera with its "
+        "history and downloads, and every change compared. They need no server and fetch nothing.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("out", type=Path, metavar="OUT", help="the folder")
+    add_registry_flag(parser)
+    parser.add_argument(
+        "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
+    )
+    parser.set_defaults(run=_run)
+
+
+def worker_count(text: str) -> int:
+    """A number of processes.
+
+    Raises:
+        ArgumentTypeError: it is none.
+    """
+    if not text.isdecimal() or not 1 <= int(text) <= 256:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 1 … 256")
+    return int(text)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from rich.progress import Progress
+
+    from calibrary.cli.console import make_console, plain
+    from calibrary.keep.place import require_registry
+    from calibrary.site.building import build
+    from calibrary.site.place import check_out
+
+    registry, out = require_registry(arguments.registry), arguments.out
+    check_out(out)
+    console = make_console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("making pages", total=None)
+
+        def progress(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        site = build(registry, out, workers=arguments.workers, progress=progress)
+    pages = sum(name.endswith(".html") for card in site.cards for name in card.files) + 1
+    console.print(
+        f"{len(site.cards)} entries in {pages} pages; open {plain(str(out / 'index.html'))}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    broken = [card for card in site.cards if card.page is None]
+    for card in broken:
+        console.print(f"[red]not shown[/] {plain(card.problem or card.id)}", highlight=False, soft_wrap=True)
+    return 1 if broken else 0

@@ -1,0 +1,60 @@
+"""Where each page and file of a site lies, and the relative ways between them."""
+
+from __future__ import annotations
+
+import hashlib
+import posixpath
+import re
+from dataclasses import dataclass
+from urllib.parse import quote
+
+from calibrary.registry.entry import ROOT, SUFFIX
+
+__all__ = ["INDEX", "Place", "way"]
+
+INDEX = "index.html"
+
+_SAFE = re.compile(r"[a-z0-9_][a-z0-9._~+-]*(?:/[a-z0-9_][a-z0-9._~+-]*){2,6}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where an entry's page and all that belongs to it lie below the site's root.
+
+    Attributes:
+        stem: of its addresses.
+    """
+
+    stem: str
+
+    @classmethod
+    def of(cls, path: str, *, proper: bool) -> Place:
+        """The place of the entry at a path.
+
+        Args:
+            path: in the registry.
+            proper: whether it is where its camera belongs; any other path may be what somebody wished to
+                write outside the site, or over another's page, and gets a number instead.
+        """
+        stem = path.removeprefix(ROOT).removesuffix(SUFFIX)
+        if proper and _SAFE.fullmatch(stem) and ".." not in stem:
+            return cls(stem=stem)
+        return cls(stem=f"elsewhere/{hashlib.sha256(path.encode('utf-8', 'surrogatepass')).hexdigest()[:16]}")
+
+    @property
+    def page(self) -> str:
+        """Of its page."""
+        return f"cameras/{self.stem}.html"
+
+    def step(self, name: str) -> str:
+        """Of the page of one change."""
+        return f"changes/{self.stem}/{name}.html"
+
+    def file(self, name: str) -> str:
+        """Of a file to download."""
+        return f"files/{self.stem}/{name}"
+
+
+def way(start: str, end: str) -> str:
+    """The relative address of one page or file as another links to it."""
+    return quote(posixpath.relpath(end, posixpath.dirname(start)), safe="/+~")

@@ -1,0 +1,309 @@
+"""``registry audit``: what flew, held against the registry."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibrary.cli.main import main
+from calibrary.registry.entry import Status
+from tests.cli.registry.fleets import P4R, add, commit_of, held, printed, run, xml
+from tests.extract.fleet import DEWARP, picture
+from tests.registry.stores import git
+
+FLEW = "2026:03:05 09:30:00"
+PHANTOM: dict[str, Any] = {
+    "make": "DJI",
+    "model": "FC6310R",
+    "focal_mm": (88, 10),
+    "software": "v01.09.1691",
+    "date_time": FLEW,
+}
+UNIT = "f41c07aa9e"
+STATUS = 'status: "approved"\n'
+
+
+def phantom(path: Path, size: tuple[int, int] = (5472, 3648), **tags: Any) -> Path:
+    """A frame of a Phantom 4 RTK whose own calibration is 3660.5 px."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return picture(path, size, **{"dewarp": DEWARP, **PHANTOM, **tags})
+
+
+def approved(fleet: Path, calibration: Path, *flags: str) -> None:
+    """The entry of the Phantom, in use."""
+    add(calibration, "--approve", *flags)
+    assert held(fleet).entry.is_usable
+
+
+def audited(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Any:
+    """The audit's document."""
+    return printed(capsys, "registry-audit-1", "audit", *arguments)
+
+
+def rules(document: Any, level: str | None = None) -> list[str]:
+    return [one["rule"] for one in document["findings"] if level in {None, one["level"]}]
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Path:
+    phantom(tmp_path / "flight" / "a.jpg")
+    return tmp_path / "flight"
+
+
+def test_a_fleet_in_order_ends_with_0(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    document = audited(capsys, flight)
+    assert (document["verdict"], rules(document)) == ("clean", [])
+    assert document["cameras"][0]["entry"] == P4R
+    assert run(capsys, "audit", flight)[0] == 0
+
+
+@pytest.mark.usefixtures("fleet")
+def test_a_camera_without_an_entry_is_told_with_the_next_step(
+    flight: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    [finding] = audited(capsys, flight)["findings"]
+    assert (finding["rule"], finding["level"]) == ("no entry", "error")
+    assert finding["action"] == f"calibrary onboard {flight}"
+    code, out, _ = run(capsys, "audit", flight)
+    assert (code, "no entry" in out) == (1, True)
+
+
+def test_a_draft_that_flies_is_no_entry_to_use(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"))
+    assert held(fleet).entry.status is Status.DRAFT
+    [finding] = audited(capsys, flight)["findings"]
+    assert (finding["rule"], finding["entry"]) == ("draft in use", P4R)
+
+
+def test_a_retired_entry_that_flies_is_told_with_its_reason(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    run(capsys, "retire", P4R, "--reason", "lens was replaced")
+    [finding] = audited(capsys, flight)["findings"]
+    assert finding["rule"] == "retired in use"
+    assert "lens was replaced" in finding["message"]
+
+
+def restate(fleet: Path, old: str, new: str) -> None:
+    """The entry with a line of its file changed, by hand and by git."""
+    path = fleet / "cameras" / f"{P4R}.yaml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    git(fleet, "commit", "-qam", "by hand")
+
+
+def test_a_validity_that_is_over_is_told_of_what_flies_and_of_what_does_not(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    restate(fleet, STATUS, f'{STATUS}validity: {{from: "2024-01-01", until: "2025-01-01"}}\n')
+    assert rules(audited(capsys, flight)) == ["expired in use"]
+    phantom(tmp_path / "else" / "b.jpg", model="FC330", dewarp=None)
+    assert "validity over" in rules(audited(capsys, tmp_path / "else"), "warning")
+
+
+def test_another_firmware_than_the_calibrations_is_told(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"), "--firmware", "v01.08.0000")
+    [finding] = audited(capsys, flight)["findings"]
+    assert (finding["rule"], finding["level"]) == ("firmware changed", "warning")
+    assert "v01.08.0000" in finding["message"]
+    assert "v01.09.1691" in finding["message"]
+
+
+def test_the_same_firmware_written_otherwise_is_no_change(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"), "--firmware", "1.9.1691")
+    assert audited(capsys, flight)["findings"] == []
+
+
+def test_an_editors_name_is_no_firmware(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"), "--firmware", "v01.09.1691")
+    phantom(tmp_path / "flight" / "a.jpg", software="Gallery 4.1")
+    assert "firmware changed" not in rules(audited(capsys, tmp_path / "flight"))
+
+
+def test_a_firmware_that_the_entry_is_stated_to_be_of_is_no_change(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], fleet: Path
+) -> None:
+    add(xml(tmp_path / "a.xml"), "--firmware", "01.08", "--firmware-range", "01.08..01.10", "--approve")
+    assert audited(capsys, flight)["findings"] == []
+    assert commit_of(fleet)
+
+
+def test_a_16_9_mode_is_told_as_a_part_of_the_frame(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    phantom(tmp_path / "wide" / "a.jpg", (5472, 3078))
+    [finding] = audited(capsys, tmp_path / "wide")["findings"]
+    assert finding["rule"] == "image size changed"
+    assert "a part of the frame" in finding["message"]
+
+
+def test_a_k_beyond_the_entrys_tolerance_is_a_drift(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml", 3800.0))
+    [finding] = audited(capsys, flight)["findings"]
+    assert (finding["rule"], finding["level"]) == ("K drifted", "error")
+    assert "3.0%" in finding["message"]
+    restate(fleet, STATUS, f"{STATUS}tolerance: 0.05\n")
+    assert rules(audited(capsys, flight)) == []
+
+
+def test_a_wrong_tag_is_a_note_where_another_source_confirms_the_entry(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    phantom(tmp_path / "flight" / "a.jpg", focal_35mm=35)
+    [finding] = audited(capsys, tmp_path / "flight")["findings"]
+    assert (finding["rule"], finding["level"]) == ("tags disagree", "note")
+    assert "DewarpData confirms the entry" in finding["message"]
+
+
+def test_a_focal_length_of_another_lens_speaks_against_the_entry_and_is_heard(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    phantom(tmp_path / "flight" / "a.jpg", focal_mm=(72, 10), dewarp=None)
+    [finding] = audited(capsys, tmp_path / "flight")["findings"]
+    assert (finding["rule"], finding["level"]) == ("K drifted", "error")
+
+
+def test_units_that_measure_otherwise_want_entries_of_their_own(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    phantom(tmp_path / "flight" / "a.jpg", body_serial=UNIT)
+    other = "2019-03-05;3640.5,3635.25,9.5,2.75,-0.268,0.112,0.0008,-0.0001,-0.034"
+    phantom(tmp_path / "flight" / "b.jpg", body_serial="0c1d2e3f4a", dewarp=other)
+    document = audited(capsys, tmp_path / "flight")
+    assert rules(document) == ["units differ"]
+    assert "centre" in document["findings"][0]["message"]
+
+
+def test_units_that_measure_alike_are_one_camera(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    phantom(tmp_path / "flight" / "a.jpg", body_serial=UNIT)
+    phantom(tmp_path / "flight" / "b.jpg", body_serial="0c1d2e3f4a")
+    assert rules(audited(capsys, tmp_path / "flight")) == []
+
+
+def test_an_old_calibration_is_told_of_what_flies(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    today = held(fleet).entry.calibration.provenance.date
+    assert today is not None
+    restate(fleet, f"{today}", f"{date.fromisoformat(today).year - 1}-01-01")
+    assert rules(audited(capsys, flight)) == []
+    assert rules(audited(capsys, flight, "--stale-after", "6"), "warning") == ["calibrated long ago"]
+
+
+def test_an_entry_that_did_not_fly_is_a_note(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    add(
+        xml(tmp_path / "b.xml", 2900.0, (4000, 3000)),
+        "--approve",
+        camera=("--make", "Example", "--model", "One"),
+    )
+    phantom(tmp_path / "flight" / "a.jpg")
+    document = audited(capsys, tmp_path / "flight")
+    assert (document["verdict"], rules(document)) == ("clean", ["not flown"])
+
+
+def test_older_images_are_left_out_and_undated_ones_are_not(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    phantom(flight / "old" / "b.jpg", (4000, 2000), date_time="2025:01:01 00:00:00")
+    phantom(flight / "c.jpg", date_time=None)
+    document = audited(capsys, flight, "--since", "2026-01-01")
+    assert (document["images"], document["images_before"], document["images_undated"]) == (2, 1, 1)
+    assert rules(document) == []
+    assert document["cameras"][0]["last"] == "2026-03-05"
+
+
+def test_folders_within_one_another_count_once(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    phantom(tmp_path / "second" / "b.jpg")
+    document = audited(capsys, flight, tmp_path / "second", flight.parent / "flight")
+    assert (document["images"], document["cameras"][0]["images"]) == (2, 2)
+
+
+def test_nothing_private_is_repeated_and_nothing_is_written(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from calibrary.demo import write_flight  # noqa: PLC0415  slow to import, and only this test's
+
+    private = {text for image in write_flight(tmp_path / "flight") for text in image.private}
+    before = commit_of(fleet), git(fleet, "status", "--porcelain")
+    page = tmp_path / "audit.html"
+    code, out, err = run(capsys, "audit", tmp_path / "flight", "--html", page)
+    _, document, _ = run(capsys, "audit", tmp_path / "flight", "--json")
+    assert code == 1
+    told = out + err + document + page.read_text()
+    assert not [text for text in private if text in told]
+    assert before == (commit_of(fleet), git(fleet, "status", "--porcelain"))
+
+
+@pytest.mark.usefixtures("fleet")
+def test_the_page_shows_what_to_do_and_how_far_images_lie(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml", 3800.0))
+    run(capsys, "audit", flight, "--html", tmp_path / "a.html")
+    page = (tmp_path / "a.html").read_text()
+    assert "What to do" in page
+    assert "K drifted" in page
+    assert "<svg" in page
+
+
+@pytest.mark.usefixtures("fleet")
+def test_a_folder_without_images_and_a_missing_registry_have_their_codes(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    assert run(capsys, "audit", tmp_path / "empty")[0] == 3
+    assert run(capsys, "audit", tmp_path / "missing")[0] == 3
+    assert run(capsys, "audit", flight, "--registry", tmp_path / "nowhere")[0] == 4
+    for flags in (["--since", "spring"], ["--stale-after", "0"]):
+        with pytest.raises(SystemExit) as ended:
+            main(["registry", "audit", str(flight), *flags])
+        assert ended.value.code == 2
+    capsys.readouterr()
+
+
+def test_an_entry_that_cannot_be_read_is_told_and_stops_nothing(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    broken = fleet / "cameras" / "example" / "one" / "4000x3000.yaml"
+    broken.parent.mkdir(parents=True)
+    broken.write_text("schema: [")
+    git(fleet, "add", ".")
+    git(fleet, "commit", "-qm", "broken")
+    document = audited(capsys, flight)
+    assert rules(document) == ["entry unreadable"]
+    assert document["cameras"][0]["use"] == "used"

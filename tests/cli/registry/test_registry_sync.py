@@ -1,0 +1,209 @@
+"""``registry pull`` and ``registry push``: two keepers, one bare remote, and entries that both have changed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calibrary.errors import RegistryError
+from calibrary.keep import exchanging
+from calibrary.keep.keeper import Keeper
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.remotes import Pulled, pull
+from calibrary.registry.store import Store
+from calibrary.schemas import require
+from tests.cli.registry.fleets import P4R, commit_of, held, printed, run
+from tests.cli.registry.shelves import put, put_bytes
+from tests.registry.entries import an_entry
+from tests.registry.stores import git
+
+MINE = an_entry(focal_mm=None)
+OTHER = an_entry(focal_mm=None, model="FC330")
+
+
+@pytest.fixture
+def twin(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """A second clone of a bare remote that the first one was pushed to, both with two entries."""
+    put(fleet, MINE, OTHER)
+    git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "remote.git")
+    code, _, told = run(capsys, "push", tmp_path / "remote.git")
+    assert code == 0
+    assert "origin is" in told
+    assert run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git", "--yes")[0] == 0
+    return tmp_path / "twin"
+
+
+def changed(fx: float, entry: Entry = MINE) -> Entry:
+    """The entry with another focal length."""
+    calibration = entry.calibration
+    K = replace(calibration.intrinsics, fx=fx)
+    return replace(entry, calibration=replace(calibration, intrinsics=K))
+
+
+def fx_of(place: Path, key: str = P4R) -> float:
+    return held(place, key).entry.calibration.intrinsics.fx
+
+
+def test_what_one_pushes_the_other_pulls(fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(fleet, changed(3600.0))
+    pushed = printed(capsys, "registry-sync-1", "push")
+    assert pushed["commit"] == commit_of(fleet)
+    pulled = printed(capsys, "registry-sync-1", "pull", "--registry", twin)
+    assert (pulled["commit"], pulled["replayed"]) == (commit_of(fleet), 0)
+    assert fx_of(twin) == 3600.0
+    assert git(twin, "status", "--porcelain") == ""
+    _, _, told = run(capsys, "pull", "--registry", twin)
+    assert told == "origin has nothing new\n"
+
+
+def test_changes_of_different_entries_come_together(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, changed(3600.0))
+    run(capsys, "push")
+    put(twin, changed(2300.0, OTHER), subject="Ours of the other")
+    code, _, told = run(capsys, "push", "--registry", twin)
+    assert (code, "pull first" in told) == (4, True)
+    pulled = printed(capsys, "registry-sync-1", "pull", "--registry", twin)
+    assert pulled["replayed"] == 1
+    assert run(capsys, "push", "--registry", twin)[0] == 0
+    assert (fx_of(twin), fx_of(twin, "dji/fc330")) == (3600.0, 2300.0)
+    assert git(twin, "log", "-1", "--format=%s") == "Ours of the other"
+    run(capsys, "pull")
+    assert commit_of(fleet) == commit_of(twin)
+
+
+class TestBothChangedAnEntry:
+    @pytest.fixture(autouse=True)
+    def _both(self, fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        put(fleet, changed(3600.0))
+        run(capsys, "push")
+        put(twin, changed(3500.0), subject="Ours")
+        put(twin, changed(2300.0, OTHER), subject="Ours of the other")
+
+    def test_nothing_is_changed_and_both_values_are_shown(
+        self, twin: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before = commit_of(twin)
+        code, out, told = run(capsys, "pull", "--registry", twin, "--json")
+        assert code == 4
+        assert commit_of(twin) == before
+        [line] = [line for line in told.splitlines() if "intrinsics.fx" in line]
+        assert line.split() == ["intrinsics.fx", "3661.25", "3500.0", "3600.0"]
+        assert f"calibrary registry pull --theirs {P4R}" in told
+        document = json.loads(out)
+        require(document, "registry-sync-1")
+        [conflict] = document["conflicts"]
+        assert {"field": "intrinsics.fx", "base": 3661.25, "ours": 3500.0, "theirs": 3600.0} in conflict[
+            "fields"
+        ]
+        assert document["commit"] is None
+
+    @pytest.mark.parametrize(("side", "fx"), [("--theirs", 3600.0), ("--ours", 3500.0)])
+    def test_the_side_that_is_chosen_stays_and_no_other_change_is_lost(
+        self, twin: Path, capsys: pytest.CaptureFixture[str], side: str, fx: float
+    ) -> None:
+        pulled = printed(capsys, "registry-sync-1", "pull", "--registry", twin, side, "dji/fc6310r")
+        assert fx_of(twin) == fx
+        assert fx_of(twin, "dji/fc330") == 2300.0
+        assert pulled["commit"] == commit_of(twin)
+        assert "Take what the others say" not in git(twin, "log", "--format=%s")
+        assert git(twin, "status", "--porcelain") == ""
+        assert run(capsys, "push", "--registry", twin)[0] == 0
+
+    def test_ours_is_back_where_the_pull_does_not_come_through(
+        self, twin: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        tried = []
+
+        def fails_the_second_time(store: Store, remote: str) -> Pulled:
+            tried.append(remote)
+            if len(tried) > 1:
+                raise RegistryError("the network is gone")
+            return pull(store, remote)
+
+        monkeypatch.setattr(exchanging, "pull", fails_the_second_time)
+        code, _, told = run(capsys, "pull", "--registry", twin, "--theirs", "all")
+        assert (code, "the network is gone" in told) == (4, True)
+        assert (fx_of(twin), fx_of(twin, "dji/fc330")) == (3500.0, 2300.0)
+
+    def test_an_entry_of_no_conflict_cannot_be_chosen(
+        self, twin: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before = commit_of(twin)
+        code, _, told = run(capsys, "pull", "--registry", twin, "--ours", "dji/fc330")
+        assert (code, "no such" in told) == (4, True)
+        code, _, told = run(capsys, "pull", "--registry", twin, "--ours", "all", "--theirs", "all")
+        assert (code, "both sides" in told) == (4, True)
+        assert commit_of(twin) == before
+
+
+def test_an_entry_that_one_removed_and_the_other_changed_is_decided_too(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put_bytes(fleet, {MINE.path: None})
+    run(capsys, "push")
+    put(twin, changed(3500.0))
+    code, _, told = run(capsys, "pull", "--registry", twin)
+    assert (code, "theirs removed it" in told) == (4, True)
+    assert run(capsys, "pull", "--registry", twin, "--theirs", "all")[0] == 0
+    assert [one.id for one in Keeper.open(twin).entries()] == [OTHER.id]
+
+
+def test_keeping_ours_of_an_entry_that_they_removed_brings_it_back(
+    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put_bytes(fleet, {MINE.path: None})
+    run(capsys, "push")
+    put(twin, changed(3500.0))
+    assert run(capsys, "pull", "--registry", twin, "--ours", "all")[0] == 0
+    assert fx_of(twin) == 3500.0
+
+
+def test_uncommitted_work_is_not_touched(fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(fleet, changed(3600.0))
+    run(capsys, "push")
+    (twin / MINE.path).write_text("my unfinished edit")
+    code, _, told = run(capsys, "pull", "--registry", twin)
+    assert code == 4
+    assert MINE.path in told
+    assert (twin / MINE.path).read_text() == "my unfinished edit"
+
+
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        ("backup", "no remote 'backup'"),
+        ("ext::sh -c id", "wanted"),
+        ("--upload-pack=x", "wanted"),
+    ],
+)
+@pytest.mark.usefixtures("fleet")
+def test_what_is_no_remote_is_one_clear_line(
+    capsys: pytest.CaptureFixture[str], word: str, told: str
+) -> None:
+    code, _, said = run(capsys, "pull", "--", word)
+    assert (code, said.count("\n")) == (4, 1)
+    assert told in said
+
+
+def test_a_remote_that_is_gone_is_one_clear_line(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(status=Status.DRAFT))
+    for command in ("push", "pull"):
+        code, _, said = run(capsys, command, tmp_path / "gone.git")
+        assert code == 4
+        assert "gone.git" in said.splitlines()[-1]
+
+
+def test_a_second_address_has_to_be_named_first(
+    fleet: Path, twin: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fleet.parent == twin.parent
+    code, _, told = run(capsys, "push", tmp_path / "elsewhere.git")
+    assert (code, "remote add NAME" in told) == (4, True)
+    assert run(capsys, "push", tmp_path / "remote.git")[0] == 0
