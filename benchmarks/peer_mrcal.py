@@ -1,6 +1,7 @@
 """Solve corners.json with mrcal, in whatever Python has it: prints one JSON object, for benchmarks/calibration.py.
 
     python3 benchmarks/peer_mrcal.py corners.json
+    python3 benchmarks/peer_mrcal.py pairs.json     {"image_size": [W, H], "pairs": [[lens, lens], …]}: differences only
 
 OpenCV's five coefficients, no regularisation, no outlier rejection; once with a flat board and once with a bent one.
 Pixels are counted from the centre of the first, warps in mm.
@@ -82,6 +83,10 @@ def difference(a: list[float], b: list[float], size: tuple[int, int]) -> list[fl
 def main() -> None:
     """Solve and print."""
     document = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    if "pairs" in document:
+        size = tuple(document["image_size"])
+        print(json.dumps([difference(a, b, size) for a, b in document["pairs"]]))
+        return
     flat, bent = solve(document, bent=False), solve(document, bent=True)
     lengths = difference(flat["parameters"], bent["parameters"], tuple(document["image_size"]))
     print(json.dumps({"flat": flat, "bent": bent, "difference_px": lengths}))

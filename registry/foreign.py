@@ -17,7 +17,7 @@ from pathlib import Path
 
 from calibrary.errors import RegistryError
 
-__all__ = ["PINNED", "Environment", "Setting", "judge_settings", "parse_settings", "repository_environment"]
+__all__ = ["ALWAYS", "PINNED", "Environment", "Setting", "judge_settings", "parse_settings", "repository_environment"]
 
 Environment = dict[str, str]
 
@@ -28,12 +28,14 @@ PINNED: tuple[tuple[str, str], ...] = (
     ("core.protectHFS", "true"),
     ("core.protectNTFS", "true"),
     ("core.quotePath", "false"),
+    ("core.warnAmbiguousRefs", "true"),
     ("color.ui", "false"),
     ("diff.renames", "false"),
     ("fastimport.unpackLimit", "100"),
     ("fetch.fsckObjects", "true"),
     ("fetch.recurseSubmodules", "false"),
     ("gc.auto", "0"),
+    ("gc.pruneExpire", "2.weeks.ago"),
     ("http.lowSpeedLimit", "1000"),
     ("http.lowSpeedTime", "60"),
     ("i18n.commitEncoding", "UTF-8"),
@@ -50,16 +52,23 @@ RUNS_A_PROGRAM: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"core\.sshcommand\Z"), "ssh"),
     (re.compile(r"core\.(askpass|gitproxy|editor|pager)\Z"), ""),
     (re.compile(r"core\.alternaterefscommand\Z"), "true"),
-    (re.compile(r"credential\.(.+\.)?helper\Z"), ""),
-    (re.compile(r"filter\..+\.(clean|smudge|process)\Z"), ""),
-    (re.compile(r"filter\..+\.required\Z"), "false"),
-    (re.compile(r"diff\.external\Z|diff\..+\.(command|textconv)\Z"), ""),
+    (re.compile(r"credential\.(.*\.)?helper\Z"), ""),
+    (re.compile(r"filter\..*\.(clean|smudge|process)\Z"), ""),
+    (re.compile(r"filter\..*\.required\Z"), "false"),
+    (re.compile(r"diff\.external\Z|diff\..*\.(command|textconv)\Z"), ""),
     (re.compile(r"gpg\.(openpgp\.)?program\Z"), "gpg"),
     (re.compile(r"gpg\.x509\.program\Z"), "gpgsm"),
     (re.compile(r"gpg\.ssh\.program\Z"), "ssh-keygen"),
     (re.compile(r"gpg\.ssh\.defaultkeycommand\Z"), ""),
+    # Cookies are written to any file one names; and a proxy of theirs with a certificate of theirs reads passwords.
+    (re.compile(r"http\.(.*\.)?(cookiefile|sslcainfo|sslcapath)\Z"), ""),
+    (re.compile(r"http\.(.*\.)?savecookies\Z"), "false"),
+    (re.compile(r"http\.(.*\.)?sslverify\Z"), "true"),
 )
 """Keys and what they fall back to. Keys of remotes are not among them: remotes are spoken to by URL, never by name."""
+
+ALWAYS: dict[str, tuple[str, ...]] = {"status": ("--ignore-submodules=all",)}
+"""Options of commands that go into other repositories otherwise, where those repositories' own settings hold."""
 
 REFUSED = re.compile(
     r"include\.path\Z|includeif\..+|gc\.recentobjectshook\Z|hook\..+|extensions\.partialclone\Z"
@@ -85,16 +94,17 @@ class Setting:
 def parse_settings(listed: bytes, folders: Sequence[Path], base: Path) -> tuple[Setting, ...]:
     """The output of ``git config --list --show-origin -z``.
 
-    What stands in a file below one of ``folders``, the repository's own, is local; names of files count from
-    ``base``.
+    What stands in a file below one of ``folders``, the repository's own, is local, and so is what such a file is
+    only a link to; names of files count from ``base``.
     """
     fields = listed.split(b"\0")
     settings = []
     for origin, line in zip(fields[0::2], fields[1::2], strict=False):
         key, _, value = os.fsdecode(line).partition("\n")
         kind, _, name = os.fsdecode(origin).partition(":")
-        path = Path(os.path.realpath(base / name))
-        is_local = kind == "file" and any(path.is_relative_to(folder) for folder in folders)
+        file = base / name
+        places = (Path(os.path.realpath(file)), Path(os.path.realpath(file.parent), file.name))
+        is_local = kind == "file" and any(place.is_relative_to(folder) for place in places for folder in folders)
         settings.append(Setting(key=key, value=value, is_local=is_local))
     return tuple(settings)
 
@@ -109,12 +119,13 @@ def judge_settings(settings: Sequence[Setting], source: str) -> tuple[tuple[str,
     flags = [f"{key}={value}" for key, value in PINNED]
     silenced = []
     for key in dict.fromkeys(setting.key for setting in settings if setting.is_local):
-        if REFUSED.match(key):
+        fallback = next((value for pattern, value in RUNS_A_PROGRAM if pattern.match(key)), None)
+        # To -c the name of a key ends at its first "=".
+        if REFUSED.match(key) or (fallback is not None and "=" in key):
             raise RegistryError(
                 f"{source}: its own git configuration sets {key}, which can make reading it run a program or "
                 f"reach elsewhere; look at it, then remove it: git -C {source} config --local --unset-all {key}"
             )
-        fallback = next((value for pattern, value in RUNS_A_PROGRAM if pattern.match(key)), None)
         if fallback is None:
             continue
         silenced.append(key)
@@ -140,24 +151,37 @@ def _check_kind(settings: Sequence[Setting], source: str) -> None:
 
 
 def repository_environment(git_dir: Path, common_dir: Path, work_tree: Path | None) -> Environment:
-    """The variables that tie every command to this repository, whatever a hook or a shell has set around it."""
+    """The variables that tie every command to this repository, whatever a hook or a shell has set around it.
+
+    To a hook of this very repository that judges a push (pre-receive), what was pushed lies in a place of its own
+    inside; it is looked into as well.
+    """
+    objects = common_dir / "objects"
+    pushed = Path(os.path.realpath(os.environ.get("GIT_QUARANTINE_PATH", "")))
+    is_judging = pushed != objects and pushed.is_relative_to(objects)
     return PEACE | {
         "GIT_DIR": str(git_dir),
         "GIT_COMMON_DIR": str(common_dir),
         "GIT_WORK_TREE": str(work_tree or git_dir),
         "GIT_INDEX_FILE": str(git_dir / "index"),
-        "GIT_OBJECT_DIRECTORY": str(common_dir / "objects"),
-        "GIT_ALTERNATE_OBJECT_DIRECTORIES": "",
+        "GIT_OBJECT_DIRECTORY": str(pushed if is_judging else objects),
+        "GIT_ALTERNATE_OBJECT_DIRECTORIES": str(objects) if is_judging else "",
+        # One that is not there: what stands in info/grafts would tell another history.
+        "GIT_GRAFT_FILE": str(git_dir / "info" / "no-grafts"),
     }
 
 
 PEACE: Environment = {
     "GIT_ALLOW_PROTOCOL": "https:ssh:file",
     "GIT_EDITOR": ":",
+    "GIT_GLOB_PATHSPECS": "0",
+    "GIT_ICASE_PATHSPECS": "0",
     "GIT_LITERAL_PATHSPECS": "1",
     "GIT_NAMESPACE": "",
+    "GIT_NOGLOB_PATHSPECS": "0",
     "GIT_NO_LAZY_FETCH": "1",
     "GIT_NO_REPLACE_OBJECTS": "1",
+    "GIT_OPTIONAL_LOCKS": "0",
     "GIT_PAGER": "cat",
     "GIT_TERMINAL_PROMPT": "0",
 }

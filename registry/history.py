@@ -197,8 +197,9 @@ def at_date(store: Store, moment: datetime, at: str) -> str:
     Raises:
         RegistryError: the branch began later.
     """
-    seconds = int(moment.timestamp())
-    found = store.run("rev-list", "--max-count=1", "--first-parent", f"--before={seconds}", at)
+    # git takes a small number for anything but seconds since 1970, unless it is written as here.
+    seconds = max(int(moment.timestamp()), 0)
+    found = store.run("rev-list", "--max-count=1", "--first-parent", f"--before=@{seconds} +0000", at)
     commit = found.out.decode().strip()
     if not commit:
         hint = "; this clone is shallow: git fetch --unshallow brings the rest" if store.is_shallow else ""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import random
 import re
+import stat
 import sys
 import time
 from collections.abc import Iterator
@@ -85,6 +86,7 @@ def writer_lock(folder: Path, *, wait_s: float) -> Iterator[WriterLock]:
             f"{folder}: cannot be written: {error.strerror}; wanted write access to the repository"
         ) from None
     try:
+        _share(handle, folder)
         _acquire(handle, path, wait_s)
         try:
             yield WriterLock(handle, folder)
@@ -132,6 +134,9 @@ if sys.platform == "win32":
     def _release(handle: int) -> None:
         os.lseek(handle, 1 << 30, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_UNLCK, 1)
+
+    def _share(handle: int, folder: Path) -> None:
+        """Nothing to do: files have their folder's rights here."""
 else:
     import fcntl
 
@@ -140,3 +145,11 @@ else:
 
     def _release(handle: int) -> None:
         fcntl.flock(handle, fcntl.LOCK_UN)
+
+    def _share(handle: int, folder: Path) -> None:
+        """Whoever may write into the folder may hold the lock, whatever umask its first holder had."""
+        with suppress(OSError):
+            have = stat.S_IMODE(os.fstat(handle).st_mode)
+            wanted = have | (folder.stat().st_mode & 0o066)
+            if wanted != have:
+                os.fchmod(handle, wanted)

@@ -74,14 +74,14 @@ def parse_rev(text: str) -> Rev:
 def _moment(text: str) -> datetime:
     try:
         moment = datetime.fromisoformat(text)
-    except ValueError:
+        if moment.tzinfo is None:
+            moment = moment.replace(tzinfo=UTC)
+        is_day = len(text) == len("2026-05-01")
+        return moment + timedelta(days=1, seconds=-1) if is_day else moment.astimezone(UTC)
+    except (ValueError, OverflowError):
         raise RegistryError(
             f"{text!r} is no date: wanted one such as 2026-05-01 or 2026-05-01T12:30Z"
         ) from None
-    if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=UTC)
-    is_day = len(text) == len("2026-05-01")
-    return moment + timedelta(days=1, seconds=-1) if is_day else moment.astimezone(UTC)
 
 
 def commit_at(store: Store, rev: Rev | None) -> str:

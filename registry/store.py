@@ -24,6 +24,7 @@ from typing import IO, TYPE_CHECKING, cast
 from calibrary.errors import RegistryError
 from calibrary.registry.explained import explain
 from calibrary.registry.foreign import (
+    ALWAYS,
     PEACE,
     Environment,
     Setting,
@@ -43,6 +44,8 @@ CHUNK = 20_000
 STALE_LOCK_S = 10.0
 HEX = re.compile(r"[0-9a-f]{40}\Z")
 COMMITTED = re.compile(rb"^committer .*> (\d+) [+-]\d+$", re.MULTILINE)
+LAST_SECOND = 253_402_300_799
+"""Of the year 9999, after which there is no date."""
 REGULAR = (b"100644", b"100755")
 
 
@@ -279,8 +282,9 @@ class Store:
         Raises:
             RegistryError: it failed; the message is git's own.
         """
+        command, *rest = arguments
         output = run_git(
-            (*self.flags, *arguments),
+            (*self.flags, command, *ALWAYS.get(command, ()), *rest),
             folder=self.path,
             environment=self.environment | dict(extra or {}),
             stdin=stdin,
@@ -300,16 +304,16 @@ class Store:
         return found[0] if found else None
 
     def committed_at(self, commit: str) -> int:
-        """When a commit was made, in seconds since 1970.
+        """When a commit was made, in seconds since 1970; one that tells no date was made at the beginning.
 
         Raises:
             RegistryError: there is no such commit.
         """
         found = self._ask(commit)
-        line = COMMITTED.search(found[2].partition(b"\n\n")[0]) if found else None
-        if line is None:
+        if found is None or found[1] != b"commit":
             raise RegistryError(f"{self.path}: holds no commit {commit}")
-        return int(line[1])
+        line = COMMITTED.search(found[2].partition(b"\n\n")[0])
+        return min(int(line[1][:20]), LAST_SECOND) if line is not None else 0
 
     def commit_of(self, revision: str) -> str:
         """The 40 hex digits of a commit, tag or branch; nothing else of the text reaches another command.
@@ -326,6 +330,10 @@ class Store:
             "rev-parse", "--verify", "--end-of-options", f"{revision}^{{commit}}", good=(0, 1, 128)
         )
         oid = found.out.decode("ascii", "replace").strip()
+        if "is ambiguous" in found.told and found.code == 0:
+            raise RegistryError(
+                f"{revision}: the name of several in {self.path}; say refs/tags/{revision} or refs/heads/{revision}"
+            )
         if found.code or HEX.match(oid) is None:
             hint = "; this clone is shallow: git fetch --unshallow brings the rest" if self.is_shallow else ""
             raise RegistryError(f"{revision}: no such revision in {self.path}{hint}")
@@ -397,8 +405,9 @@ class Store:
             except EOFError:
                 self.close()
                 continue
-            except RegistryError:
-                self._own.reader = None
+            except BaseException:
+                # An answer that was asked for and not read (Ctrl-C) would be the next question's.
+                self.close()
                 raise
             if found is not None:
                 self._checked(*found)
@@ -428,6 +437,9 @@ def _discover(path: Path) -> tuple[Path, Path, bool]:
     if "GIT_DIR" in os.environ:
         place = path / ".git"
         environment["GIT_DIR"] = str(place if place.exists() else path)
+    if "GIT_OBJECT_DIRECTORY" in os.environ:
+        # It only has to be a folder here; which one it is follows from what is found.
+        environment["GIT_OBJECT_DIRECTORY"] = str(path)
     found = run_git(
         ("rev-parse", "--is-bare-repository", "--absolute-git-dir", "--git-common-dir"),
         folder=path,

@@ -21,6 +21,7 @@ __all__ = ["EMPTY_TREE", "begin", "catch_up", "require_clean", "sync"]
 
 EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"
 NOTE = "calibrary-sync"
+LONGEST_NOTE = 1000
 MOST_PATHSPECS = 200
 MOST_LOOKED_AT = 20
 INDEX_WAIT_S = 5.0
@@ -149,13 +150,28 @@ def _blocked(store: Store, paths: Sequence[str]) -> set[str]:
 
 
 def begin(store: Store, ref: str, tip: str | None) -> None:
-    """Leave the note that the view is about to fall behind."""
-    (store.git_dir / NOTE).write_text(f"{tip or EMPTY_TREE} {ref}\n", encoding="utf-8")
+    """Leave the note that the view is about to fall behind.
+
+    Raises:
+        RegistryError: it cannot be written.
+    """
+    draft = store.git_dir / f"{NOTE}.new"
+    try:
+        # A link that somebody put in its place would be written through otherwise.
+        draft.unlink(missing_ok=True)
+        with draft.open("x", encoding="utf-8") as file:
+            file.write(f"{tip or EMPTY_TREE} {ref}\n")
+        draft.replace(store.git_dir / NOTE)
+    except OSError as error:
+        raise RegistryError(
+            f"{store.git_dir}: cannot be written: {error.strerror}; nothing was committed"
+        ) from None
 
 
 def give_up(store: Store) -> None:
-    """Take the note back: nothing was committed."""
-    (store.git_dir / NOTE).unlink(missing_ok=True)
+    """Take the note back: nothing was committed. One that cannot be taken is only read once more."""
+    with suppress(OSError):
+        (store.git_dir / NOTE).unlink()
 
 
 def sync(store: Store, old: str | None, new: str, paths: Sequence[str] | None = None) -> str | None:
@@ -185,10 +201,14 @@ def catch_up(store: Store) -> None:
     Raises:
         RegistryError: somebody has edited just those files since.
     """
+    note = store.git_dir / NOTE
     try:
-        old, _, ref = (store.git_dir / NOTE).read_text(encoding="utf-8").strip().partition(" ")
-    except FileNotFoundError:
+        told = note.read_bytes()[:LONGEST_NOTE] if os.path.lexists(note) else None
+    except OSError as error:
+        raise RegistryError(f"{note}: cannot be read: {error.strerror}; look at it, then remove it") from None
+    if told is None:
         return
+    old, _, ref = told.decode("utf-8", "replace").strip().partition(" ")
     # A note that breaks off is one of a writer killed before it had committed.
     new = store.tip(ref) if HEX.match(old) is not None and ref == store.head_ref else None
     if new is None or old == new:

@@ -240,8 +240,8 @@ def moment_after(store: Store, parent: str | None, now: datetime | None) -> tupl
 
 def identity(store: Store) -> tuple[Person, tuple[str, ...]]:
     """Who commits: as git is told, by its variables or its configuration; else the login's name, with a warning."""
-    name = os.environ.get("GIT_COMMITTER_NAME") or store.setting("user.name")
-    email = os.environ.get("GIT_COMMITTER_EMAIL") or store.setting("user.email")
+    name = _told(os.environ.get("GIT_COMMITTER_NAME") or store.setting("user.name"))
+    email = _told(os.environ.get("GIT_COMMITTER_EMAIL") or store.setting("user.email"))
     if name and email:
         return Person(name=name, email=email), ()
     try:
@@ -254,3 +254,8 @@ def identity(store: Store) -> tuple[Person, tuple[str, ...]]:
         f"git does not know who you are, so the history names {person.name} <{person.email}>; to be named right: "
         "git config --global user.name 'Your Name' and git config --global user.email you@example.com",
     )
+
+
+def _told(text: str | None) -> str:
+    """What git is told of a person, as text: a name written in another encoding than UTF-8 still is one."""
+    return os.fsencode(text or "").decode("utf-8", "replace").strip()

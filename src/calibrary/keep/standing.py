@@ -23,12 +23,15 @@ class Decision:
     """One entry before and after.
 
     Attributes:
-        held: as it stands; a write holds only while it still does.
+        held: as it stands, on the main branch or on the one it is approved from.
+        base: the id of what stands at its place on the main branch, None for nothing; a write holds only while it
+            still does.
         entry: as it is to be.
         changes: field by field; nothing where it has this status already.
     """
 
     held: Held
+    base: str | None
     entry: Entry
     changes: tuple[FieldChange, ...]
 
