@@ -14,6 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.terminal_theme import TerminalTheme
@@ -29,12 +30,21 @@ from calibrary.calibrating.sights import search
 from calibrary.calibrating.solving import Wanted, solved
 from calibrary.cli.extract_display import judgement
 from calibrary.demo import write_flight
+from calibrary.diff.comparison import compare
+from calibrary.diff.page import comparison_page
 from calibrary.extract.hand_off import Solver
 from calibrary.extract.outcome import Outcome
 from calibrary.extract.outputs import plan
 from calibrary.extract.page import outcome_page
 from calibrary.extract.run import Request, run
 from calibrary.pages import render_page
+from calibrary.site.building import build
+
+if TYPE_CHECKING:
+    from docs.example_fleet import write_fleet
+else:
+    # A program's own folder is where Python looks first.
+    from example_fleet import write_fleet
 
 DOCS = Path(__file__).parent
 WIDTH = 90
@@ -96,6 +106,13 @@ PAGE_COLOURS = 128
 EXTRACT_PARTS = (("header", 640), ("#dji-fc6310r-5472x3648", 730))
 """The overview, and one camera whole."""
 
+DIFF_PARTS = (("header", 858), ("#section-3", 580))
+"""The verdict with the numbers, and the maps."""
+
+SITE_PARTS = (("header", 730),)
+CAMERA_PARTS = (("header", 146), ("#section-5", 840))
+"""What the camera is, and its history."""
+
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 BOARD_FRAMES, BOARD_SEED = 24, 1
 CALIBRATE_PARTS = (("header", 930), ("#held", 720), ("#trust", 520))
@@ -140,6 +157,22 @@ def board_page() -> str:
         frames = find_frames([str(out)])
         sights = search(frames, told_by(frames, lambda key: key, focus="locked at infinity"), BOARD)
         return render_page(calibration_page(solved(sights, Wanted()), sights))
+
+
+def fleet_pages() -> tuple[str, str, str]:
+    """A comparison, and of the registry's site the list and a camera."""
+    with TemporaryDirectory() as folder:
+        registry = Path(folder) / "fleet"
+        keeper = write_fleet(registry)
+        before, after = (keeper.get(f"fc6310r@firmware:{version}") for version in ("01.08", "01.09"))
+        compared = compare(before.entry.calibration, after.entry.calibration)
+        diff = comparison_page(compared, ("fc6310r@firmware:01.08", "fc6310r"), 100.0)
+        site = build(registry, Path(folder) / "site", workers=1)
+        listing, camera = (
+            (site.root / name).read_text(encoding="utf-8")
+            for name in ("index.html", "cameras/dji/fc6310r/5472x3648+f8.8.html")
+        )
+    return render_page(diff), listing, camera
 
 
 def screenshot(html: str, out: Path, *, parts: Sequence[tuple[str, int]]) -> None:
@@ -202,6 +235,10 @@ def main() -> int:
     if arguments.pages:
         screenshot(extract_page(outcome), arguments.out / "extract-page.png", parts=EXTRACT_PARTS)
         screenshot(board_page(), arguments.out / "calibrate-page.png", parts=CALIBRATE_PARTS)
+        diff, listing, camera = fleet_pages()
+        screenshot(diff, arguments.out / "diff-page.png", parts=DIFF_PARTS)
+        screenshot(listing, arguments.out / "site-page.png", parts=SITE_PARTS)
+        screenshot(camera, arguments.out / "camera-page.png", parts=CAMERA_PARTS)
     return 0
 
 

@@ -31,8 +31,9 @@ def create(path: Path, *, bare: bool = False, branch: str = "main", durable: boo
     place = path if bare else path / ".git"
     version = git_version(path)
     formats = [f"--{name}-format={kind}" for name, kind, since in FORMATS if version >= since]
-    # The variables say where, for a GIT_DIR around us would win over the folder.
-    where = PEACE | {"GIT_DIR": str(place)} | ({} if bare else {"GIT_WORK_TREE": str(path)})
+    # The variables say where, for those of a hook around us would win over the folder.
+    where = PEACE | {"GIT_DIR": str(place), "GIT_OBJECT_DIRECTORY": str(place / "objects")}
+    where |= {} if bare else {"GIT_WORK_TREE": str(path)}
     shape = ("--bare",) if bare else ()
     made = run_git(("init", "--quiet", "--template=", *formats, *shape), folder=path, environment=where)
     if made.code:

@@ -28,6 +28,7 @@ __all__ = [
     "Status",
     "Validity",
     "folder_of",
+    "is_entry",
     "path_of",
 ]
 
@@ -236,6 +237,11 @@ class Entry:
 def folder_of(make: str, model: str) -> str:
     """The folder of a model's entries, with the slash behind it."""
     return f"{ROOT}{slug(make)}/{slug(model)}/"
+
+
+def is_entry(path: str) -> bool:
+    """Whether a file below the root is to be read as an entry, by its name."""
+    return path.endswith(SUFFIX) and not path.rpartition("/")[2].startswith(".")
 
 
 def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from typing import Final, cast
@@ -22,6 +23,7 @@ __all__ = ["LARGEST_ENTRY", "entry_yaml", "parse_entry"]
 LARGEST_ENTRY: Final = 256 << 10
 """Bytes; an entry has some two thousand."""
 DEEPEST: Final = 16
+UTF_16: Final = (BOM_UTF16_LE, BOM_UTF16_BE)
 
 LEGEND: Final = """\
 # One camera of a fleet registry, written by calibrary; schema: entry-1.
@@ -57,6 +59,8 @@ def parse_entry(data: bytes, name: str, *, require_digest: bool = True) -> Entry
             its numbers are not those that the digest was made over.
         InputError: its numbers are no camera's.
     """
+    if data.startswith(UTF_16):
+        raise ParseError("is text in UTF-16, which git shows to nobody; wanted UTF-8", source=name)
     value = load_yaml(data, source=name, max_bytes=LARGEST_ENTRY, max_depth=DEEPEST)
     document = migrated(value, source=name)
     require(document, f"entry-{CURRENT}", source=name, locate=partial(line_of, data))

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 __all__ = ["explain"]
 
+FULL = "the disk is full; nothing was changed"
 EXPLAINED = (
-    ("No space left on device", "the disk is full; nothing was changed"),
+    ("No space left on device", FULL),
+    # Behind it fast-import guesses "disk corruption?".
+    ("Out of diskspace", FULL),
     ("File too large", "a file may not grow that large here; nothing was changed"),
     ("Read-only file system", "the disk is read-only"),
     ("Permission denied", "access denied; wanted write access to the repository"),

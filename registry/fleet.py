@@ -7,6 +7,7 @@ it before anything is written.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -224,7 +225,9 @@ class Registry:
                     self._check(change.path, change.data)
         written = write(self.store, changes, note.message, author=author, branch=branch)
         if maintenance.is_due(self.store):
-            maintenance.maintain(self.store, in_background=True)
+            # What was written is written, whatever becomes of the packing.
+            with suppress(RegistryError):
+                maintenance.maintain(self.store, in_background=True)
         return written
 
     def move(self, old: str, new: str, data: bytes, note: Note, *, base: str) -> Written:

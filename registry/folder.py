@@ -8,7 +8,7 @@ from pathlib import Path
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.registry.charter import CHARTER, parse_charter
-from calibrary.registry.entry import ROOT, SUFFIX
+from calibrary.registry.entry import ROOT, is_entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY
 from calibrary.registry.resolution import RegistryIndex
 
@@ -49,7 +49,7 @@ def entry_paths(root: Path) -> list[str]:
     found = []
     for folder, _, names in os.walk(cameras, onerror=refuse):
         below = folder[start:].replace(os.sep, "/")
-        found += [f"{below}/{name}" for name in names if name.endswith(SUFFIX) and not name.startswith(".")]
+        found += [f"{below}/{name}" for name in names if is_entry(name)]
     return sorted(found)
 
 

@@ -17,7 +17,15 @@ from pathlib import Path
 
 from calibrary.errors import RegistryError
 
-__all__ = ["ALWAYS", "PINNED", "Environment", "Setting", "judge_settings", "parse_settings", "repository_environment"]
+__all__ = [
+    "ALWAYS",
+    "PINNED",
+    "Environment",
+    "Setting",
+    "judge_settings",
+    "parse_settings",
+    "repository_environment",
+]
 
 Environment = dict[str, str]
 
@@ -104,7 +112,9 @@ def parse_settings(listed: bytes, folders: Sequence[Path], base: Path) -> tuple[
         kind, _, name = os.fsdecode(origin).partition(":")
         file = base / name
         places = (Path(os.path.realpath(file)), Path(os.path.realpath(file.parent), file.name))
-        is_local = kind == "file" and any(place.is_relative_to(folder) for place in places for folder in folders)
+        is_local = kind == "file" and any(
+            place.is_relative_to(folder) for place in places for folder in folders
+        )
         settings.append(Setting(key=key, value=value, is_local=is_local))
     return tuple(settings)
 

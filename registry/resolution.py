@@ -11,12 +11,22 @@ from typing import Final, TypeAlias
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, RegistryError
-from calibrary.registry.entry import ROOT, SUFFIX, USABLE, Entry, Status, folder_of
+from calibrary.registry.entry import ROOT, SUFFIX, USABLE, Entry, Status, folder_of, is_entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fitting import Fit, fit
 from calibrary.registry.slug import match_key, slug
 
-__all__ = ["AliasMap", "Near", "RegistryIndex", "Resolution", "answering", "near", "resolve", "scan_aliases"]
+__all__ = [
+    "AliasMap",
+    "Near",
+    "RegistryIndex",
+    "Resolution",
+    "answering",
+    "is_keyed",
+    "near",
+    "resolve",
+    "scan_aliases",
+]
 
 AliasMap: TypeAlias = Mapping[tuple[str, str], frozenset[str]]
 """The folders whose entries go by another (make, model), both as match keys."""
@@ -133,11 +143,16 @@ def scan_aliases(files: Iterable[tuple[str, bytes]]) -> AliasMap:
     return {name: frozenset(folders) for name, folders in found.items()}
 
 
+def is_keyed(path: str) -> bool:
+    """Whether some camera's key gives a path, so that whoever asks for that camera looks there."""
+    return _REGULAR.fullmatch(path) is not None
+
+
 class RegistryIndex:
     """A registry's entries, found by make and model through their paths: only candidates are read.
 
     An entry that does not lie where its key says is found only if its path is one that no key gives; saying so
-    is for :mod:`calibrary.registry.check`.
+    is for :mod:`calibrary.registry.check`. A file beside them of another kind, a README, is none.
     """
 
     def __init__(
@@ -162,7 +177,7 @@ class RegistryIndex:
         self._require_digest = require_digest
         self._find_aliases = aliases
         self._aliases: AliasMap | None = None
-        self._irregular = [path for path in self.paths if not _REGULAR.fullmatch(path)]
+        self._irregular = [path for path in self.paths if is_entry(path) and not is_keyed(path)]
         self._folders: dict[tuple[str, ...], Mapping[str, Entry]] = {}
 
     def resolve(

@@ -440,8 +440,10 @@ def _discover(path: Path) -> tuple[Path, Path, bool]:
     if "GIT_OBJECT_DIRECTORY" in os.environ:
         # It only has to be a folder here; which one it is follows from what is found.
         environment["GIT_OBJECT_DIRECTORY"] = str(path)
+    # A person may have git overlook bare repositories it comes by (git-config(1)); this one was named.
+    command = ("-c", "safe.bareRepository=all", "rev-parse")
     found = run_git(
-        ("rev-parse", "--is-bare-repository", "--absolute-git-dir", "--git-common-dir"),
+        (*command, "--is-bare-repository", "--absolute-git-dir", "--git-common-dir"),
         folder=path,
         environment=environment,
     )

@@ -203,6 +203,16 @@ def test_crlf_line_ends_are_read_alike() -> None:
     assert parse_entry(entry_yaml(an_entry()).replace(b"\n", b"\r\n"), "x") == an_entry()
 
 
+def test_a_byte_order_mark_is_read_over_and_utf_16_is_refused() -> None:
+    entry = an_entry()
+    data = entry_yaml(entry)
+    assert parse_entry(b"\xef\xbb\xbf" + data, "x.yaml") == entry
+    for encoding in ("utf-16", "utf-16-be"):
+        mark = b"" if encoding == "utf-16" else b"\xfe\xff"
+        with pytest.raises(ParseError, match="UTF-16"):
+            parse_entry(mark + data.decode().encode(encoding), "x.yaml")
+
+
 def test_a_file_without_a_digest_is_read_only_where_none_is_asked_for() -> None:
     bare = changed(r"^digest: .*\n", "")
     assert parse_entry(bare, "x", require_digest=False) == an_entry()

@@ -84,6 +84,53 @@ def test_two_that_fit_alike_are_an_error_that_names_both() -> None:
         fx(twins)
 
 
+def test_two_open_ranges_of_firmware_that_both_hold_are_an_error_that_names_both() -> None:
+    since, until = FirmwareRange(min="01.09"), FirmwareRange(max="01.20")
+    both = at_home(an_entry(fx=3001.0, firmware=since), an_entry(fx=3002.0, firmware=until))
+    assert fx(both, replace(KEY, firmware="01.30")) == 3001.0
+    assert fx(both, replace(KEY, firmware="1.8")) == 3002.0
+    with pytest.raises(RegistryError, match="2 entries fit"):
+        resolve(both, replace(KEY, firmware="01.10"))
+
+
+def test_a_firmware_that_cannot_be_compared_leaves_it_to_the_entry_of_all() -> None:
+    entries = at_home(an_entry(fx=3001.0, firmware=FirmwareRange(min="01.09")), an_entry(fx=3002.0))
+    for odd in ("Adobe Lightroom 12.0", "unknown", "ILCE-7RM4 v1.20"):
+        assert fx(entries, replace(KEY, firmware=odd)) == 3002.0
+
+
+@pytest.mark.parametrize(("seen", "answers"), [(8.97, True), (8.63, True), (8.99, False), (8.61, False)])
+def test_a_focal_length_fits_within_two_per_cent_both_ways(seen: float, answers: bool) -> None:
+    found = fx(at_home(an_entry(fx=3001.0)), replace(KEY, focal_mm=seen))
+    assert (found is not None) == answers
+
+
+def test_an_alias_of_a_draft_or_a_retired_entry_answers_for_nobody() -> None:
+    for status in (Status.DRAFT, Status.RETIRED):
+        entry = an_entry(aliases=(Alias(make="Hasselblad", model="L1D"),), status=status)
+        index = RegistryIndex([entry.path], lambda _, entry=entry: entry_yaml(entry))  # type: ignore[misc]  # bound here
+        assert index.resolve(replace(KEY, make="Hasselblad", model="L1D")) is None
+
+
+@pytest.mark.parametrize(
+    "stranger", ["cameras/README.md", "cameras/dji/.gitkeep", "cameras/dji/fc1/1x1.yaml~"]
+)
+def test_a_file_of_another_kind_beside_the_entries_stops_nobody(stranger: str) -> None:
+    entry = an_entry()
+    files = {entry.path: entry_yaml(entry), stranger: b"no entry"}
+    found = RegistryIndex(files, files.__getitem__).resolve(KEY)
+    assert found is not None
+    assert found.path == entry.path
+
+
+def test_a_file_under_another_cameras_path_answers_for_neither() -> None:
+    entry, other = an_entry(), an_entry(model="FC330")
+    files = {other.path: entry_yaml(entry)}
+    index = RegistryIndex(files, files.__getitem__)
+    assert index.resolve(KEY) is None
+    assert index.resolve(replace(KEY, model="FC330")) is None
+
+
 @pytest.mark.parametrize("status", [Status.DRAFT, Status.RETIRED])
 def test_drafts_and_retired_entries_answer_only_when_asked_for(status: Status) -> None:
     entries = at_home(an_entry(status=status, reason="lens swapped"))

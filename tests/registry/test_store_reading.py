@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from datetime import UTC, datetime
@@ -114,19 +115,27 @@ def test_both_sides_of_a_fork_read_the_right_bytes(bare: Store) -> None:
             (blob := bare.read(tip, path)) is not None and blob.data == data for path, data in files.items()
         )
 
+    def give_up(*_: object) -> None:
+        raise TimeoutError
+
     assert all_right()
+    # Whoever shares a reader waits for an answer that another has taken.
+    signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(30)
     children = []
     for _ in range(3):
         pid = os.fork()
         if pid == 0:
             code = 1
             try:
+                signal.alarm(20)
                 code = 0 if all_right() else 2
             finally:
                 os._exit(code)
         children.append(pid)
     assert all_right()
     assert [os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in children] == [0, 0, 0]
+    signal.alarm(0)
     assert all_right()
 
 

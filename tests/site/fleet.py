@@ -45,9 +45,9 @@ def later(
     return replace(entry, calibration=replace(calibration, intrinsics=moved, provenance=made))
 
 
-P4R = an_entry(quality=measured(), provenance=replace(FILE, firmware="01.08.0100"))
-DRIFTED = later(P4R, fx=4.1, cx=0.6, firmware="01.09.0000")
-SETTLED = later(DRIFTED, fx=0.25, firmware="01.09.0000", date="2026-09-20")
+P4R = an_entry(quality=measured(), provenance=replace(FILE, firmware="01.08"))
+DRIFTED = later(P4R, fx=4.1, cx=0.6, firmware="01.09")
+SETTLED = later(DRIFTED, fx=0.25, firmware="01.09", date="2026-09-20")
 SWAPPED = replace(LENS, p1=LENS.p2, p2=LENS.p1)
 FISHEYE = an_entry(
     model="One Fish",

@@ -76,9 +76,9 @@ def _sections(done: Audit) -> Iterator[Section]:
 
 def _to_do(findings: list[Finding]) -> Iterator[Block]:
     for finding in findings[:MOST_ROWS]:
-        about = ": ".join(text for text in (finding.rule.value, finding.camera or finding.entry) if text)
+        rule = finding.rule.value
         yield Note(
-            text=f"{about}. {finding.message}.",
+            text=f"{rule[:1].upper()}{rule[1:]}. {finding.camera or finding.entry}: {finding.message}.",
             action=finding.action,
             tone=LEVELS[finding.level],
         )
@@ -115,7 +115,8 @@ def _row(answer: Answer, policy: Policy) -> tuple[Cell, ...]:
     apart = "–"
     if own is not None and answer.resolution is not None:
         K = answer.resolution.calibration.intrinsics
-        apart = f"{own.witness.intrinsics.fx / K.fx - 1.0:+.2%}".replace("-", "−")
+        # + 0.0 takes the sign off a zero.
+        apart = f"{round(own.witness.intrinsics.fx / K.fx - 1.0, 4) + 0.0:+.2%}".replace("-", "−")
     return (
         named(flown),
         answer.entry_id or "–",

@@ -53,15 +53,20 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="what K is held against: 'fleet' knows real UAV cameras, 'source' holds every camera to "
         "0.8 … 1.5 W, or a YAML file of your own (default: fleet)",
     )
-    parser.add_argument("--registry", type=Path, metavar="PATH", help="the fleet's registry of calibrations")
+    parser.add_argument(
+        "--registry",
+        type=Path,
+        metavar="PATH",
+        help="the fleet's registry of calibrations: in git, bare or checked out, as committed; or a plain folder",
+    )
     parser.add_argument(
         "--locked",
         nargs="?",
         type=Path,
         const=Path("calibrary.lock"),
         metavar="LOCKFILE",
-        help="use only the entries of --registry that LOCKFILE pins, and refuse if one of them has changed "
-        "(default LOCKFILE: calibrary.lock)",
+        help="use only the entries of --registry that LOCKFILE pins, as they were then; refuse where they cannot be "
+        "had so (default LOCKFILE: calibrary.lock)",
     )
     parser.add_argument("--recursive", action="store_true", help="go into sub-folders")
     parser.add_argument(

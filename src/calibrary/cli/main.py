@@ -17,6 +17,7 @@ from calibrary.cli import (
     extract,
     formats,
     inspect,
+    onboard,
     registry,
     undistort,
 )
@@ -24,7 +25,7 @@ from calibrary.errors import CalibraryError, CalibrationError, RegistryError, Va
 
 __all__ = ["build_parser", "main"]
 
-COMMANDS = (extract, calibrate, registry, diff, inspect, convert, undistort, catalogue, formats, completion)
+COMMANDS = (extract, calibrate, onboard, registry, diff, inspect, convert, undistort, catalogue, formats, completion)
 
 EXIT_POLICY = 1
 EXIT_INPUT = 3

@@ -5,7 +5,12 @@ K alone and of the focal lengths alone, the least likely of the three counting t
 one number must not drown in eight others. Where the models differ it is the projection's. The second is what is
 left between the two projections when the camera may turn (:mod:`calibrary.calib.projection_difference`). Either
 alone raises false alarms: a good calibration tells changes that no map would show, and a poor one moves by whole
-pixels from day to day. A drift is both.
+pixels from day to day. A drift is both, and both in the same thing: that cx moved, which turning the camera undoes,
+does not turn the noise of pixels in the frame's corners into a drift.
+
+Where a change is significant but its size is uncertain, it is taken for large until it is shown to be small (as in a
+test of equivalence: D. J. Schuirmann, "A comparison of the two one-sided tests procedure", 1987). Otherwise a focal
+length that moved by just the limit would raise the alarm in every second comparison only.
 """
 
 from __future__ import annotations
@@ -16,7 +21,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
+from scipy.special import chdtrc, chdtri
 
 from calibrary.calib.projection_difference import ProjectionDifference, projection_difference
 from calibrary.calibration import Calibration
@@ -34,6 +39,13 @@ SAME: Final = 1e-9
 """Two numbers this near, relative to the larger, are one number written twice."""
 
 K_NAMES: Final = ("fx", "fy", "cx", "cy")
+
+MOVED_SIGMAS: Final = 1.96
+"""A focal length nearer than this to what it was is not what a significant change is about."""
+SURELY_SIGMAS: Final = 2.326
+"""One side, 99 %: a change is below a limit if with this much added it still is."""
+SURE_LEVEL: Final = 0.01
+"""Of a pixel that moved: what noise does anywhere in the frame with this chance (Scheffé's simultaneous bound)."""
 
 
 class Verdict(StrEnum):
@@ -125,6 +137,8 @@ class Numbers:
         p: chance of a difference this large from noise alone.
         chi2: the tests that were made on the parameters; empty where the models differ.
         focal_change: Δf / f, of fx or fy, whichever is larger.
+        focal_std: of that change.
+        sure_px: largest difference among the pixels that noise does not explain, 0 where it explains all.
         spread_a, spread_b: what either is uncertain by, and how that is known.
         lens_compared: False where one of the two distortions is unknown and K alone was compared.
     """
@@ -136,6 +150,8 @@ class Numbers:
     p: float
     chi2: tuple[ChiSquare, ...]
     focal_change: float
+    focal_std: float
+    sure_px: float
     spread_a: Spread
     spread_b: Spread
     lens_compared: bool
@@ -232,7 +248,11 @@ def _numbers(a: Calibration, b: Calibration) -> Numbers:
         p = difference.p
     else:
         raise CalibrationError("neither calibration says how far it can be trusted, not even by its grade")
-    changes = [two.intrinsics.fx / one.intrinsics.fx - 1, two.intrinsics.fy / one.intrinsics.fy - 1]
+    focal_change, focal_std = max(
+        (_focal_change(one, two, spread_a, spread_b, name) for name in K_NAMES[:2]),
+        key=lambda pair: abs(pair[0]),
+    )
+    parameters = max(len(spread_a.covariance.names), len(spread_b.covariance.names))
     return Numbers(
         a=a,
         b=b,
@@ -240,11 +260,30 @@ def _numbers(a: Calibration, b: Calibration) -> Numbers:
         difference=difference,
         p=p,
         chi2=chi2,
-        focal_change=max(changes, key=abs),
+        focal_change=focal_change,
+        focal_std=focal_std,
+        sure_px=_sure_px(difference, parameters),
         spread_a=spread_a,
         spread_b=spread_b,
         lens_compared=lens_compared,
     )
+
+
+def _focal_change(a: Calibration, b: Calibration, one: Spread, two: Spread, name: str) -> tuple[float, float]:
+    """Of fx or fy, relative, and its standard deviation."""
+    f_a, f_b = float(getattr(a.intrinsics, name)), float(getattr(b.intrinsics, name))
+    std = np.hypot(one.covariance.std[name] / f_a, two.covariance.std[name] / f_b)
+    return f_b / f_a - 1, float(std)
+
+
+def _sure_px(difference: ProjectionDifference, parameters: int) -> float:
+    """The largest difference in the region that is more than noise of that many parameters does anywhere in it."""
+    if difference.std_px is None:
+        return difference.max_px
+    lengths, bound = difference.lengths_px, float(np.sqrt(chdtri(parameters, SURE_LEVEL)))
+    with np.errstate(invalid="ignore"):
+        sure = difference.region & (lengths > bound * difference.std_px)
+    return float(lengths[sure].max(initial=0.0))
 
 
 def _without_lens(calibration: Calibration) -> Calibration:
@@ -320,10 +359,17 @@ def _judged(
     if not numbers.p < policy.drift_significance:
         return Verdict.NOISE, (f"{measured}, and noise does as much in {numbers.p:.0%} of all cases",)
     chance = f"noise would do so with a chance of {numbers.p:.1g}"
-    if _is_drift(numbers, policy):
+    if not _is_drift(numbers, policy):
+        limits = f"{policy.drift_focal:.2%} and {policy.drift_px:g} px"
+        return Verdict.NEGLIGIBLE, (
+            f"{measured}; {chance}, but what noise does not explain stays below {limits}",
+        )
+    if _moves_pixels(numbers, policy) or abs(numbers.focal_change) >= policy.drift_focal:
         return Verdict.DRIFT, (f"{measured}; {chance}",)
-    limits = f"{policy.drift_focal:.2%} and {policy.drift_px:g} px"
-    return Verdict.NEGLIGIBLE, (f"{measured}; {chance}, but it stays below {limits}",)
+    known = f"the focal lengths' change is known to ± {numbers.focal_std:.3%} only"
+    return Verdict.DRIFT, (
+        f"{measured}; {chance}, and {known}: {policy.drift_focal:.2%} cannot be ruled out",
+    )
 
 
 def _measured(numbers: Numbers) -> str:
@@ -346,5 +392,16 @@ def _is_same(numbers: Numbers) -> bool:
 
 
 def _is_drift(numbers: Numbers, policy: Policy) -> bool:
-    large = abs(numbers.focal_change) >= policy.drift_focal or numbers.difference.max_px >= policy.drift_px
-    return large and numbers.p < policy.drift_significance
+    if not numbers.p < policy.drift_significance:
+        return False
+    return _moves_pixels(numbers, policy) or _moves_focal_length(numbers, policy)
+
+
+def _moves_pixels(numbers: Numbers, policy: Policy) -> bool:
+    return numbers.sure_px >= policy.drift_px
+
+
+def _moves_focal_length(numbers: Numbers, policy: Policy) -> bool:
+    """Whether the focal length is what moved, and not surely by less than the limit."""
+    change, std = abs(numbers.focal_change), numbers.focal_std
+    return change >= MOVED_SIGMAS * std and change + SURELY_SIGMAS * std >= policy.drift_focal

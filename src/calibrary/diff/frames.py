@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from calibrary.calibration import Calibration, ImageSize, same_aspect
 from calibrary.errors import FrameError
 
-__all__ = ["CommonFrame", "common_frame"]
+__all__ = ["FOCAL_SLACK", "CommonFrame", "common_frame"]
 
 FOCAL_SLACK = 0.2
 """How far two focal lengths may be apart to be taken for one, seen through a crop."""

@@ -204,7 +204,9 @@ def _aside(keeper: Keeper, source: Path | None, due: Sequence[Proposal]) -> Iter
         return
     # Whoever is killed in between finds what was edited in git's own folder.
     edited, kept = source.read_bytes(), store.git_dir / "calibrary-edited.yaml"
-    kept.write_bytes(edited)
+    kept.unlink(missing_ok=True)
+    with kept.open("xb") as file:
+        file.write(edited)
     if own.base is not None:
         source.write_bytes(store.blob(own.base))
     else:

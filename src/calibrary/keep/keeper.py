@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from calibrary.registry.fast_import import Person
 from calibrary.registry.firmware import compare
 from calibrary.registry.fleet import Note, Registry
 from calibrary.registry.history import Revision, newest_where
-from calibrary.registry.resolution import RegistryIndex
+from calibrary.registry.resolution import RegistryIndex, is_keyed
 from calibrary.registry.revisions import Firmware, parse_rev
 from calibrary.registry.writing import Change, Written
 
@@ -91,14 +92,14 @@ class Keeper:
 
         Raises:
             UnknownCameraError: no such camera, or not at that revision.
-            RegistryError: several, or the entry cannot be read.
+            RegistryError: several, or the entry cannot be read, or is of another camera than its path says.
         """
         name, at, rev = key.partition("@")
         if at and isinstance(meant := parse_rev(rev), Firmware):
             return self._of_firmware(name, meant.version)
         snapshot = self.registry.snapshot(rev if at else None)
         path = find_path(snapshot.paths, name)
-        return self._held(path, snapshot.paths[path], snapshot.commit)
+        return _in_its_place(self._held(path, snapshot.paths[path], snapshot.commit))
 
     def entries(
         self, rev: str | None = None, *, unreadable: Callable[[RegistryError], None] | None = None
@@ -188,7 +189,7 @@ class Keeper:
             )
         revision, blob = found
         entry = _parsed(blob.data, revision.path)
-        return Held(entry=entry, path=revision.path, oid=blob.oid, commit=revision.commit)
+        return _in_its_place(Held(entry=entry, path=revision.path, oid=blob.oid, commit=revision.commit))
 
     def _held(self, path: str, oid: str, commit: str) -> Held:
         entry = _parsed(self.registry.store.blob(oid), path)
@@ -216,6 +217,16 @@ def _parsed(data: bytes, path: str) -> Entry:
         return parse_entry(data, path)
     except InputError as error:
         raise RegistryError(str(error)) from None
+
+
+def _in_its_place(held: Held) -> Held:
+    """The same, unless somebody has put one camera's file where another's belongs."""
+    if held.entry.path != held.path and is_keyed(held.path):
+        raise RegistryError(
+            f"{held.path}: the camera in it belongs at {held.entry.path}, so this is not the K of {held.id}; "
+            f"'calibrary registry log {held.id}' tells who put it there"
+        )
+    return held
 
 
 def _charter_of(registry: Registry) -> Charter:
@@ -248,9 +259,17 @@ def refuse_broken(path: str, data: bytes) -> None:
 def _is_of_firmware(path: str, version: str, data: bytes) -> bool:
     try:
         entry = parse_entry(data, path)
-        made_with = entry.calibration.provenance.firmware
-        if made_with is not None and (made_with == version or compare(made_with, version) == 0):
-            return True
+    except InputError:
+        return False
+    made_with = entry.calibration.provenance.firmware
+    if made_with == version:
+        return True
+    if made_with is not None:
+        # What is no version number, such as an editor's name, leaves it to the range.
+        with suppress(InputError):
+            if compare(made_with, version) == 0:
+                return True
+    try:
         return entry.firmware is not None and entry.firmware.holds(version)
     except InputError:
         return False

@@ -45,8 +45,9 @@ def find_path(paths: Collection[str], key: str) -> str:
 def find_paths(paths: Collection[str], key: str) -> list[str]:
     """Every entry that a KEY may mean, sorted; an exact id, or the plain entry of a model, means itself alone."""
     path = f"{ROOT}{key.strip('/')}{SUFFIX}" if not key.startswith(ROOT) else key
-    if path in paths:
-        return [path]
+    for exact in (path, path.lower()):
+        if exact in paths:
+            return [exact]
     asked = [part for part in key.removeprefix(ROOT).removesuffix(SUFFIX).split("/") if part.strip()]
     if not asked:
         return []

@@ -13,7 +13,7 @@ from calibrary.registry.check import CheckFinding
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.writing import Written
 
-__all__ = ["Decision", "decide", "write_decisions"]
+__all__ = ["Decision", "decide", "decide_from", "write_decisions"]
 
 VERBS = {Status.APPROVED: "Approve", Status.HELD: "Hold", Status.RETIRED: "Retire"}
 
@@ -23,14 +23,15 @@ class Decision:
     """One entry before and after.
 
     Attributes:
-        held: as it stands, on the main branch or on the one it is approved from.
-        base: the id of what stands at its place on the main branch, None for nothing; a write holds only while it
-            still does.
+        held: as it stands, or as it is proposed on the branch it is approved from.
+        standing: what the entry takes the place of; None where it is new.
+        base: the content's id of that; a write holds only while it still stands.
         entry: as it is to be.
         changes: field by field; nothing where it has this status already.
     """
 
     held: Held
+    standing: Entry | None
     base: str | None
     entry: Entry
     changes: tuple[FieldChange, ...]
@@ -60,6 +61,47 @@ def decide(
     return tuple(decisions), objections(keeper, entries) if entries else ()
 
 
+def decide_from(
+    keeper: Keeper, keys: Sequence[str], branch: str, status: Status, reason: str | None
+) -> tuple[tuple[Decision, ...], tuple[CheckFinding, ...]]:
+    """The same of entries that are proposed on another branch: they come from there, and are put to use here.
+
+    Args:
+        keeper: of the registry.
+        keys: of the entries, without a revision.
+        branch: on which they are.
+        status: that they shall have.
+        reason: why.
+
+    Raises:
+        UnknownCameraError: there is no such entry on the branch.
+        RegistryError: there is no such branch, a key means several, or a person pinned what stands here.
+    """
+    decisions = []
+    for key in dict.fromkeys(keys):
+        _refuse_revision(key)
+        proposed = keeper.get(f"{key}@{branch}")
+        here = keeper.at(proposed.path)
+        standing = here.entry if here is not None else None
+        if standing is not None and standing.status is Status.HELD:
+            why = f" ({standing.reason})" if standing.reason else ""
+            raise RegistryError(f"{proposed.id} is held{why}: a person pinned it; nothing was written")
+        entry = _with_status(proposed.entry, status, reason)
+        if standing is not None and replace(entry, reason=standing.reason) == standing and reason is None:
+            entry = standing
+        decisions.append(
+            Decision(
+                held=proposed,
+                standing=standing,
+                base=here.oid if here is not None else None,
+                entry=entry,
+                changes=differences(standing, entry),
+            )
+        )
+    entries = [decision.entry for decision in decisions if decision.changes]
+    return tuple(decisions), objections(keeper, entries) if entries else ()
+
+
 def write_decisions(
     keeper: Keeper, decisions: Sequence[Decision], status: Status, reason: str | None
 ) -> Written:
@@ -75,13 +117,17 @@ def write_decisions(
     ]
     named = concerned[0].id if len(concerned) == 1 else f"{len(concerned)} cameras"
     note = note_of(f"{VERBS[status]} {named}", [one.entry for one in due], reason)
-    return keeper.save([(one.entry, one.held.oid) for one in due], note)
+    return keeper.save([(one.entry, one.base) for one in due], note)
 
 
 def _now(keeper: Keeper, key: str) -> Held:
+    _refuse_revision(key)
+    return keeper.get(key)
+
+
+def _refuse_revision(key: str) -> None:
     if "@" in key:
         raise RegistryError(f"{key}: what it was cannot be changed; name the entry without @REV")
-    return keeper.get(key)
 
 
 def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
@@ -91,7 +137,13 @@ def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
 
 
 def _decision(held: Held, entry: Entry) -> Decision:
-    return Decision(held=held, entry=entry, changes=differences(held.entry, entry))
+    return Decision(
+        held=held,
+        standing=held.entry,
+        base=held.oid,
+        entry=entry,
+        changes=differences(held.entry, entry),
+    )
 
 
 def _succeeding(successor: Held, retired: Sequence[Held]) -> Decision:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import Outcome
 from calibrary.calibration import Calibration, Grade, Intrinsics
-from calibrary.errors import FrameError
 from calibrary.evidence.witness import Source, Witness
 from calibrary.extract.cameras import circumstances
 from calibrary.onboard.subjects import Subject
@@ -18,9 +17,11 @@ from calibrary.policy import Policy
 from calibrary.registry.resolution import Resolution
 from calibrary.validation import Expected
 
-__all__ = ["MEASURED", "Claim", "Kind", "claims", "expected_of", "gap"]
+__all__ = ["EXIF", "MEASURED", "Claim", "Kind", "claims", "expected_of", "gap"]
 
 MEASURED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
+EXIF: Final = "EXIF"
+"""The voice of whatever rests on EXIF's focal lengths."""
 TOLERANCE: Final = 0.03
 """Between two measurements, or one and a known camera, where the policy names none."""
 
@@ -143,6 +144,9 @@ def _of_tags(subject: Subject, policy: Policy) -> Iterator[Claim]:
         return
     evidence, made = subject.camera.evidence, subject.camera.calibration
     for witness in evidence.witnesses:
+        if witness.source is Source.ASSUMED_SENSOR:
+            # A sensor that nobody stated is no witness, and no K of it becomes an entry.
+            continue
         chosen = witness is evidence.chosen and made is not None
         rank = _tag_rank(witness) if chosen else None
         measured = witness.grade in MEASURED
@@ -153,9 +157,7 @@ def _of_tags(subject: Subject, policy: Policy) -> Iterator[Claim]:
             intrinsics=witness.intrinsics,
             grade=witness.grade,
             calibration=made if chosen else None,
-            limit=max(
-                _measured_limit(policy) if measured else policy.witness_agreement, witness.tolerance
-            ),
+            limit=max(_measured_limit(policy) if measured else policy.witness_agreement, witness.tolerance),
             measured_centre=witness.measured_centre,
             rank=rank,
         )
@@ -176,7 +178,7 @@ def _hand(source: Source) -> str:
         Source.FIELD_OF_VIEW: "the field of view",
     }
     # Firmware that writes another lens's focal length writes its 35 mm equivalent beside it.
-    return named.get(source, "EXIF")
+    return named.get(source, EXIF)
 
 
 def _of_registry(standing: Resolution | None, policy: Policy) -> Iterator[Claim]:
@@ -199,9 +201,7 @@ def _of_catalogue(subject: Subject, policy: Policy) -> Iterator[Claim]:
     if expected is None:
         return
     width, height = subject.size
-    K = Intrinsics(
-        fx=expected.fx, fy=expected.fx, cx=width / 2, cy=height / 2, image_size=subject.size
-    )
+    K = Intrinsics(fx=expected.fx, fy=expected.fx, cx=width / 2, cy=height / 2, image_size=subject.size)
     camera = subject.camera.states[0].known.camera if subject.camera is not None else None
     yield Claim(
         kind=Kind.CATALOGUE,
@@ -214,18 +214,3 @@ def _of_catalogue(subject: Subject, policy: Policy) -> Iterator[Claim]:
 
 def _measured_limit(policy: Policy) -> float:
     return policy.known_camera_tolerance or TOLERANCE
-
-
-def in_frame_of(subject: Subject, calibration: Calibration) -> Calibration | None:
-    """At the size of the camera's images, None where no scale leads there."""
-    try:
-        return calibration if calibration.intrinsics.image_size == subject.size else replace(
-            calibration.scaled(subject.size)
-        )
-    except FrameError:
-        return None
-
-
-def voices(found: Sequence[Claim]) -> frozenset[str]:
-    """Who speaks, each once."""
-    return frozenset(claim.voice for claim in found)

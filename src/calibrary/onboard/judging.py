@@ -97,9 +97,7 @@ def hear(claims: Sequence[Claim], trusted: Kind | None = None) -> Hearing | None
     voices = []
     for claim in others:
         share = gap(chosen, claim)
-        voices.append(
-            Voice(claim=claim, share=share, agrees=abs(share) <= max(chosen.limit, claim.limit))
-        )
+        voices.append(Voice(claim=claim, share=share, agrees=abs(share) <= max(chosen.limit, claim.limit)))
     against = tuple(voice for voice in voices if not voice.agrees)
     for_it = {chosen.voice, *(voice.claim.voice for voice in voices if voice.agrees)}
     hands = {voice.claim.voice for voice in against} - for_it
@@ -116,14 +114,10 @@ def _dispute(chosen: Claim, against: Sequence[Voice], for_it: set[str]) -> str:
         for voice in against[:4]
     )
     alone = "nothing confirms it" if len(for_it) < 2 else "as many speak against it as for it"
-    return (
-        f"{chosen.name} ({chosen.kind.value}) says fx = {chosen.intrinsics.fx:.1f} px, and {told}; {alone}"
-    )
+    return f"{chosen.name} ({chosen.kind.value}) says fx = {chosen.intrinsics.fx:.1f} px, and {told}; {alone}"
 
 
-def held_against(
-    calibration: Calibration, subject: Subject, hearing: Hearing, policy: Policy
-) -> Report:
+def held_against(calibration: Calibration, subject: Subject, hearing: Hearing, policy: Policy) -> Report:
     """The proposed K against the policy, with what the others say around it; who was outvoted is silent."""
     camera, outvoted = subject.camera, {voice.claim.name for voice in hearing.overruled}
     if hearing.chosen.kind is Kind.TAGS and camera is not None:

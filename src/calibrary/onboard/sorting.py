@@ -10,7 +10,7 @@ from typing import Final
 from calibrary import parsers
 from calibrary.calib.board import Board
 from calibrary.calib.presence import shows_board
-from calibrary.errors import CalibraryError, InputError, UnknownFormatError
+from calibrary.errors import InputError, UnknownFormatError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.extract.gather import Rejected, find_files, gather
@@ -68,7 +68,8 @@ def sort_payload(
     Raises:
         InputError: it is no folder, cannot be read, or holds an absurd number of files.
     """
-    images, rest = [], []
+    images: list[Path] = []
+    rest: list[Path] = []
     for path in find_files(folder, recursive=True):
         (images if is_image(path) else rest).append(path)
         if len(images) + len(rest) > MOST_FILES:
@@ -94,9 +95,7 @@ def sort_payload(
     )
 
 
-def _calibrations(
-    paths: Sequence[Path], folder: Path
-) -> tuple[list[tuple[Path, str]], list[Rejected]]:
+def _calibrations(paths: Sequence[Path], folder: Path) -> tuple[list[tuple[Path, str]], list[Rejected]]:
     """The files that some format claims, and of the others why they are none."""
     files: list[tuple[Path, str]] = []
     others: list[Rejected] = []
@@ -106,7 +105,7 @@ def _calibrations(
             identity = parsers.identify(path, max_bytes=LARGEST_CALIBRATION)
         except UnknownFormatError:
             others.append(Rejected(name, "neither an image nor a calibration file of a known format"))
-        except CalibraryError as error:
+        except InputError as error:
             others.append(Rejected(name, error.message))
         except OSError as error:
             others.append(Rejected(name, f"cannot be read: {error.strerror or error}"))
@@ -130,8 +129,8 @@ def _frames(
     of them show a board is one, blurred and cut off ones included; the search at full resolution sorts those out.
     """
     groups: dict[tuple[ImageMetadata, str], list[str]] = {}
-    for metadata, names in states.items():
-        for name in names:
+    for metadata, alike in states.items():
+        for name in alike:
             groups.setdefault((metadata, name.rpartition("/")[0]), []).append(name)
     looks = sum(min(TRIED, len(names)) for names in groups.values())
     done = 0

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize, same_aspect
-from calibrary.errors import CalibraryError, MissingTagError
+from calibrary.errors import InputError, MissingTagError
 from calibrary.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
 from calibrary.extract.gather import Rejected
 from calibrary.extract.knowledge import Knowledge
@@ -56,6 +56,12 @@ class Subject:
     camera: Camera | None = None
     frames: tuple[Path, ...] = ()
     files: tuple[FileCalibration, ...] = ()
+
+    @property
+    def examples(self) -> tuple[str, ...]:
+        """One image of each of its states, as names below the payload's folder."""
+        states = self.camera.states if self.camera is not None else ()
+        return tuple(sorted(min(state.names) for state in states))
 
     @property
     def size(self) -> ImageSize:
@@ -178,10 +184,8 @@ def _hand_out_files(
             way_out = "" if "--image-size" in error.message else "; say --image-size WxH"
             sorting.aside.append(Rejected(name, f"{error.message}{way_out}"))
             continue
-        except (CalibraryError, OSError) as error:
-            sorting.aside.append(
-                Rejected(name, error.message if isinstance(error, CalibraryError) else str(error))
-            )
+        except InputError as error:
+            sorting.aside.append(Rejected(name, error.message))
             continue
         for at, calibration in enumerate(calibrations, start=1):
             label = name if len(calibrations) == 1 else f"{name}, camera {at}"
@@ -250,10 +254,3 @@ def _is_sub_camera(calibration: Calibration, key: CameraKey) -> bool:
         and key.sub_camera is not None
         and normalise_sub_camera(stated) == normalise_sub_camera(key.sub_camera)
     )
-
-
-def examples(subject: Subject) -> Iterator[str]:
-    """One image of each state of the camera, as names below the payload's folder."""
-    states: Sequence[State] = subject.camera.states if subject.camera is not None else ()
-    for state in states:
-        yield min(state.names)

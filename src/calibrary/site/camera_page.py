@@ -200,7 +200,7 @@ def _uncertainty(calibration: Calibration) -> Iterator[Block]:
 def _spread_map(calibration: Calibration, covariance: Covariance) -> Figure | None:
     try:
         found = projection_uncertainty(calibration, covariance, shape=GRID)
-    except CalibraryError:
+    except (CalibraryError, np.linalg.LinAlgError):
         return None
     return amount_map(
         found.pixels,

@@ -30,7 +30,7 @@
   }).filter(Boolean);
   const told = made("p", { className: "told", role: "status" });
   const clear = made("button", { type: "button" }, "Show all");
-  const labelled = (title, control) => made("label", { htmlFor: control.id }, made("span", {}, title), control);
+  const labelled = (title, control) => made("div", {}, made("label", { htmlFor: control.id }, title), control);
   const form = made(
     "form",
     { className: "finder" },

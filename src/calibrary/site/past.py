@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+
 from calibrary.calibration import Calibration
 from calibrary.diff.comparison import Comparison, compare
 from calibrary.errors import CalibraryError, InputError
@@ -19,6 +21,9 @@ __all__ = ["MOST_COMPARED", "Step", "past", "steps"]
 
 MOST_COMPARED = 100
 """Changes of one entry that get a page, the newest; few cameras are calibrated as often in their life."""
+
+
+BEYOND = "Their numbers are too far from any camera's to be computed with."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +80,8 @@ def _step(before: Chapter, after: Chapter, policy: Policy) -> Step:
         comparison = compare(one.calibration, other.calibration, policy)
     except CalibraryError as error:
         return Step(before=before, after=after, why_not=str(error))
+    except np.linalg.LinAlgError:
+        return Step(before=before, after=after, why_not=BEYOND)
     return Step(before=before, after=after, comparison=comparison)
 
 

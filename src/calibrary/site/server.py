@@ -175,6 +175,9 @@ class _Listener(ThreadingHTTPServer):
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = LOOPBACK, int(self.server_address[1])
 
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say nothing where the base class prints a traceback: a client that hung up is no event."""
+
 
 def _open(port: int, file: Callable[[str], Path | None]) -> ThreadingHTTPServer:
     try:

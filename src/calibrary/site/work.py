@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from calibrary.diff.page import badge_of
 from calibrary.errors import InputError
 from calibrary.keep.keeper import Keeper
@@ -26,7 +28,7 @@ from calibrary.site.downloads import Download, downloads
 from calibrary.site.past import Step, past, steps
 from calibrary.site.words import stds_of
 
-__all__ = ["Card", "Job", "Task", "write_entries"]
+__all__ = ["Card", "Job", "Task", "entry_files", "write_entries"]
 
 ENTRY_FORMAT = "calibrary entry"
 
@@ -139,33 +141,49 @@ def _write_entry(task: Task, job: Job, keeper: Keeper) -> Card:
         return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
     place = Place.of(task.path, proper=entry.path == task.path)
     chapters = past(keeper, revisions)
-    changes = steps(chapters, job.policy)
-    return _written(entry, data, place, chapters, changes, task, job)
-
-
-def _written(
-    entry: Entry,
-    data: bytes,
-    place: Place,
-    chapters: Sequence[Chapter],
-    changes: Sequence[Step],
-    task: Task,
-    job: Job,
-) -> Card:
-    id_ = id_of(task.path)
-    files = [*downloads(entry), _own_file(entry, data)]
-    page = camera_page(
-        entry, id_=id_, place=place, chapters=chapters, changes=changes, files=files, made_by=job.made_by
-    )
-    content = {place.page: _html(page)}
-    content |= {place.file(file.name): file.data for file in files if file.name is not None}
-    for step in changes:
-        content[place.step(step.name)] = _html(step_page(step, id_=id_, place=place, made_by=job.made_by))
+    # Any finite number may stand in an entry, and what overflows on the way to a page is shown as unknown.
+    with np.errstate(all="ignore"):
+        changes = steps(chapters, job.policy)
+        content = entry_files(
+            entry, data=data, id_=id_, place=place, chapters=chapters, changes=changes, made_by=job.made_by
+        )
     for address, written in content.items():
         where = job.root / address
         where.parent.mkdir(parents=True, exist_ok=True)
         where.write_bytes(written)
     return _card(entry, task.path, place, chapters, changes, tuple(content))
+
+
+def entry_files(
+    entry: Entry,
+    *,
+    data: bytes,
+    id_: str,
+    place: Place,
+    chapters: Sequence[Chapter],
+    changes: Sequence[Step],
+    made_by: str,
+) -> dict[str, bytes]:
+    """All that a site holds of an entry, by address: its page, its downloads, a page for each change.
+
+    Args:
+        entry: as it is now.
+        data: its file.
+        id_: its longest KEY.
+        place: where its pages lie.
+        chapters: its revisions, newest first.
+        changes: of its calibration, newest first.
+        made_by: for the foot of each page.
+    """
+    files = [*downloads(entry), _own_file(entry, data)]
+    page = camera_page(
+        entry, id_=id_, place=place, chapters=chapters, changes=changes, files=files, made_by=made_by
+    )
+    content = {place.page: _html(page)}
+    content |= {place.file(file.name): file.data for file in files if file.name is not None}
+    for step in changes:
+        content[place.step(step.name)] = _html(step_page(step, id_=id_, place=place, made_by=made_by))
+    return content
 
 
 def _card(

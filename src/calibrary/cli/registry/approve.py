@@ -12,6 +12,7 @@ EXAMPLES = """\
 examples:
   calibrary registry approve fc6310r
   calibrary registry approve dji/fc6310r dji/fc330 --reason "checked over the test field"
+  calibrary registry approve fc6310r --from onboard/dji-fc6310r       as 'calibrary onboard' proposed it
 """
 
 
@@ -25,6 +26,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_deciding_flags(parser, reason_required=False)
+    parser.add_argument(
+        "--from",
+        dest="branch",
+        metavar="BRANCH",
+        help="take them from this branch, on which they are proposed, into the one that is used",
+    )
     parser.set_defaults(run=_run)
 
 

@@ -40,15 +40,19 @@ def run_decision(
         tell_written,
     )
     from calibrary.keep.admission import stands_against
-    from calibrary.keep.standing import decide, write_decisions
+    from calibrary.keep.standing import decide, decide_from, write_decisions
 
     keeper, note = opened(arguments), make_console(stderr=True)
-    decisions, findings = decide(keeper, arguments.keys, status, arguments.reason, successor)
+    branch: str | None = getattr(arguments, "branch", None)
+    if branch is not None:
+        decisions, findings = decide_from(keeper, arguments.keys, branch, status, arguments.reason)
+    else:
+        decisions, findings = decide(keeper, arguments.keys, status, arguments.reason, successor)
     changed = [
         EntryChange(
             entry=one.entry,
-            standing=one.held.entry,
-            is_new=False,
+            standing=one.standing,
+            is_new=one.base is None,
             changes=one.changes,
             remarks=() if one.changes else (f"it is {one.entry.status.value} already",),
         )

@@ -79,9 +79,17 @@ def _of_one(told: Sequence[Chapter]) -> Table:
                 _number(getattr(K, name), delta.get(name)) if K is not None else ""
                 for name in ("fx", "fy", "cx", "cy")
             ),
-            plain(one.reason or one.revision.subject),
+            plain(one.reason or _without_names(one)),
         )
     return table
+
+
+def _without_names(one: Chapter) -> str:
+    """What the commit says it did, without the entry's name, which the reader has just typed."""
+    subject = one.revision.subject
+    for camera in one.cameras:
+        subject = subject.removesuffix(camera).strip()
+    return subject
 
 
 def _of_all(told: Sequence[Chapter]) -> Table:

@@ -35,6 +35,10 @@ LONG_ARROW = 0.055
 CUT = 2.5
 """Arrows are drawn up to this many times as long as the longest of the 95 % shortest."""
 
+LEAST = 1e-9
+LARGEST = 1e15
+"""What is larger is no amount of anything that a frame could show."""
+
 SHADES = 10
 FAINTEST = 0.05
 
@@ -122,7 +126,7 @@ def arrow_map(
     length = np.where(valid, np.hypot(given[..., 0], given[..., 1]), 0.0)
     usual = float(np.percentile(length[counts], 95)) if counts.any() else 0.0
     parts = [_shaded(begin, ~counts, frame)]
-    if usual > 0:
+    if usual > LEAST:
         gain = LONG_ARROW * max(image_size) * frame.scale / usual
         cut = length > CUT * usual
         shrink = np.where(cut, CUT * usual / np.where(length > 0, length, 1.0), 1.0)[..., None]
@@ -165,7 +169,7 @@ def amount_map(
     at, amounts = _grid(points, 2), np.asarray(values, dtype=np.float64)
     if at.shape[:2] != amounts.shape:
         raise InputError(f"{axis.quantity}: points of shape {at.shape} have values of shape {amounts.shape}")
-    counts = _inside(inside, np.isfinite(amounts))
+    counts = _inside(inside, (amounts >= 0) & (amounts < LARGEST))
     frame = _Frame.of(image_size)
     high = float(amounts[counts].max(initial=0.0))
     share = np.where(counts, np.nan_to_num(amounts), 0.0) / (high or 1.0)

@@ -27,6 +27,7 @@ LABEL_WIDTH = 88.0
 
 MARK_WIDTH = 150.0
 MOST_REVISIONS = 400
+LARGEST = 1e12
 
 
 def history(
@@ -43,7 +44,10 @@ def history(
     Raises:
         InputError: a series has not N values.
     """
-    columns = [(one.axis, as_values(one.values, one.axis.quantity), _std(one, len(labels))) for one in series]
+    columns = [
+        (one.axis, _drawable(as_values(one.values, one.axis.quantity)), _drawable(_std(one, len(labels))))
+        for one in series
+    ]
     for axis, values, _ in columns:
         if len(values) != len(labels):
             raise InputError(f"{axis.quantity} has {len(values)} values over {len(labels)} revisions")
@@ -65,6 +69,11 @@ def history(
     if marked:
         alt += f" Marked: {'; '.join(f'{name(what)} before {name(shown[i])}' for i, what in marked[:6])}."
     return Figure(svg=svg, alt=alt, caption=caption)
+
+
+def _drawable(values: FloatArray) -> FloatArray:
+    """NaN for what is so large that no axis can tell it from its neighbours."""
+    return np.where(np.abs(values) < LARGEST, values, math.nan)
 
 
 def _std(one: Series, count: int) -> FloatArray:

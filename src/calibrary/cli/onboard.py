@@ -1,0 +1,343 @@
+"""``calibrary onboard``: a folder of whatever came with a new payload in, a draft and its reasons out."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from calibrary.cli.calibrate.flags import number
+from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+from calibrary.cli.registry.place import add_registry_flag, opened
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rich.console import Console
+
+    from calibrary.calib.board import Board
+    from calibrary.onboard.proposing import Serves
+    from calibrary.onboard.run import Onboarding, Outcome, Questions
+    from calibrary.registry.writing import Written
+
+__all__ = ["add_parser"]
+
+EXIT_REFUSED: Final = 1
+STYLES: Final = {"draft proposed": "bold green", "nothing new": "cyan", "refused": "bold red"}
+
+DESCRIPTION = """\
+Sort what came with a new payload (images, frames of a board, calibration files, in sub-folders as they lie), tell
+its cameras, hear everybody who says what their K is, and propose the best as a draft on a branch of the registry.
+The main branch is left alone; a person approves.
+"""
+EXAMPLES = """\
+examples:
+  calibrary onboard payload/                                 asks what it cannot know
+  calibrary onboard payload/ --square-mm 40 --for unit --yes    for machines
+  calibrary onboard payload/ --board charuco:8x5 --square-mm 30 --html report.html
+  calibrary onboard payload/ --trust file                    where witnesses disagree and you know who is right
+
+exit codes: 0 a draft waits, or nothing is new; 1 refused, and only the page is written; 2 something was not said that
+only a person knows; 3 the folder cannot be read; 4 the registry.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "onboard",
+        help="take a new payload on board: sort, identify, hear every witness, propose an entry",
+        description=DESCRIPTION,
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("folder", type=Path, metavar="DIR", help="what came with the payload")
+    asked = parser.add_argument_group("what only a person knows", "asked where it is needed and not said")
+    asked.add_argument(
+        "--square-mm",
+        type=number(0.01, 10_000),
+        metavar="MM",
+        help="side of a square of the board that frames show",
+    )
+    asked.add_argument(
+        "--for",
+        dest="serves",
+        choices=("unit", "model"),
+        help="whether a measured K is this unit's only, or stands for every unit of its model",
+    )
+    asked.add_argument(
+        "--trust",
+        choices=("board", "file", "tags"),
+        help="whom to believe where witnesses disagree and nothing else decides",
+    )
+    board = parser.add_argument_group("the board")
+    board.add_argument(
+        "--board",
+        metavar="BOARD",
+        help="which one, in inner corners: checkerboard:11x8 (default: a checkerboard, its size found by trying)",
+    )
+    board.add_argument("--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker")
+    parser.add_argument("--only", metavar="TEXT", help="only cameras whose name holds this, such as M3T wide")
+    parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
+    parser.add_argument("--operator", metavar="NAME", help="who answers for it; git's user when left out")
+    parser.add_argument(
+        "--workers", type=_count, default=0, metavar="N", help="processes that look at images"
+    )
+    add_camera_flags(parser)
+    add_registry_flag(parser)
+    add_yes_flag(parser, "write the draft without asking, and ask nothing else")
+    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    parser.add_argument(
+        "--html",
+        type=Path,
+        metavar="FILE",
+        help="the report's page (default: onboard-CAMERA.html, in this folder)",
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.atomic import write_files
+    from calibrary.cli.console import make_console
+    from calibrary.onboard.onboard_json import onboard_json
+    from calibrary.onboard.page import onboard_page
+    from calibrary.onboard.run import write_drafts
+    from calibrary.pages import render_page
+
+    if arguments.html is not None:
+        from calibrary.extract.outputs import check_page_place
+
+        check_page_place(arguments.html)
+    note = make_console(stderr=True)
+    done = _onboarded(arguments, note)
+    page = arguments.html or Path(_page_name(done))
+    _show(note, done)
+    write_files({page: render_page(onboard_page(done)).encode()})
+    _say(note, f"the report: {page}")
+    written: Mapping[str, Written] = {}
+    if not done.outcomes:
+        _unknown(arguments, done)
+    elif done.drafts and agreed(arguments, _question(done)):
+        written = write_drafts(done, arguments.reason)
+        _tell_written(note, done, written)
+    elif done.drafts:
+        _say(note, "nothing was written into the registry")
+    elif not done.is_good and len(done.outcomes) > 1:
+        _say(
+            note, "nothing was written into the registry, since one was refused; --only TEXT takes one camera"
+        )
+    if arguments.json:
+        document = onboard_json(done, written, page.name)
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    return 0 if done.is_good else EXIT_REFUSED
+
+
+def _onboarded(arguments: argparse.Namespace, note: Console) -> Onboarding:
+    from functools import partial
+
+    from calibrary.cli.registry.progress import Bar
+    from calibrary.onboard.claims import Kind
+    from calibrary.onboard.run import Request, onboard
+
+    keeper = opened(arguments)
+    board = _board(arguments)
+    bars = {
+        words: Bar(note, text) for words, text in (("sorting", "sorting"), ("board", "finding the board"))
+    }
+
+    def progress(words: str, done: int, total: int) -> None:
+        bars[words](done, total)
+        if done == total:
+            bars[words].__exit__(None, None, None)
+
+    with bars["sorting"], bars["board"]:
+        return onboard(
+            Request(
+                folder=arguments.folder,
+                keeper=keeper,
+                questions=_questions(arguments),
+                said=partial(camera_of, arguments),
+                image_size=arguments.image_size,
+                board=board,
+                trusted=Kind(arguments.trust) if arguments.trust is not None else None,
+                only=arguments.only,
+                operator=arguments.operator,
+                workers=arguments.workers,
+                progress=progress,
+            )
+        )
+
+
+def _board(arguments: argparse.Namespace) -> Board | None:
+    from calibrary.calib.board import parse_board
+
+    if arguments.board is None:
+        return None
+    if arguments.square_mm is None:
+        arguments.parser.error("--board goes with --square-mm MM, the side of its squares")
+    return parse_board(arguments.board, arguments.square_mm, arguments.marker_mm)
+
+
+def _questions(arguments: argparse.Namespace) -> Questions:
+    from calibrary.onboard.proposing import Serves
+    from calibrary.onboard.run import Questions
+
+    def square_mm(frames: int) -> float:
+        if arguments.square_mm is not None:
+            return float(arguments.square_mm)
+        shown = f"{frames} {'image shows' if frames == 1 else 'images show'} a calibration board"
+        text = _asked(arguments, f"{shown}: the side of its squares in mm?", "--square-mm MM")
+        try:
+            side: float = number(0.01, 10_000)(text)
+        except argparse.ArgumentTypeError as error:
+            arguments.parser.error(f"--square-mm: {error}")
+        return side
+
+    def serves(camera: str) -> Serves:
+        if arguments.serves is not None:
+            return Serves(arguments.serves)
+        question = (
+            f"{camera} was measured: is its K this unit's only, or every one's of its model? [unit/model]"
+        )
+        text = _asked(arguments, question, "--for unit or --for model").lower()
+        if text not in {"unit", "model"}:
+            arguments.parser.error(f"--for: {text!r:.20}, wanted unit or model")
+        return Serves(text)
+
+    return Questions(square_mm=square_mm, serves=serves)
+
+
+def _asked(arguments: argparse.Namespace, question: str, flag: str) -> str:
+    """What a person answers; where nobody can be asked the command ends as misused, and names the flag."""
+    if arguments.yes or not can_ask():
+        arguments.parser.error(f"{question} Nobody can be asked here; say {flag}")
+    sys.stderr.write(f"{question} ")
+    sys.stderr.flush()
+    return sys.stdin.readline().strip()
+
+
+def _unknown(arguments: argparse.Namespace, done: Onboarding) -> None:
+    """No camera: what names it is not in the payload, and only a person knows it."""
+    if done.subjects.nameless:
+        arguments.parser.error(
+            "nothing in it names make and model, by which an entry is found; say --make NAME --model NAME"
+        )
+
+
+def _page_name(done: Onboarding) -> str:
+    from calibrary.onboard.run import BRANCHES, branch_name
+
+    names = {branch_name(one.subject.key).removeprefix(BRANCHES) for one in done.outcomes}
+    return f"onboard-{names.pop() if len(names) == 1 else 'payload'}.html"
+
+
+def _show(console: Console, done: Onboarding) -> None:
+    payload, aside = done.payload, (*done.payload.others, *done.subjects.aside)
+    flown, frames, files = payload.images - len(payload.frames), len(payload.frames), len(payload.files)
+    _say(
+        console,
+        f"{flown} image{'s' * (flown != 1)}, {frames} frame{'s' * (frames != 1)} of a board, "
+        f"{files} calibration file{'s' * (files != 1)}, {len(aside)} set aside",
+    )
+    for item in aside[:8]:
+        _say(console, f"  set aside {item.name}: {item.reason}", "dim")
+    if len(aside) > 8:
+        _say(console, f"  and {len(aside) - 8} more, listed in the report", "dim")
+    for one in done.outcomes:
+        _show_camera(console, one)
+
+
+def _show_camera(console: Console, one: Outcome) -> None:
+    from calibrary.cli.console import plain
+
+    console.print()
+    console.print(f"[bold]{plain(str(one.subject.key))}[/]", highlight=False, soft_wrap=True)
+    if one.claims:
+        console.print(_witnesses(one))
+    if one.board is not None and one.board.why_not is not None:
+        _say(console, f"  the frames of a board give no K: {one.board.why_not}", "yellow")
+    for relative in one.relatives:
+        found = relative.comparison
+        numbers = found.numbers if found is not None else None
+        told = found.verdict.value if found is not None else relative.why_not or ""
+        if numbers is not None:
+            told += f", Δf/f {numbers.focal_change:+.3%}"
+        _say(console, f"  against {relative.id}: {told}", "dim")
+    for finding in one.findings:
+        _say(console, f"  {finding}", "yellow")
+    style = STYLES[one.decision.value]
+    console.print(f"[{style}]{one.decision.value}[/]  {plain(one.reason)}", highlight=False, soft_wrap=True)
+    if one.advice is not None:
+        console.print(f"  [cyan]next[/] {plain(one.advice)}", highlight=False, soft_wrap=True)
+
+
+def _witnesses(one: Outcome) -> object:
+    from rich.table import Table
+
+    from calibrary.cli.console import plain
+
+    table = Table(box=None, padding=(0, 2, 0, 2))
+    table.add_column("witness", overflow="fold")
+    table.add_column("grade")
+    for name in ("fx", "fy", "cx", "cy", "difference"):
+        table.add_column(name, justify="right")
+    table.add_column("")
+    hearing = one.hearing
+    voices = hearing.voices if hearing is not None else ()
+    for claim in one.claims:
+        voice = next((voice for voice in voices if voice.claim is claim), None)
+        K, stands = claim.intrinsics, "[bold]proposed[/]"
+        if hearing is None:
+            stands = "[dim]no K[/]"
+        elif voice is not None:
+            stands = "[green]agrees[/]" if voice.agrees else "[red]disagrees[/]"
+            stands = "[yellow]not believed[/]" if voice in hearing.overruled else stands
+        elif hearing.dispute is not None:
+            stands = "[yellow]in dispute[/]"
+        table.add_row(
+            f"{claim.kind.value}: {plain(claim.name)}",
+            claim.grade.value if claim.grade is not None else "–",
+            f"{K.fx:.1f}",
+            f"{K.fy:.1f}",
+            f"{K.cx:.1f}" if claim.measured_centre else "–",
+            f"{K.cy:.1f}" if claim.measured_centre else "–",
+            f"{voice.share:+.2%}" if voice is not None else "",
+            stands,
+        )
+    return table
+
+
+def _tell_written(console: Console, done: Onboarding, written: Mapping[str, Written]) -> None:
+    for branch, one in written.items():
+        _say(
+            console,
+            f"wrote {len(one.paths)} draft{'s' * (len(one.paths) != 1)} on the branch {branch}, {one.commit[:12]}",
+        )
+        for warning in one.warnings:
+            _say(console, f"note: {warning}", "yellow")
+    for one_outcome in done.outcomes:
+        entry = one_outcome.entry
+        if entry is not None and one_outcome.decision.value == "draft proposed":
+            branch = next((name for name in written if entry.path in written[name].paths), "")
+            _say(console, f"look at it: calibrary registry show {entry.id}@{branch}")
+
+
+def _question(done: Onboarding) -> str:
+    drafts = done.drafts
+    what = drafts[0].id if len(drafts) == 1 else f"{len(drafts)} entries"
+    return f"Write {what} as a draft on a branch?"
+
+
+def _say(console: Console, text: str, style: str | None = None) -> None:
+    from calibrary.cli.console import plain
+
+    console.print(plain(text), style=style, highlight=False, soft_wrap=True)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or len(text) > 4 or int(text) > 256:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 0 … 256")
+    return int(text)

@@ -1,0 +1,249 @@
+"""``calibrary diff``: two calibrations of any kind, or a fleet then and now, from the command line."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibrary import parsers
+from calibrary.cli.main import main
+from calibrary.keep.keeper import Keeper
+from calibrary.schemas import require
+from tests.diff.cameras import camera, changed
+from tests.registry.stores import seclude
+from tests.site.fleet import fleet
+
+FC6310R = "dji/fc6310r"
+ALARM, USAGE, INPUT, REGISTRY = 1, 2, 3, 4
+
+
+@pytest.fixture(scope="module")
+def registry(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A fleet with a past, which every command takes for the one that is meant."""
+    folder = tmp_path_factory.mktemp("diff")
+    with pytest.MonkeyPatch.context() as patch:
+        seclude(patch, folder)
+        fleet(folder / "fleet")
+        patch.setenv("CALIBRARY_REGISTRY", str(folder / "fleet"))
+        yield folder / "fleet"
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """One camera in three formats, and twice moved."""
+    one = camera()
+    parsers.write([one], tmp_path / "one.xml", "agisoft_xml")
+    parsers.write([one], tmp_path / "same.yml", "opencv_storage")
+    drifted = changed(one, fx=3678.9 * 1.01, fy=3678.1 * 1.01)
+    parsers.write([drifted], tmp_path / "drifted.xml", "agisoft_xml")
+    parsers.write([changed(one, cx=2732.0, cy=1847.3)], tmp_path / "half.yml", "opencv_storage")
+    np.save(tmp_path / "K.npy", one.intrinsics.matrix)
+    return tmp_path
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+    code = main(["diff", *map(str, arguments)])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+def printed(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, Any]:
+    """The exit code and the document, once its schema has let it through."""
+    code, out, _ = run(capsys, *arguments, "--json")
+    document = json.loads(out)
+    require(document, document["schema"].removeprefix("calibrary/"))
+    return code, document
+
+
+def seen(page: Path) -> str:
+    """What a reader of a page sees."""
+    return html.unescape(
+        re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page.read_text().partition("<body>")[2]))
+    )
+
+
+def test_one_camera_in_two_formats_is_identical(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, files / "one.xml", files / "same.yml")
+    assert code == 0
+    assert "identical" in out
+
+
+def test_the_document_keeps_to_its_schema_and_says_what_was_compared(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, document = printed(capsys, files / "one.xml", files / "drifted.xml", "--altitude-m", "50")
+    assert (code, document["verdict"], document["alarm"]) == (ALARM, "drift", True)
+    numbers = document["numbers"]
+    assert numbers["focal_change"] == pytest.approx(0.01)
+    assert numbers["ground"]["height_cm"] == pytest.approx(50.0)
+    [fx] = [row for row in numbers["parameters"] if row["name"] == "fx"]
+    assert fx["delta"] == pytest.approx(36.789)
+    assert document["a"]["calibration"]["intrinsics"]["fx"] == pytest.approx(3678.9)
+
+
+def test_a_change_of_kind_is_named(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, document = printed(capsys, files / "same.yml", files / "half.yml")
+    assert (code, document["verdict"]) == (ALARM, "structural")
+    assert [one["kind"] for one in document["structural"]] == ["half-pixel convention"]
+
+
+def test_a_matrix_beside_a_file_takes_its_size_from_it_and_its_k_alone_is_compared(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, document = printed(capsys, files / "K.npy", files / "same.yml")
+    assert document["numbers"]["image_size"] == [5472, 3648]
+    assert document["numbers"]["distortion_compared"] is False
+    assert {row["name"]: row["delta"] for row in document["numbers"]["parameters"]}["cx"] == pytest.approx(0)
+    assert (code, document["verdict"]) == (0, "within noise")
+
+
+def test_an_entry_is_compared_with_what_it_was(registry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first = list(Keeper.open(registry).revisions("cameras/dji/fc6310r/5472x3648+f8.8.yaml"))[-1][0].commit
+    code, document = printed(capsys, f"{FC6310R}@{first}", FC6310R)
+    assert (code, document["verdict"]) == (ALARM, "drift")
+    assert document["numbers"]["significance"]["spread_a"].startswith("its own covariance")
+
+
+def test_an_entry_is_compared_by_firmware(registry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, document = printed(capsys, f"{FC6310R}@firmware:01.08", f"{FC6310R}@firmware:01.09")
+    assert (code, document["verdict"]) == (ALARM, "drift")
+    assert str(registry) not in json.dumps(document)
+
+
+def test_a_policy_may_be_more_patient(
+    files: Path, registry: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    patient = files / "patient.yaml"
+    patient.write_text(
+        'schema: "calibrary/policy-1"\nname: "patient"\nbase: "fleet"\ndrift_focal: 0.05\ndrift_px: 50\n'
+    )
+    old, new = f"{FC6310R}@firmware:01.08", f"{FC6310R}@firmware:01.09"
+    code, document = printed(capsys, old, new, "--policy", str(patient), "--registry", str(registry))
+    assert (code, document["verdict"]) == (0, "significant but negligible")
+
+
+def test_the_fleet_since_a_commit_stands_worst_first(
+    registry: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    began = Keeper.open(registry).registry.history()[-2].commit
+    code, document = printed(capsys, "--since", began)
+    assert code == ALARM
+    verdicts = [change["verdict"] for change in document["changes"]]
+    assert verdicts[:2] == ["structural", "drift"]
+    assert "identical" in verdicts
+    assert verdicts.count(None) == 4
+    assert document["changes"][-1]["reasons"] == ["new"]
+
+
+def test_the_fleet_since_now_has_not_changed(registry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    newest = Keeper.open(registry).registry.commit()
+    assert printed(capsys, "--since", newest) == (0, {"schema": "calibrary/fleet-diff-1", "changes": []})
+    code, out, _ = run(capsys, "--since", newest)
+    assert (code, out.strip()) == (0, "no entry differs")
+
+
+def test_the_fleet_from_one_firmware_to_another(registry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, document = printed(capsys, "--firmware", "01.08..01.09", "--registry", registry)
+    assert code == ALARM
+    [change] = document["changes"]
+    assert (change["id"], change["verdict"]) == ("dji/fc6310r/5472x3648+f8.8", "drift")
+
+
+def test_a_page_shows_what_the_terminal_says(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = files / "diff.html"
+    code, out, _ = run(capsys, files / "one.xml", files / "drifted.xml", "--html", page)
+    assert code == ALARM
+    told = seen(page)
+    assert "drift" in out
+    for text in ("drift", "+1.000%", "3715.689", "one.xml", "drifted.xml", "On the ground", "σ of A"):
+        assert text in told
+    assert page.read_text().count('<svg class="plot') == 3
+
+
+def test_a_page_of_the_fleet_has_every_comparison(
+    registry: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page, began = tmp_path / "fleet.html", Keeper.open(registry).registry.history()[-2].commit
+    code, _, _ = run(capsys, "--since", began, "--html", page)
+    assert code == ALARM
+    text = page.read_text()
+    targets = re.findall(r'<a href="#(entry-\d+)"', text)
+    assert len(targets) == len(set(targets)) == 7
+    assert set(targets) <= set(re.findall(r'<h2 id="([^"]+)"', text))
+    assert "<script" not in text
+    assert "<script>document.title='owned'</script>" not in text
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["one.xml"],
+        ["one.xml", "same.yml", "half.yml"],
+        ["one.xml", "same.yml", "--since", "v1"],
+        ["--since", "v1", "--firmware", "1..2"],
+        ["one.xml", "same.yml", "--altitude-m", "0"],
+        ["one.xml", "same.yml", "--altitude-m", "nan"],
+    ],
+    ids=" ".join,
+)
+def test_a_line_that_makes_no_sense_is_a_matter_of_usage(
+    files: Path, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(files)
+    with pytest.raises(SystemExit) as ended:
+        main(["diff", *arguments])
+    assert ended.value.code == USAGE
+    assert "wanted" in (said := capsys.readouterr().err) or "not allowed with" in said
+
+
+def test_a_range_of_firmware_needs_both_ends(registry: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["diff", "--firmware", "01.08", "--registry", str(registry)])
+    assert ended.value.code == USAGE
+    assert "OLD..NEW" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (("one.xml", "torn.xml"), INPUT, "torn.xml"),
+        (("one.xml", "same.yml", "--policy", "nowhere.yaml"), INPUT, "nowhere.yaml"),
+        (("one.xml", "same.yml", "--html", "page.pdf"), INPUT, ".html"),
+        (("one.xml", "same.yml", "--html", "nowhere/page.html"), INPUT, "no such folder"),
+        (("one.xml", "nobody/knows-it"), REGISTRY, "knows-it"),
+        (("one.xml", "dji/fc6310r@1999-01-01"), REGISTRY, "1999"),
+        (("--since", "no-such-tag"), REGISTRY, "no-such-tag"),
+        (("--firmware", "soon..later"), INPUT, "soon"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else None,
+)
+def test_what_cannot_be_read_is_named(
+    registry: Path,
+    files: Path,
+    arguments: tuple[str, ...],
+    code: int,
+    told: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (files / "torn.xml").write_text("<calibration><projection>frame")
+    monkeypatch.chdir(files)
+    found, out, err = run(capsys, *arguments)
+    assert (found, out) == (code, "")
+    assert told in err
+    assert registry.is_dir()
+
+
+def test_nothing_is_written_where_a_page_cannot_be(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = sorted(files.iterdir())
+    code, _, _ = run(capsys, files / "one.xml", files / "one.xml", "--html", files)
+    assert code == INPUT
+    assert sorted(files.iterdir()) == before
