@@ -141,7 +141,7 @@ def _cost(folder: Path, entries: int, workers: int) -> None:
     used = (_processor_s() - used) / SAMPLE
     alone = used * entries / workers
     print(
-        f"  {'processor time an entry':<34}{1e3 * used:.0f} ms, so {alone:.0f} s where {workers} have nothing else to do"
+        f"  {'processor time an entry':<34}{1e3 * used:.0f} ms, so {alone:.0f} s on {workers} that do nothing else"
     )
 
 
