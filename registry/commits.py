@@ -19,7 +19,8 @@ from calibrary.registry import worktree
 from calibrary.registry.explained import explain
 from calibrary.registry.fast_import import Person, Step, stream
 from calibrary.registry.locks import WriterLock, lock_in_the_way
-from calibrary.registry.store import HEX, Output, Store
+from calibrary.registry.objects import HEX
+from calibrary.registry.store import Output, Store
 
 __all__ = ["advance", "build", "is_signing", "land", "move_branch"]
 

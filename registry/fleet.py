@@ -19,9 +19,10 @@ from calibrary.registry.fast_import import Person
 from calibrary.registry.history import MOVED_FROM, ChangedFile, Revision, changed, history
 from calibrary.registry.layout import CAMERAS
 from calibrary.registry.messages import compose
+from calibrary.registry.objects import Blob
 from calibrary.registry.remotes import clone
 from calibrary.registry.revisions import commit_at, parse_rev
-from calibrary.registry.store import Blob, Store
+from calibrary.registry.store import Store
 from calibrary.registry.writing import ANY, Change, Written, write
 
 __all__ = ["ATTRIBUTES", "Check", "Note", "Registry", "Snapshot"]

@@ -15,7 +15,8 @@ from calibrary.errors import RegistryError
 from calibrary.registry.fast_import import Person
 from calibrary.registry.layout import CAMERAS
 from calibrary.registry.messages import subject_of, trailers_of
-from calibrary.registry.store import HEX, REGULAR, Blob, Store
+from calibrary.registry.objects import HEX, Blob
+from calibrary.registry.store import REGULAR, Store
 from calibrary.registry.worktree import EMPTY_TREE
 
 __all__ = ["ChangedFile", "Revision", "changed", "history", "newest_where"]

@@ -8,18 +8,16 @@ a ``git cat-file`` of its own, and the hash of whatever that answers is computed
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import shutil
 import subprocess
 import threading
-import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, cast
 
 from calibrary.errors import RegistryError
 from calibrary.registry.explained import explain
@@ -32,17 +30,16 @@ from calibrary.registry.foreign import (
     parse_settings,
     repository_environment,
 )
-from calibrary.registry.layout import LARGEST_FILE
+from calibrary.registry.objects import HEX, Blob, ObjectReader, object_id
 
 if TYPE_CHECKING:
     from git import Git
 
-__all__ = ["Blob", "Output", "Store", "blob_id", "git_version", "run_git"]
+__all__ = ["Output", "Store", "git_version", "run_git"]
 
 OLDEST_GIT = (2, 24)
 CHUNK = 20_000
 STALE_LOCK_S = 10.0
-HEX = re.compile(r"[0-9a-f]{40}\Z")
 COMMITTED = re.compile(rb"^committer .*> (\d+) [+-]\d+$", re.MULTILINE)
 LAST_SECOND = 253_402_300_799
 """Of the year 9999, after which there is no date."""
@@ -56,29 +53,6 @@ class Output:
     code: int
     out: bytes
     told: str
-
-
-@dataclass(frozen=True, slots=True)
-class Blob:
-    """A file's content as it was stored.
-
-    Attributes:
-        oid: git's name for it, 40 hex digits.
-    """
-
-    oid: str
-    data: bytes
-
-
-def blob_id(data: bytes) -> str:
-    """What git calls this content."""
-    return _object_id(b"blob", data)
-
-
-def _object_id(kind: bytes, data: bytes) -> str:
-    digest = hashlib.sha1(b"%s %d\0" % (kind, len(data)), usedforsecurity=False)
-    digest.update(data)
-    return digest.hexdigest()
 
 
 def run_git(
@@ -140,55 +114,6 @@ def _version(executable: str) -> tuple[int, ...]:
     if found is None:
         raise RegistryError(f"{executable}: told {told!r}, wanted git's version")
     return int(found[1]), int(found[2])
-
-
-class _Reader:
-    """A ``git cat-file --batch`` that belongs to one thread of one process."""
-
-    def __init__(self, process: subprocess.Popen[bytes]) -> None:
-        self.pid = os.getpid()
-        self._process = process
-        # Held from outside, so that its pipes are closed by us in whatever order garbage is collected.
-        weakref.finalize(self, _end, process, self.pid)
-        self._questions = cast("IO[bytes]", process.stdin).fileno()
-        self._answers = cast("IO[bytes]", process.stdout)
-
-    def ask(self, name: str) -> tuple[str, bytes, bytes] | None:
-        """The id, kind and content of what a name means; ``None`` if there is no such thing.
-
-        Raises:
-            EOFError: the process has died.
-            RegistryError: it is larger than any file of a registry.
-        """
-        # Past the buffer: what waits in one at a fork would be sent twice.
-        try:
-            os.write(self._questions, os.fsencode(name) + b"\n")
-        except BrokenPipeError:
-            raise EOFError from None
-        header = self._answers.readline()
-        parts = header.split()
-        if not header.endswith(b"\n"):
-            raise EOFError
-        if len(parts) != 3 or HEX.match(parts[0].decode("ascii", "replace")) is None:
-            return None
-        size = int(parts[2])
-        if size > LARGEST_FILE and parts[1] == b"blob":
-            self.close()
-            raise RegistryError(f"{name}: {size} bytes, wanted at most {LARGEST_FILE}")
-        data = self._answers.read(size + 1)[:-1]
-        if len(data) != size:
-            raise EOFError
-        return parts[0].decode(), parts[1], data
-
-    def close(self) -> None:
-        _end(self._process, self.pid)
-
-
-def _end(process: subprocess.Popen[bytes], owner: int) -> None:
-    """End a reader; on the other side of a fork it is somebody else's."""
-    if os.getpid() == owner:
-        process.kill()
-        process.communicate()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -363,14 +288,19 @@ class Store:
 
     def listing(self, commit: str, prefix: str = "") -> dict[str, str]:
         """The id of every regular file below a folder, by path; links and other repositories are left out."""
+        listed = self._listed(commit, prefix)
+        return {path: head[12:52].decode("ascii") for path, head in listed if head.startswith(REGULAR)}
+
+    def irregular(self, commit: str, prefix: str = "") -> list[str]:
+        """The links and other repositories below a folder, which no listing holds and no reader follows."""
+        return [path for path, head in self._listed(commit, prefix) if not head.startswith(REGULAR)]
+
+    def _listed(self, commit: str, prefix: str) -> Iterator[tuple[str, bytes]]:
         where = ("--", f"{prefix.rstrip('/')}/") if prefix else ()
-        listed = self.run("ls-tree", "-r", "-z", "--full-tree", commit, *where).out
-        files = {}
-        for line in listed.split(b"\0"):
+        for line in self.run("ls-tree", "-r", "-z", "--full-tree", commit, *where).out.split(b"\0"):
             head, _, path = line.partition(b"\t")
-            if head.startswith(REGULAR):
-                files[os.fsdecode(path)] = head[12:52].decode("ascii")
-        return files
+            if head:
+                yield os.fsdecode(path), head
 
     def read_many(self, oids: Sequence[str]) -> Iterator[bytes]:
         """The content of many ids, in their order, through one process for each twenty thousand.
@@ -393,7 +323,7 @@ class Store:
 
     def close(self) -> None:
         """End the reader of this thread; the next read starts another."""
-        reader: _Reader | None = getattr(self._own, "reader", None)
+        reader: ObjectReader | None = getattr(self._own, "reader", None)
         self._own.reader = None
         if reader is not None and reader.pid == os.getpid():
             reader.close()
@@ -415,16 +345,16 @@ class Store:
         told = self.run("cat-file", "--batch-check", stdin=b"").told
         raise RegistryError(f"{self.path}: git cat-file ends before it answers: {explain(told)}")
 
-    def _reader(self) -> _Reader:
-        reader: _Reader | None = getattr(self._own, "reader", None)
+    def _reader(self) -> ObjectReader:
+        reader: ObjectReader | None = getattr(self._own, "reader", None)
         if reader is None or reader.pid != os.getpid():
             git = _git_in(self.path)
             command = (*self.flags, "cat-file", "--batch")
-            reader = self._own.reader = _Reader(_started(git, command, self.environment))
+            reader = self._own.reader = ObjectReader(_started(git, command, self.environment))
         return reader
 
     def _checked(self, oid: str, kind: bytes, data: bytes) -> bytes:
-        if _object_id(kind, data) != oid:
+        if object_id(kind, data) != oid:
             raise RegistryError(
                 f"{self.path}: {oid} is damaged: its content has another hash; git fsck tells more"
             )

@@ -15,7 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from calibrary.errors import RegistryError
-from calibrary.registry.store import HEX, Store
+from calibrary.registry.objects import HEX
+from calibrary.registry.store import Store
 
 __all__ = ["EMPTY_TREE", "begin", "catch_up", "require_clean", "sync"]
 

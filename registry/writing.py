@@ -26,7 +26,8 @@ from calibrary.registry.conflicts import Conflict, EntryConflictError
 from calibrary.registry.fast_import import File, Person, Step
 from calibrary.registry.layout import LARGEST_FILE, check_branch, check_path
 from calibrary.registry.locks import backoff, writer_lock
-from calibrary.registry.store import Store, blob_id
+from calibrary.registry.objects import blob_id
+from calibrary.registry.store import Store
 
 __all__ = ["ANY", "Base", "Change", "Written", "branch_ref", "identity", "moment_after", "still_due", "write"]
 

@@ -245,7 +245,7 @@ def test_an_interruption_says_that_nothing_was_written(
     picture(tmp_path / "input/a.jpg", **P4R)
     monkeypatch.setattr("calibrary.extract.run.run", interrupted)
     assert extract() == 130
-    assert "nothing was written" in capsys.readouterr().err
+    assert "nothing was half written" in capsys.readouterr().err
     assert left_in(tmp_path) == []
 
 

@@ -15,7 +15,7 @@ from calibrary.keep.beginning import begin
 from calibrary.keep.shelf import open_shelf
 from calibrary.registry.entry import Alias
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.resolution import RegistryIndex, scan_aliases
+from calibrary.registry.resolution import scan_aliases
 from calibrary.registry.store import Store
 from tests.cli.registry.shelves import put, put_bytes
 from tests.registry.entries import KEY, an_entry
@@ -119,19 +119,6 @@ def test_asking_for_one_camera_finds_what_asking_all_finds(store: Store, key: Ca
     assert whole is not None
     assert narrow.resolve(key) == whole
     assert len(narrow.paths) < len(shelf.index().paths)
-
-
-def test_paths_that_no_key_gives_are_those_that_the_index_always_looks_at() -> None:
-    paths = [
-        "cameras/a/b/1x1.yaml",
-        "cameras/a/b/sn-1/1x1.yaml",
-        "cameras/a/x.yaml",
-        "cameras/a/b/x.yaml",
-        "cameras/x.yaml",
-    ]
-    index = RegistryIndex(paths, lambda _: b"")
-    mine = [path for path in sorted(paths) if not alias_cache._KEYED.fullmatch(path)]
-    assert mine == index._irregular
 
 
 def test_git_alone_can_have_written_it(store: Store) -> None:

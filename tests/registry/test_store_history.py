@@ -12,8 +12,9 @@ from calibrary.registry.fast_import import Person
 from calibrary.registry.fleet import Note, Registry
 from calibrary.registry.history import ChangedFile, changed, history
 from calibrary.registry.messages import compose, subject_of, trailers_of
+from calibrary.registry.objects import blob_id
 from calibrary.registry.remotes import clone
-from calibrary.registry.store import Store, blob_id
+from calibrary.registry.store import Store
 from calibrary.registry.writing import ANY, Change
 from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, put
 

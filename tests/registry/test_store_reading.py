@@ -14,8 +14,9 @@ import pytest
 from calibrary.errors import RegistryError
 from calibrary.registry.creating import create
 from calibrary.registry.history import newest_where
+from calibrary.registry.objects import blob_id
 from calibrary.registry.revisions import Firmware, Named, OnDate, commit_at, parse_rev, split_key
-from calibrary.registry.store import Store, blob_id
+from calibrary.registry.store import Store
 from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

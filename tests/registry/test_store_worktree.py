@@ -125,7 +125,8 @@ KILLED = """
 import os, sys
 from pathlib import Path
 from calibrary.registry import worktree
-from calibrary.registry.store import Store, blob_id
+from calibrary.registry.objects import blob_id
+from calibrary.registry.store import Store
 from calibrary.registry.writing import Change, write
 
 worktree.sync = lambda *_: os._exit(9)

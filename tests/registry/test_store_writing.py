@@ -21,8 +21,9 @@ from calibrary.registry.fast_import import File, Person, Step, stream
 from calibrary.registry.layout import LARGEST_FILE, check_branch, check_path
 from calibrary.registry.locks import writer_lock
 from calibrary.registry.maintenance import is_due, maintain
+from calibrary.registry.objects import blob_id
 from calibrary.registry.signatures import require_signed, signatures
-from calibrary.registry.store import Store, blob_id
+from calibrary.registry.store import Store
 from calibrary.registry.writing import ANY, Change, identity, write
 from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
@@ -403,7 +404,8 @@ WRITE_ONE = """
 import os, random, sys
 from pathlib import Path
 from calibrary.errors import RegistryError
-from calibrary.registry.store import Store, blob_id
+from calibrary.registry.objects import blob_id
+from calibrary.registry.store import Store
 from calibrary.registry.writing import Change, write
 store = Store.open(Path(sys.argv[1]))
 entry = "cameras/dji/fc6310/5472x3648.yaml"

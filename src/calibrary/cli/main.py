@@ -25,7 +25,19 @@ from calibrary.errors import CalibraryError, CalibrationError, RegistryError, Va
 
 __all__ = ["build_parser", "main"]
 
-COMMANDS = (extract, calibrate, onboard, registry, diff, inspect, convert, undistort, catalogue, formats, completion)
+COMMANDS = (
+    extract,
+    calibrate,
+    onboard,
+    registry,
+    diff,
+    inspect,
+    convert,
+    undistort,
+    catalogue,
+    formats,
+    completion,
+)
 
 EXIT_POLICY = 1
 EXIT_INPUT = 3
@@ -54,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"calibrary: {_printable(error)}", file=sys.stderr)  # noqa: T201 — the command line may print
         return _exit_code(error)
     except KeyboardInterrupt:
-        print("calibrary: interrupted; nothing was written", file=sys.stderr)  # noqa: T201 — as above
+        print("calibrary: interrupted; nothing was half written", file=sys.stderr)  # noqa: T201 — as above
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         # Whoever read the output has seen enough; keep the interpreter from complaining on exit.

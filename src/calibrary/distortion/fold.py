@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
@@ -37,6 +38,7 @@ SAMPLES = np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
 """Eight samples on a circle hold a trigonometric polynomial of degree two (of three, even) completely."""
 
 
+@lru_cache(maxsize=256)
 def fold_radius(lens: PolynomialMap, horizon: tuple[float, float] = (0.0, 0.0)) -> float:
     """The radius of the largest disc around the axis on which the map is one-to-one; ``inf`` if it always is.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,17 +19,15 @@ from platformdirs import user_cache_path
 
 from calibrary.atomic import write_files
 from calibrary.errors import CalibraryError
-from calibrary.registry.entry import ROOT, SUFFIX
 from calibrary.registry.history import changed
 from calibrary.registry.layout import CAMERAS
-from calibrary.registry.resolution import AliasMap, scan_aliases
-from calibrary.registry.store import HEX, Store
+from calibrary.registry.objects import HEX
+from calibrary.registry.resolution import AliasMap, is_keyed, scan_aliases
+from calibrary.registry.store import Store
 
 __all__ = ["Names", "names_at", "names_kept"]
 
 VERSION: Final = 1
-_KEYED = re.compile(rf"{ROOT}[^/]+/[^/]+/(?:sn-[^/]+/)?[0-9][^/]*{re.escape(SUFFIX)}")
-"""Paths that a key gives; :class:`~calibrary.registry.resolution.RegistryIndex` looks at all others every time."""
 
 Alias = tuple[str, str, str]
 """Make and model as match keys, and the folder of the camera that is so called."""
@@ -121,7 +118,7 @@ def _read_whole(store: Store, commit: str) -> Names:
     return Names(
         commit=commit,
         aliases=_aliases(zip(paths, contents, strict=True)),
-        irregular=tuple(path for path in paths if not _KEYED.fullmatch(path)),
+        irregular=tuple(path for path in paths if not is_keyed(path)),
     )
 
 
@@ -136,7 +133,7 @@ def _brought_up(store: Store, known: Names, commit: str) -> Names:
     return Names(
         commit=commit,
         aliases=aliases | _aliases(zip(there, contents, strict=True)),
-        irregular=tuple(sorted(irregular | {path for path in there if not _KEYED.fullmatch(path)})),
+        irregular=tuple(sorted(irregular | {path for path in there if not is_keyed(path)})),
     )
 
 

@@ -88,7 +88,21 @@ def check_all(shelf: Shelf, policy: Policy | None = None, *, progress: Progress 
     store, listed = shelf.keeper.registry.store, shelf.keeper.registry.snapshot(shelf.commit).paths
     files = _Files(listed, _in_git(store, listed), progress)
     report = _completed(check(files, _policy(shelf, policy)), files, files)
+    report = CheckReport(
+        entries=report.entries,
+        findings=(*_no_files(store.irregular(shelf.commit, "cameras")), *report.findings),
+    )
     return Checked(what=f"{_entries(len(files))} at {shelf.commit[:12]}", commit=shelf.commit, report=report)
+
+
+def _no_files(paths: Iterable[str]) -> Iterator[CheckFinding]:
+    for path in paths:
+        yield CheckFinding(
+            path=path,
+            rule="regular-file",
+            severity=Severity.ERROR,
+            message="is a link or another repository, which nothing here follows; wanted a file: take it out",
+        )
 
 
 def check_work_tree(

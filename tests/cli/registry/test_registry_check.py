@@ -229,3 +229,14 @@ def test_names_out_of_entries_do_not_steer_the_terminal(
     put_bytes(fleet, {"cameras/dji/elsewhere/1x1.yaml": entry_yaml(hostile)})
     _, out, _ = run(capsys, "check")
     assert "\x1b" not in out
+
+
+def test_a_link_among_the_cameras_is_told(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    link = fleet / "cameras/dji/other.yaml"
+    link.parent.mkdir(parents=True)
+    link.symlink_to("../../registry.yaml")
+    git(fleet, "add", "cameras/dji/other.yaml")
+    git(fleet, "commit", "-qm", "Link it")
+    code, out, _ = run(capsys, "check")
+    assert code == 1
+    assert "cameras/dji/other.yaml: error: is a link" in out
