@@ -23,6 +23,7 @@ from calibrary.calib.detect import check_detectable, detect
 from calibrary.calib.found import NotFound, Reason, Remark
 from calibrary.calib.frames import Frame, Setting, frame_size, group_frames, read_frame, the_one_setting
 from calibrary.calib.observations import Observations, View
+from calibrary.calib.threads import one_thread
 from calibrary.calib.view_quality import judge_repeats, judge_view
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import CalibrationError, InputError
@@ -261,17 +262,10 @@ def _mapped(look: Callable[[Path], _Looked], frames: Sequence[Path], workers: in
 
 def _mapped_here(look: Callable[[Path], _Looked], frames: Sequence[Path]) -> Iterator[_Looked]:
     """In this process, by one thread as in a worker: some of OpenCV's detectors depend on how many there are."""
-    import cv2
-
-    threads = cv2.getNumThreads()
-    try:
-        for path in frames:
-            cv2.setNumThreads(1)
+    for path in frames:
+        with one_thread():
             looked = look(path)
-            cv2.setNumThreads(threads)
-            yield looked
-    finally:
-        cv2.setNumThreads(threads)
+        yield looked
 
 
 def _start_worker() -> None:

@@ -16,7 +16,7 @@ components", 1946).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
@@ -38,6 +38,8 @@ __all__ = [
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 _PixelsOf: TypeAlias = Callable[[Calibration], FloatArray]
+
+PINHOLE: Final = frozenset({"fx", "fy", "cx", "cy", "skew"})
 
 GRID: Final = (33, 25)
 """Columns and rows, the frame's edges included."""
@@ -204,7 +206,7 @@ def projection_uncertainty(
     flat = pixels.reshape(-1, 2)
     rays = calibration.unproject(flat)
     seen: BoolArray = np.asarray(np.isfinite(rays).all(axis=1), dtype=np.bool_)
-    G = _columns(calibration, covariance, lambda other: other.project(rays)) @ _root(covariance)
+    G = _spread(calibration, covariance, lambda other: other.project(rays))
     G = G.reshape(2 * len(flat), -1)
     seen &= np.isfinite(G).reshape(len(flat), -1).all(axis=1)
     G = np.where(np.repeat(seen, 2)[:, None], G, 0.0)
@@ -257,7 +259,10 @@ def _remaining(J: FloatArray, W: FloatArray, G: FloatArray) -> FloatArray:
     """(2N, n) P G: what of changes of the pixels is left when the best rotation has followed them."""
     flat, w = J.reshape(-1, 3), np.repeat(W, 2)
     weighed = flat.T * w
-    return np.asarray(G - flat @ np.linalg.solve(weighed @ flat, weighed @ G))
+    try:
+        return np.asarray(G - flat @ np.linalg.solve(weighed @ flat, weighed @ G))
+    except np.linalg.LinAlgError:
+        raise CalibrationError("no turn of the camera can be told from the pixels that both see") from None
 
 
 def _seen_by_turn(camera: Calibration, rays: FloatArray, seen: BoolArray) -> FloatArray:
@@ -273,37 +278,45 @@ def _sensitivity(
 ) -> FloatArray:
     """(2N, n₁ + n₂) G·L, L the root of both covariances; zero where something is not seen."""
     rays = first.unproject(flat)
-    by_first = _columns(first, covariances[0], lambda other: second.project(other.unproject(flat) @ R.T))
-    by_second = _columns(second, covariances[1], lambda other: other.project(rays @ R.T))
-    both = np.concatenate([by_first @ _root(covariances[0]), by_second @ _root(covariances[1])], axis=-1)
+    by_first = _spread(first, covariances[0], lambda other: second.project(other.unproject(flat) @ R.T))
+    by_second = _spread(second, covariances[1], lambda other: other.project(rays @ R.T))
+    both = np.concatenate([by_first, by_second], axis=-1)
     both[~np.isfinite(both).all(axis=(1, 2))] = 0.0
     return both.reshape(2 * len(flat), -1)
 
 
-def _columns(calibration: Calibration, covariance: Covariance, pixels: _PixelsOf) -> FloatArray:
-    """(N, 2, n) ∂pixels/∂parameter, by central differences of a small part of each standard deviation."""
+def _spread(calibration: Calibration, covariance: Covariance, pixels: _PixelsOf) -> FloatArray:
+    """(N, 2, n) G·L with C = L Lᵀ, by central differences along the columns of L.
+
+    All parameters are moved together, as they err together: numerator and denominator of a rational lens are each
+    known to nothing and cancel, and one of them moved alone would be another lens.
+    """
+    focal = {name: getattr(calibration.intrinsics, name) for name in ("fx", "fy")}
     columns = []
-    for name, sigma in covariance.std.items():
-        step = STEP_SIGMAS * sigma
-        if name in {"fx", "fy"}:
-            # One that nothing determines must not be taken through zero.
-            step = min(step, LARGEST_STEP * getattr(calibration.intrinsics, name))
-        if step == 0:
-            columns.append(np.zeros_like(pixels(calibration)))
-            continue
-        up, down = pixels(_changed(calibration, name, step)), pixels(_changed(calibration, name, -step))
+    for direction in _root(covariance).T:
+        moves = dict(zip(covariance.names, direction.tolist(), strict=True))
+        # A focal length that nothing determines must not be taken through zero.
+        steep = max((abs(moves.get(name, 0.0)) / value for name, value in focal.items()), default=0.0)
+        step = min(STEP_SIGMAS, LARGEST_STEP / steep) if steep > 0 else STEP_SIGMAS
+        up, down = (
+            pixels(_changed(calibration, {name: way * by for name, by in moves.items()}))
+            for way in (step, -step)
+        )
         columns.append((up - down) / (2 * step))
     return np.stack(columns, axis=-1)
 
 
-def _changed(calibration: Calibration, name: str, by: float) -> Calibration:
-    if name in {"fx", "fy", "cx", "cy", "skew"}:
-        K = calibration.intrinsics
-        return replace(calibration, intrinsics=replace(K, **{name: getattr(K, name) + by}))
-    lens = calibration.distortion
-    if lens is None or name not in lens.coefficients:
-        raise InputError(f"the covariance speaks of {name!r}, which this calibration has not got")
-    return replace(calibration, distortion=replace(lens, **{name: lens.coefficients[name] + by}))
+def _changed(calibration: Calibration, by: Mapping[str, float]) -> Calibration:
+    K, lens = calibration.intrinsics, calibration.distortion
+    pinhole = {name: getattr(K, name) + by[name] for name in by if name in PINHOLE}
+    theirs = lens.coefficients if lens is not None else {}
+    bends = {name: move for name, move in by.items() if name not in PINHOLE}
+    for name in bends:
+        if name not in theirs:
+            raise InputError(f"the covariance speaks of {name!r}, which this calibration has not got")
+    if lens is not None and bends:
+        lens = replace(lens, **{name: theirs[name] + move for name, move in bends.items()})
+    return replace(calibration, intrinsics=replace(K, **pinhole), distortion=lens)
 
 
 def _root(covariance: Covariance) -> FloatArray:

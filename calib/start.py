@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network, State
+from calibrary.calib.threads import one_thread
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError
 
@@ -87,10 +88,11 @@ def _perspective_states(network: Network, image_size: ImageSize, first: Intrinsi
         runs.insert(0, (np.eye(3), 0))
     for matrix, flags in runs:
         with suppress(cv2.error):
-            _, K, lens, turns, places = cv2.calibrateCamera(
-                points, pixels, image_size, matrix.copy(), np.zeros(5),
-                flags=flags | cv2.CALIB_FIX_K3, criteria=FIRST_STEPS,
-            )  # fmt: skip
+            with one_thread():
+                _, K, lens, turns, places = cv2.calibrateCamera(
+                    points, pixels, image_size, matrix.copy(), np.zeros(5),
+                    flags=flags | cv2.CALIB_FIX_K3, criteria=FIRST_STEPS,
+                )  # fmt: skip
             parameters = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], np.ravel(lens)[:4]])
             if not (np.isfinite(parameters).all() and (parameters[:2] > 0).all()):
                 # Boards that are all parallel to the sensor leave OpenCV's guess with a negative focal length.

@@ -29,6 +29,10 @@ SMALLEST_EIGENVALUE: Final = -1e-9
 """Of a correlation matrix, whose rounding lies far below."""
 
 
+BOARD_BLOCK: Final = "x-board-calibration"
+"""What a calibration from a board adds to its entry: its verdict, and how it was come by."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckFinding:
     """One thing that is wrong, or looks so.
@@ -264,6 +268,22 @@ def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
             yield _finding(path, "spelling", message, Severity.WARNING)
 
 
+def _board(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+    """A calibration from a board says itself whether it may be used."""
+    block = entry.extensions.get(BOARD_BLOCK)
+    verdict = block.get("verdict") if isinstance(block, dict) else None
+    if verdict is None or verdict == "pass" or not entry.is_usable:
+        return
+    reasons = block.get("reasons") if isinstance(block, dict) else None
+    why = f" ({', '.join(map(str, reasons))})" if isinstance(reasons, list) and reasons else ""
+    yield _finding(
+        path,
+        "board",
+        f"its board calibration ended {str(verdict).upper()}{why}, and only PASS is put to use: photograph what the "
+        "reasons ask for and calibrate again, or leave it a draft",
+    )
+
+
 _RULES: Final[tuple[Callable[[str, Entry, Policy], Iterator[CheckFinding]], ...]] = (
     _path,
     _provenance,
@@ -271,6 +291,7 @@ _RULES: Final[tuple[Callable[[str, Entry, Policy], Iterator[CheckFinding]], ...]
     _sensor,
     _uncertainty,
     _spelling,
+    _board,
 )
 
 

@@ -19,11 +19,11 @@ from PIL import Image
 from calibrary import parsers
 from calibrary.calib.corners_file import read_corners, write_corners
 from calibrary.calib.lens_models import Solvable
-from calibrary.calibrating.entry import BLOCK
 from calibrary.cli.calibrate.solve import MODELS
 from calibrary.cli.main import main
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper
+from calibrary.registry.check import BOARD_BLOCK
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.slug import slug
 from calibrary.schemas import require
@@ -186,7 +186,7 @@ def test_one_that_passes_can_be_approved_at_once(calibrated: Run, tmp_path: Path
     entry = the_entry(fleet)
     assert (entry.status, entry.reason) == (Status.APPROVED, "new lens")
     assert entry.calibration.provenance.operator == "Ada"
-    assert entry.extensions[BLOCK]["verdict"] == "pass"  # type: ignore[index,call-overload]  # a mapping
+    assert entry.extensions[BOARD_BLOCK]["verdict"] == "pass"  # type: ignore[index,call-overload]  # a mapping
 
 
 def test_a_draft_is_what_approve_takes(calibrated: Run, tmp_path: Path, fleet: Keeper) -> None:
@@ -235,7 +235,7 @@ def test_an_entry_holds_what_it_takes_to_solve_it_again(
     assert quality is not None
     assert quality.covariance is not None
     assert None not in (quality.kappa2, quality.rms_px, quality.points, quality.views, quality.coverage)
-    block: Any = entry.extensions[BLOCK]
+    block: Any = entry.extensions[BOARD_BLOCK]
     assert block["asked"] == {"model": "auto", "warp": False, "guess_fx": None}
     assert block["board"] == {"pattern": "checkerboard", "columns": 9, "rows": 6, "square_mm": 40.0}
     assert block["programs"]["opencv"] == cv2.__version__

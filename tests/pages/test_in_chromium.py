@@ -8,21 +8,27 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, sync_playwright
 
+from calibrary.cli.main import main
 from calibrary.extract.hand_off import Solver
 from calibrary.extract.outputs import plan
 from calibrary.extract.page import outcome_page
 from calibrary.pages import render_page
 from tests.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 from tests.pages.gallery import gallery
+from tests.registry.stores import seclude
 
 BROWSERS = ("chromium", "google-chrome", "chromium-browser")
 PROGRAM = next((path for name in BROWSERS if (path := shutil.which(name)) is not None), None)
 PHONE, DESK = (360, 740), (1280, 900)
 PAGES = ("gallery", "extract")
+COMMANDS = ("audit", "onboard", "diff")
+"""Whose pages are written by the commands themselves."""
+
 AXE = resources.files("axe_playwright_python").joinpath("axe.min.js")
 
 pytestmark = pytest.mark.skipif(
@@ -63,7 +69,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     outcome = gate(flight)
     page = outcome_page(outcome, plan(outcome, out / "K_matrix.npy", Solver.NONE))
     (out / "extract.html").write_text(render_page(page), encoding="utf-8")
+    written_by_commands(out)
     return out
+
+
+def written_by_commands(out: Path) -> None:
+    """The pages of the keeper's, the integrator's and the engineer's commands."""
+    registry, payload = out / "registry", out / "payload"
+    picture(payload / "a.jpg", **P4R, dewarp=DEWARP, focal_35mm=24)
+    with pytest.MonkeyPatch.context() as patch:
+        (out / "home").mkdir()
+        seclude(patch, out / "home")
+        patch.chdir(out)
+        named = ["--registry", str(registry)]
+        assert main(["registry", "init", str(registry), "--yes"]) == 0
+        assert main(["registry", "audit", str(out / "flight"), *named, "--html", "audit.html"]) == 1
+        assert main(["onboard", str(payload), *named, "--yes", "--html", "onboard.html"]) == 0
+        pair = [str(payload / "a.jpg"), str(out / "flight/valid.jpg")]
+        assert main(["diff", *pair, "--html", "diff.html"]) == 0
 
 
 def watched(context: BrowserContext) -> tuple[Page, Seen]:
@@ -154,7 +177,24 @@ def test_every_plot_is_drawn(shown: tuple[Page, Seen]) -> None:
     assert all(width > 300 and marks > 2 for width, marks in sizes)
 
 
-@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_commands_page_is_quiet_and_readable_by_everyone(
+    browser: Browser, folder: Path, name: str, scheme: Literal["light", "dark"]
+) -> None:
+    context = browser.new_context(
+        viewport={"width": DESK[0], "height": DESK[1]}, color_scheme=scheme, reduced_motion="reduce"
+    )
+    tab, seen = watched(context)
+    tab.goto((folder / f"{name}.html").as_uri())
+    tab.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    assert [url for url in seen.requests if not url.startswith("data:")] == []
+    assert seen.complaints == []
+    assert faults(tab) == []
+    context.close()
+
+
+@pytest.mark.parametrize("name", [*PAGES, *COMMANDS])
 def test_on_a_phone_no_page_scrolls_sideways(browser: Browser, folder: Path, name: str) -> None:
     context = browser.new_context(viewport={"width": PHONE[0], "height": PHONE[1]}, has_touch=True)
     tab, _ = watched(context)

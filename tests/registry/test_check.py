@@ -14,6 +14,7 @@ from calibrary.registry.check import CheckReport, check
 from calibrary.registry.entry import UNSTATED, Alias, Entry, Sensor, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
+from calibrary.strictyaml import YamlValue
 from calibrary.validation import Severity
 from tests.registry.entries import LENS, an_entry, covariance
 
@@ -202,3 +203,12 @@ def test_a_warning_leaves_a_registry_good() -> None:
     report = check(files(an_entry(model="Rеno 3")), FLEET)
     assert report.is_good
     assert [finding.severity for finding in report.findings] == [Severity.WARNING]
+
+
+@pytest.mark.parametrize(("status", "rules"), [(Status.APPROVED, ["board"]), (Status.DRAFT, [])])
+def test_only_a_board_calibration_that_passed_is_put_to_use(status: Status, rules: list[str]) -> None:
+    block: YamlValue = {"verdict": "provisional", "reasons": ["low-coverage"]}
+    provisional = replace(an_entry(status=status), extensions={"x-board-calibration": block})
+    passed = replace(an_entry(), extensions={"x-board-calibration": {"verdict": "pass"}})
+    assert [rule for rule, _ in of(provisional)] == rules
+    assert of(passed) == []

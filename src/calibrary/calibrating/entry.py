@@ -17,18 +17,15 @@ from calibrary.errors import InputError, UnknownCameraError
 from calibrary.keep.adding import Proposal, Wish, propose
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.operand import Reading
-from calibrary.registry.check import CheckFinding
+from calibrary.registry.check import BOARD_BLOCK, CheckFinding
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.strictyaml import YamlValue
 
-__all__ = ["BLOCK", "camera_named", "entry_of", "proposed", "require_key"]
+__all__ = ["camera_named", "entry_of", "proposed", "require_key"]
 
 ON_BOARD: Final = "board"
 """The kind of provenance that names frames."""
-
-BLOCK: Final = "x-board-calibration"
-"""Of the entry's file, beside the blocks that every calibration has."""
 
 
 def camera_named(keeper: Keeper, key: str) -> CameraKey:
@@ -77,7 +74,7 @@ def entry_of(result: CalibrationResult, wanted: Wanted) -> Entry:
             "the corners do not say which frames they were seen in (no sha256), and an entry has to; calibrate from "
             "the frames"
         )
-    return replace(Entry.of(result.calibration), extensions={BLOCK: _block(result, wanted)})
+    return replace(Entry.of(result.calibration), extensions={BOARD_BLOCK: _block(result, wanted)})
 
 
 def proposed(keeper: Keeper, entry: Entry, wish: Wish) -> tuple[Proposal, Sequence[CheckFinding]]:
