@@ -24,8 +24,8 @@ __all__ = ["shows_board"]
 SIDE: Final = 640
 """px of the copy; eleven squares across a third of it are still twenty pixels each."""
 
-FEWEST: Final = (4, 5)
-"""Corners along the shorter and the longer side: fields, roofs and windows happen to make lattices of three by four."""
+FEWEST: Final = (4, 6)
+"""Corners along the shorter and the longer side: fields, roofs and windows happen to make lattices of four by four."""
 
 REDUCTIONS: Final = (8, 4, 2)
 
@@ -42,15 +42,15 @@ def shows_board(path: Path, board: Board | None = None) -> bool:
     """
     import cv2
 
-    with _quiet_opencv():
+    with _quiet_opencv(), _one_thread():
         gray = _small(path, DETECTION_SIDE if board is not None and board.has_markers else SIDE)
-    if board is not None and board.has_markers:
-        small, _ = reduced(gray, DETECTION_SIDE)
-        return isinstance(detect(small, board), Found)
-    small, _ = reduced(gray, SIDE)
-    found, _, lattice = cv2.findChessboardCornersSBWithMeta(small, (3, 3), cv2.CALIB_CB_LARGER)
+        if board is not None and board.has_markers:
+            small, _ = reduced(gray, DETECTION_SIDE)
+            return isinstance(detect(small, board), Found)
+        small, _ = reduced(gray, SIDE)
+        found, _, lattice = cv2.findChessboardCornersSBWithMeta(small, (3, 3), cv2.CALIB_CB_LARGER)
     shape = np.shape(lattice)[:2]
-    return bool(found) and len(shape) == 2 and _is_large(min(shape), max(shape))
+    return bool(found) and len(shape) == 2 and _is_large(min(shape), max(shape), board)
 
 
 @contextmanager
@@ -66,8 +66,23 @@ def _quiet_opencv() -> Iterator[None]:
         logging.setLogLevel(before)
 
 
-def _is_large(shorter: int, longer: int) -> bool:
-    return shorter >= FEWEST[0] and FEWEST[1] <= longer <= LARGEST
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """What the detector finds depends on how many threads look."""
+    import cv2
+
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def _is_large(shorter: int, longer: int, board: Board | None) -> bool:
+    """Large enough to be no accident; a board that is known to be smaller need not be larger than it is."""
+    known = (min(board.lattice), max(board.lattice)) if board is not None else FEWEST
+    return shorter >= min(FEWEST[0], known[0]) and min(FEWEST[1], known[1]) <= longer <= LARGEST
 
 
 def _small(path: Path, side: int) -> Gray:

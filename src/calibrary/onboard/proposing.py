@@ -132,7 +132,9 @@ def _numbers(entry: Entry) -> list[float]:
 
 def _key(subject: Subject, hearing: Hearing, serves: Serves) -> CameraKey:
     key = replace(subject.key, firmware=None)
-    if any(voice.claim.voice == EXIF and voice.claim.grade in METRIC for voice in hearing.overruled):
+    heard = [voice for voice in hearing.voices if voice.claim.voice == EXIF]
+    confirmed = any(voice.agrees and voice.claim.grade in METRIC for voice in heard)
+    if not confirmed and any(voice in hearing.overruled for voice in heard):
         # A focal length that nobody believes must not be what the camera is found by.
         key = replace(key, focal_mm=None)
     return key if serves is Serves.UNIT else replace(key, serial=None)
