@@ -50,7 +50,7 @@ BEYOND_SQUARES: Final = (-1.45, -1.0)
 HALF = 0.5
 """Of the board's own contrast."""
 
-CUBIC_FROM, QUARTIC_FROM = 30, 60
+CUBIC_FROM, QUARTIC_FROM = 30, 45
 """Corners from which on a lens's bending of the lattice is smoothed by polynomials of that order."""
 
 

@@ -30,8 +30,8 @@ class Policy:
         assumed_sensor_is_unproven: whether a K may rest on a sensor size nobody stated.
         distortion_monotonic: whether distortion must be one-to-one up to the image's corners.
         drift_significance: a difference of two calibrations that noise makes more often than this is noise.
-        drift_focal: Δf / f from which a significant difference is a drift …
-        drift_px: … or the difference of the projections in px, the camera free to turn.
+        drift_focal: Δf / f from which a significant difference is a drift, unless it is shown to be smaller …
+        drift_px: … or the difference of the projections in px, the camera free to turn, where it is more than noise.
     """
 
     name: str

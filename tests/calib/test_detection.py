@@ -12,9 +12,11 @@ from calibrary.calib.detect import detect
 from calibrary.calib.detectors.refinement import half_window
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason
-from calibrary.calib.synthesis import Settings
+from calibrary.calib.synthesis import Settings, poses, render, seen_corners
+from calibrary.distortion import KannalaBrandt
 from calibrary.errors import CalibrationError, InputError
 from tests.calib.photographs import BOARD, FloatArray, Gray, photograph
+from tests.calib.staging import camera
 
 NEEDS_4_14 = pytest.mark.skipif(
     tuple(int(part) for part in cv2.__version__.split(".")[:2]) < (4, 14),
@@ -170,3 +172,13 @@ class TestBoardSize:
         frames = iter([photograph(number=number)[0] for number in (0, 1, 2, 0, 1)])
         find_board_size(frames)
         assert len(list(frames)) == 2
+
+
+def test_a_board_at_the_edge_of_a_fisheyes_view_is_regular() -> None:
+    fisheye = camera(fx=431.0, distortion=KannalaBrandt(k1=0.01, k2=-0.004, k3=0.0, k4=0.0))
+    board, settings = parse_board("checkerboard:9x6", 40.0), Settings()
+    for number, pose in enumerate(poses(board, fisheye, 8, 4, fill=(0.5, 0.7), roll_deg=180.0)):
+        gray = render(board, fisheye, pose, settings, number).astype(np.uint8)
+        answer = found(gray)
+        truth = seen_corners(board, fisheye, pose, settings.sheet, settings.shutter)
+        assert errors(answer, truth).max() < 0.3

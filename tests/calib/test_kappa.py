@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from calibrary.calib.adjustment import adjust
+from calibrary.calib.covariance import lens_covariance
 from calibrary.calib.kappa import chi_square, split_half
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
@@ -34,6 +36,27 @@ def test_the_same_seed_deals_the_same_halves() -> None:
     assert second is not None
     assert other is not None
     assert first.by_split == second.by_split != other.by_split
+
+
+def test_how_the_views_are_dealt_hardly_matters() -> None:
+    solved = solve(
+        Network.of(shoot(how=Session(views=13, bow_mm=0.1))), SIZE, model=Solvable.BROWN, warp=False
+    )
+    halves = [split_half(solved.adjusted, seed=seed) for seed in range(6)]
+    found = [half.kappa2 for half in halves if half is not None]
+    assert len(found) == 6
+    assert max(found) / min(found) < 1.4
+
+
+def test_a_half_is_where_solving_it_alone_ends() -> None:
+    adjusted = solve(Network.of(shoot(seed=3)), SIZE, model=Solvable.BROWN, warp=False).adjusted
+    halves = split_half(adjusted, splits=1)
+    assert halves is not None
+    dealt = np.random.default_rng(0).permutation(np.flatnonzero(adjusted.network.used))
+    for rows, near in zip((dealt[::2], dealt[1::2]), halves.halves, strict=True):
+        alone = adjust(adjusted.network.views(rows), adjusted.state.views(rows))
+        miss = near - alone.state.parameters
+        assert (np.abs(miss) < 0.1 * np.array(list(lens_covariance(alone).std.values()))).all()
 
 
 def test_five_views_have_no_halves() -> None:

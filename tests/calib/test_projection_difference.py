@@ -4,16 +4,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibrary.calib.calibrate import calibrate
 from calibrary.calib.covariance import lens_covariance
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
 from calibrary.calib.projection_difference import projection_difference, projection_uncertainty
 from calibrary.calib.solve import solve
+from calibrary.calib.synthesis import observe, poses
 from calibrary.calibration import Calibration, Covariance
-from calibrary.distortion import KannalaBrandt, NoDistortion
+from calibrary.distortion import KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import CalibrationError, InputError
 
-from .solving import SIZE, Session, camera, shoot
+from .solving import BOARD, SIZE, Session, camera, shoot
 
 SHAPE = (17, 13)
 
@@ -134,3 +136,43 @@ def test_a_covariance_of_another_model_is_refused() -> None:
     C = Covariance.from_matrix(("fx", "xi"), np.eye(2))
     with pytest.raises(InputError, match="'xi'"):
         projection_uncertainty(camera(), C)
+
+
+def test_coefficients_that_cancel_leave_a_rational_lens_as_sure_as_its_pixels() -> None:
+    lens = Rational(k1=0.5, k2=0.1, p1=1e-4, p2=1e-4, k3=0.01, k4=0.9, k5=0.2, k6=0.03)
+    truth = camera(fx=1000.0, fy=1000.0, distortion=lens)
+    held = poses(BOARD, truth, 25, 1, roll_deg=180.0)
+    found = calibrate(observe(BOARD, truth, held, 0.05, 1), model="rational").calibration
+    assert found.quality is not None
+    assert found.quality.covariance is not None
+    C = found.quality.covariance
+    assert C.std["k4"] > 0.1
+
+    stated = projection_uncertainty(found, C, shape=(9, 7)).std_px
+    draws = np.random.default_rng(0).multivariate_normal(
+        [values(found)[name] for name in C.names], C.matrix, size=60, method="eigh"
+    )
+    misses = [
+        projection_difference(
+            found, drawn(found, dict(zip(C.names, draw, strict=True))), shape=(9, 7)
+        ).vectors
+        for draw in draws
+    ]
+    inner = (slice(1, -1), slice(1, -1))
+    scatter = np.sqrt(np.nanmean(np.square(misses), axis=0).sum(axis=-1))[inner]
+    assert np.median(stated[inner]) < 0.1
+    assert 0.5 < np.median(stated[inner] / scatter) < 2.0
+
+
+def values(calibration: Calibration) -> dict[str, float]:
+    K, lens = calibration.intrinsics, calibration.distortion
+    assert lens is not None
+    return {"fx": K.fx, "fy": K.fy, "cx": K.cx, "cy": K.cy, **lens.coefficients}
+
+
+def drawn(calibration: Calibration, by_name: dict[str, float]) -> Calibration:
+    """The same camera with other numbers."""
+    fx, fy, cx, cy = (by_name[name] for name in ("fx", "fy", "cx", "cy"))
+    lens = Rational(**{name: by_name[name] for name in Rational.names()})
+    K = replace(calibration.intrinsics, fx=fx, fy=fy, cx=cx, cy=cy)
+    return replace(calibration, intrinsics=K, distortion=lens)

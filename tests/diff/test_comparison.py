@@ -153,3 +153,33 @@ def test_a_shift_of_the_principal_point_is_a_turn_of_the_camera() -> None:
     assert numbers is not None
     assert numbers.difference.centre_rms_px < 0.15
     assert numbers.difference.rotation_deg == pytest.approx(np.degrees(2 / 3678.9), rel=0.05)
+
+
+def test_a_principal_point_that_surely_moved_is_no_drift_where_a_turn_undoes_it() -> None:
+    comparison = between(camera(), changed(camera(), cx=2734.0))
+    assert comparison.numbers is not None
+    assert comparison.numbers.p < FLEET.drift_significance
+    assert (comparison.verdict, comparison.alarm) == (Verdict.NEGLIGIBLE, False)
+
+
+def test_noise_of_the_corners_is_not_what_a_significant_change_moved() -> None:
+    numbers = between(camera(), changed(camera(), cx=2734.0)).numbers
+    assert numbers is not None
+    assert numbers.sure_px < FLEET.drift_px
+
+
+def test_a_change_that_may_be_as_large_as_the_limit_is_taken_to_be() -> None:
+    surer = Quality(covariance=Covariance.from_matrix(NAMES, np.diag((STD / 2) ** 2)))
+    a, b = (replace(one, quality=surer) for one in (camera(), with_focal(0.00047)))
+    comparison = compare(a, b, replace(FLEET, drift_px=10.0))
+    assert (comparison.verdict, comparison.alarm) == (Verdict.DRIFT, True)
+    assert "0.05% cannot be ruled out" in comparison.reasons[0]
+
+
+def test_a_lens_that_bends_more_is_a_drift_by_its_pixels() -> None:
+    more = camera(distortion=replace(LENS, k1=LENS.k1 * 1.02))
+    numbers = between(camera(), more).numbers
+    assert numbers is not None
+    assert numbers.focal_change == 0
+    assert numbers.sure_px > FLEET.drift_px
+    assert between(camera(), more).alarm

@@ -2,9 +2,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, Covariance, Grade, Intrinsics, Quality
 from calibrary.diff.structure import Kind, signatures
 from calibrary.distortion import BrownConrady, NoDistortion
 from tests.diff.cameras import LENS, camera, changed
@@ -98,3 +101,116 @@ def test_the_reason_holds_the_numbers() -> None:
     assert (
         structural.reason == "5472×3648 became 2736×1824 and fx went with it, × 0.5: the frame was resampled"
     )
+
+
+STD = {"fx": 0.4, "fy": 0.4, "cx": 0.3, "cy": 0.3, "k1": 2e-4, "k2": 6e-4, "p1": 8e-6, "p2": 8e-6, "k3": 6e-4}
+
+
+def measured(calibration: Calibration, seed: int, poorer: float = 1.0) -> Calibration:
+    """As a board would show it: with noise, and the standard deviations of it."""
+    std = {name: poorer * value for name, value in STD.items()}
+    error = dict(zip(std, np.random.default_rng(seed).normal(0, list(std.values())), strict=True))
+    K, lens = calibration.intrinsics, calibration.distortion
+    values = (
+        dict.fromkeys(LENS.names(), 0.0)
+        if lens is None or isinstance(lens, NoDistortion)
+        else lens.coefficients
+    )
+    return replace(
+        changed(calibration, **{name: getattr(K, name) + error[name] for name in ("fx", "fy", "cx", "cy")}),
+        distortion=BrownConrady(**{name: value + error[name] for name, value in values.items()}),
+        quality=Quality(
+            std=std, covariance=Covariance.from_matrix(tuple(std), np.diag(np.square(list(std.values()))))
+        ),
+    )
+
+
+seeds = st.integers(0, 2**31)
+
+
+@settings(max_examples=150, deadline=None)
+@given(seeds, seeds, st.sampled_from([1.0, 3.0]))
+def test_noise_is_no_change_of_kind(first: int, second: int, poorer: float) -> None:
+    if first != second:
+        assert kinds(measured(camera(), first, poorer), measured(camera(), second, poorer)) == set()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 400), st.floats(-0.004, 0.004), st.floats(-30, 30), st.floats(-30, 30))
+def test_a_drift_of_any_direction_is_no_change_of_kind(seed: int, focal: float, dx: float, dy: float) -> None:
+    K = camera().intrinsics
+    moved = changed(camera(), fx=K.fx * (1 + focal), fy=K.fy * (1 + focal), cx=K.cx + dx, cy=K.cy + dy)
+    assert kinds(measured(camera(), seed), measured(moved, seed + 1000)) == set()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_corrected_lens_is_recognised_through_the_noise_of_its_calibration(seed: int) -> None:
+    corrected = measured(camera(distortion=NoDistortion()), seed)
+    assert kinds(measured(camera(), seed + 100), corrected) == {Kind.DEWARP_ON}
+    assert kinds(corrected, measured(camera(), seed + 100)) == {Kind.DEWARP_OFF}
+
+
+@pytest.mark.parametrize("poorer", [1.0, 10.0])
+def test_swapped_tangential_terms_are_recognised_as_far_as_they_are_known(poorer: float) -> None:
+    other = camera(distortion=replace(LENS, p1=LENS.p2, p2=LENS.p1))
+    assert kinds(measured(camera(), 1, poorer), measured(other, 2, poorer)) == {Kind.TANGENTIAL_SWAP}
+
+
+def test_tangential_terms_no_better_known_than_their_difference_are_not_swapped() -> None:
+    weak = replace(LENS, p1=2e-5, p2=-2e-5)
+    other = replace(weak, p1=-2e-5, p2=2e-5)
+    known = {"p1": 4e-5, "p2": 4e-5}
+    a, b = (replace(camera(distortion=lens), quality=Quality(std=known)) for lens in (weak, other))
+    nudged = replace(b, distortion=replace(other, p1=-1.9e-5))
+    assert kinds(a, nudged) == set()
+
+
+def test_a_turned_frame_swaps_its_tangential_terms_by_right() -> None:
+    K = camera().intrinsics
+    turned = replace(
+        camera(distortion=replace(LENS, p1=0.0, p2=LENS.p1)),
+        intrinsics=Intrinsics(fx=K.fy, fy=K.fx, cx=3648 - K.cy, cy=K.cx, image_size=(3648, 5472)),
+    )
+    assert kinds(camera(distortion=replace(LENS, p2=0.0)), turned) == {Kind.PORTRAIT}
+
+
+def test_half_a_pixel_between_two_solves_is_a_coincidence() -> None:
+    assert kinds(camera(), changed(camera(), fx=3679.1, fy=3678.3, cx=2731.0, cy=1846.3)) == set()
+
+
+def test_a_frame_squeezed_into_another_shape_was_transcoded() -> None:
+    K = camera().intrinsics
+    x, y = 3840 / 5472, 2160 / 3648
+    squeezed = Intrinsics(fx=K.fx * x, fy=K.fy * y, cx=K.cx * x, cy=K.cy * y, image_size=(3840, 2160))
+    assert kinds(camera(), replace(camera(), intrinsics=squeezed)) == {Kind.STRETCH}
+
+
+def test_a_frame_of_another_shape_is_a_crop_though_correcting_it_moved_the_focal_length() -> None:
+    wide = camera().cropped((0, 285, 5472, 3078)).scaled((3840, 2160))
+    K = wide.intrinsics
+    assert kinds(camera(), changed(wide, fx=K.fx * 0.97, fy=K.fy * 0.97)) == {Kind.CROP}
+
+
+@pytest.mark.parametrize(("grade", "focal"), [(Grade.DERIVED, 1.03), (Grade.PRIOR, 0.92)])
+def test_a_focal_length_from_tags_is_no_crop_for_being_as_far_off_as_tags_are(
+    grade: Grade, focal: float
+) -> None:
+    K = camera().intrinsics
+    tagged = replace(changed(camera(), fx=K.fx * focal, fy=K.fy * focal), grade=grade, distortion=None)
+    assert kinds(camera(), tagged) == set()
+    assert kinds(camera(), tagged.scaled((2736, 1824))) == {Kind.RESIZE}
+
+
+@given(
+    st.floats(3.0, 20.0), st.sampled_from([(13.2, 8.8), (6.3, 4.7), (17.3, 13.0), (9.6, 7.2)]), st.booleans()
+)
+def test_a_35_mm_equivalent_is_recognised_however_it_was_rounded(
+    focal_mm: float, sensor_mm: tuple[float, float], by_width: bool
+) -> None:
+    width, height = 5472, round(5472 * sensor_mm[1] / sensor_mm[0])
+    fx = focal_mm / sensor_mm[0] * width
+    K = Intrinsics(fx=fx, fy=fx, cx=width / 2, cy=height / 2, image_size=(width, height))
+    true = replace(camera(focal_mm=focal_mm), intrinsics=K, distortion=None)
+    factor = 36 / sensor_mm[0] if by_width else float(np.hypot(36, 24) / np.hypot(*sensor_mm))
+    leaked = fx * round(focal_mm * factor) / focal_mm
+    assert Kind.EQUIVALENT_LEAK in kinds(true, changed(true, fx=leaked, fy=leaked))
