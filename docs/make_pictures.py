@@ -12,6 +12,7 @@ import os
 import shutil
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -29,6 +30,7 @@ from calibrary.calibrating.page import calibration_page
 from calibrary.calibrating.sights import search
 from calibrary.calibrating.solving import Wanted, solved
 from calibrary.cli.extract_display import judgement
+from calibrary.cli.main import main as command
 from calibrary.demo import write_flight
 from calibrary.diff.comparison import compare
 from calibrary.diff.page import comparison_page
@@ -119,6 +121,9 @@ CALIBRATE_PARTS = (("header", 930), ("#held", 720), ("#trust", 520))
 """The verdict with K, and of the plots coverage, tilt, uncertainty and what halves of the views disagree about."""
 
 
+JOB_PARTS = (("h1", 1100),)
+
+
 def judge(flight: Path) -> Outcome:
     """What the gate makes of the chosen files of a demonstration flight."""
     with TemporaryDirectory() as folder:
@@ -173,6 +178,22 @@ def fleet_pages() -> tuple[str, str, str]:
             for name in ("index.html", "cameras/dji/fc6310r/5472x3648+f8.8.html")
         )
     return render_page(diff), listing, camera
+
+
+def job_pages() -> tuple[str, str]:
+    """What the audit of a flight writes, and what a payload's folder does."""
+    with TemporaryDirectory() as folder:
+        flight, registry = Path(folder) / "flight", Path(folder) / "fleet"
+        write_flight(flight)
+        write_fleet(registry)
+        payload = flight / "100_0001"
+        pages = [Path(folder) / name for name in ("audit.html", "onboard.html")]
+        named = ["--registry", str(registry), "--html"]
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            command(["registry", "audit", str(flight), *named, str(pages[0])])
+            command(["onboard", str(payload), "--yes", "--for", "unit", *named, str(pages[1])])
+        audit, onboard = (page.read_text(encoding="utf-8") for page in pages)
+    return audit, onboard
 
 
 def screenshot(html: str, out: Path, *, parts: Sequence[tuple[str, int]]) -> None:
@@ -239,6 +260,9 @@ def main() -> int:
         screenshot(diff, arguments.out / "diff-page.png", parts=DIFF_PARTS)
         screenshot(listing, arguments.out / "site-page.png", parts=SITE_PARTS)
         screenshot(camera, arguments.out / "camera-page.png", parts=CAMERA_PARTS)
+        audit, onboard = job_pages()
+        screenshot(audit, arguments.out / "audit-page.png", parts=JOB_PARTS)
+        screenshot(onboard, arguments.out / "onboard-page.png", parts=JOB_PARTS)
     return 0
 
 

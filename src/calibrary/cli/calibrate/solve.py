@@ -117,7 +117,7 @@ def _add_solving_flags(parser: argparse.ArgumentParser) -> None:
 def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     outputs = parser.add_argument_group("what is written")
     outputs.add_argument(
-        "--report", type=Path, metavar="FILE", help="a page with every number and plot, .html"
+        "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
     )
     outputs.add_argument(
         "--corners", type=Path, metavar="FILE", help="what was seen, to solve it again with --from, .json"
