@@ -8,7 +8,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -27,6 +26,7 @@ from calibrary.calib.threads import one_thread
 from calibrary.calib.view_quality import judge_repeats, judge_view
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import CalibrationError, InputError
+from calibrary.workers import end_with_parent
 
 __all__ = ["Collected", "NamedRemark", "collect", "try_board_sizes"]
 
@@ -274,12 +274,4 @@ def _start_worker() -> None:
 
     cv2.setNumThreads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    end_with_parent()

@@ -13,9 +13,18 @@ from calibrary.policy import POLICIES, Policy
 from calibrary.schemas import require
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
-__all__ = ["policy_from", "read_policy"]
+__all__ = ["policy_from", "policy_named", "read_policy"]
 
 LARGEST_POLICY = 1 << 20
+
+
+def policy_named(name: str) -> Policy:
+    """One of the policies that ship, by its name, or that of a file.
+
+    Raises:
+        InputError: as for :func:`read_policy`.
+    """
+    return POLICIES.get(name) or read_policy(Path(name))
 
 
 def read_policy(path: Path) -> Policy:

@@ -126,10 +126,9 @@ def _pair(arguments: argparse.Namespace) -> int:
 
 
 def _policy(arguments: argparse.Namespace) -> Policy:
-    from calibrary.policy import POLICIES
-    from calibrary.policy_file import read_policy
+    from calibrary.policy_file import policy_named
 
-    return POLICIES.get(arguments.policy) or read_policy(Path(arguments.policy))
+    return policy_named(arguments.policy)
 
 
 def _show(console: Console, comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> None:

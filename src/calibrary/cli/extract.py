@@ -203,10 +203,9 @@ def _policy(arguments: argparse.Namespace) -> Policy:
     """The policy named, with the limits that were typed in place of its own."""
     from dataclasses import replace
 
-    from calibrary.policy import POLICIES
-    from calibrary.policy_file import read_policy
+    from calibrary.policy_file import policy_named
 
-    policy = POLICIES.get(arguments.policy) or read_policy(Path(arguments.policy))
+    policy = policy_named(arguments.policy)
     if isinstance(arguments.max_focal_deviation_pct, _Given):
         policy = replace(policy, focal_symmetry_max=arguments.max_focal_deviation_pct / 100.0)
     tolerance = arguments.principal_point_tolerance

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -20,6 +19,7 @@ from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import read_metadata
+from calibrary.workers import end_with_parent
 
 __all__ = ["Gathered", "Rejected", "find_files", "find_images", "gather"]
 
@@ -138,26 +138,13 @@ def _mapped(
     if method == "forkserver":
         context.set_forkserver_preload([__name__])
     count = min(workers, len(chunks))
-    with ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent) as pool:
+    with ProcessPoolExecutor(count, mp_context=context, initializer=end_with_parent) as pool:
         try:
             yield from pool.map(read, chunks)
         except BrokenProcessPool:
             raise InputError(
                 "a process that reads images was ended from outside, as when memory runs out; use --workers 1"
             ) from None
-
-
-def _end_with_parent() -> None:
-    """End this worker when the command that wants its answers is gone; else it would wait for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def _read_chunk(images: Sequence[Path], *, directory: Path) -> Gathered:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -21,6 +20,7 @@ from calibrary.site.addresses import INDEX
 from calibrary.site.listing import listing
 from calibrary.site.place import MARKER, replaced
 from calibrary.site.work import Card, Job, Task, write_entries
+from calibrary.workers import end_with_parent
 
 __all__ = ["Progress", "Site", "build", "build_into"]
 
@@ -154,7 +154,7 @@ def _mapped(
     if method == "forkserver":
         context.set_forkserver_preload([__name__])
     with ProcessPoolExecutor(
-        min(workers, len(chunks)), mp_context=context, initializer=_end_with_parent
+        min(workers, len(chunks)), mp_context=context, initializer=end_with_parent
     ) as pool:
         try:
             yield from pool.map(write, chunks)
@@ -164,16 +164,3 @@ def _mapped(
             ) from None
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _end_with_parent() -> None:
-    """End this worker when the command that wants its pages is gone; else it would wait for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -101,12 +101,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _policy(arguments: argparse.Namespace) -> Policy | None:
-    from calibrary.policy import POLICIES
-    from calibrary.policy_file import read_policy
+    from calibrary.policy_file import policy_named
 
-    if arguments.policy is None:
-        return None
-    return POLICIES.get(arguments.policy) or read_policy(Path(arguments.policy))
+    return policy_named(arguments.policy) if arguments.policy is not None else None
 
 
 def _show(console: Console, done: Checked, unsigned: tuple[str, ...] | None) -> None:
