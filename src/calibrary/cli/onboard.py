@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from calibrary.calib.board import Board
     from calibrary.onboard.proposing import Serves
-    from calibrary.onboard.run import Onboarding, Outcome, Questions
+    from calibrary.onboard.records import Onboarding, Outcome, Questions
     from calibrary.registry.writing import Written
 
 __all__ = ["add_parser"]
@@ -140,7 +140,8 @@ def _onboarded(arguments: argparse.Namespace, note: Console) -> Onboarding:
 
     from calibrary.cli.registry.progress import Bar
     from calibrary.onboard.claims import Kind
-    from calibrary.onboard.run import Request, onboard
+    from calibrary.onboard.records import Request
+    from calibrary.onboard.run import onboard
 
     keeper = opened(arguments)
     board = _board(arguments)
@@ -183,7 +184,7 @@ def _board(arguments: argparse.Namespace) -> Board | None:
 
 def _questions(arguments: argparse.Namespace) -> Questions:
     from calibrary.onboard.proposing import Serves
-    from calibrary.onboard.run import Questions
+    from calibrary.onboard.records import Questions
 
     def square_mm(frames: int) -> float:
         if arguments.square_mm is not None:

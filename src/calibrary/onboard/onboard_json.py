@@ -9,7 +9,7 @@ from calibrary.keep.admission import finding_json
 from calibrary.onboard.claims import Claim
 from calibrary.onboard.judging import Hearing, Relative
 from calibrary.onboard.proposing import sources_of
-from calibrary.onboard.run import BoardSolve, Onboarding, Outcome
+from calibrary.onboard.records import BoardSolve, Onboarding, Outcome
 from calibrary.registry.writing import Written
 from calibrary.validation import Report
 

@@ -12,7 +12,7 @@ from calibrary.calibration import Calibration
 from calibrary.onboard.claims import Kind
 from calibrary.onboard.judging import Hearing, Relative
 from calibrary.onboard.proposing import sources_of
-from calibrary.onboard.run import BoardSolve, Decision, Onboarding, Outcome
+from calibrary.onboard.records import BoardSolve, Decision, Onboarding, Outcome
 from calibrary.onboard.sorting import Payload
 from calibrary.pages import (
     Badge,
