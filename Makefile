@@ -39,7 +39,7 @@ help: ## List what can be made
 
 demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
 	@rm -rf $(DEMO) $(DEMO_RESULT)
-	$(BIN)/python -m calibrary.demo $(DEMO)
+	$(BIN)/python -m calibrary.jobs.demo $(DEMO)
 	@mkdir -p $(DEMO_RESULT)
 	@printf '\n%s\n\n' '$(EXTRACT)'
 	@status=0; $(BIN)/$(EXTRACT) || status=$$?; \

@@ -30,7 +30,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageCms
 
-from calibrary.demo.cameras import Shot, phantom_4_rtk
+from calibrary.jobs.demo.cameras import Shot, phantom_4_rtk
 from calibrary.synthetic import ExifTags
 from calibrary.synthetic.jpeg import (
     Segment,

@@ -39,9 +39,9 @@ from calibrary.calib.synthesis import Settings, Sheet, Truth, observe, poses
 from calibrary.calib.synthesis.cameras import head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
-from calibrary.diff.comparison import Comparison, compare
-from calibrary.diff.structure import Kind
 from calibrary.distortion import BrownConrady
+from calibrary.jobs.diff.comparison import Comparison, compare
+from calibrary.jobs.diff.structure import Kind
 
 FloatArray: TypeAlias = NDArray[np.float64]
 

@@ -36,9 +36,9 @@ from PIL import Image
 from calibrary.evidence.collect import collect
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
-from calibrary.extract.cameras import DEFAULT_SENSOR_MM, Sensor, judge, sort_cameras
-from calibrary.extract.gather import gather
-from calibrary.extract.knowledge import Knowledge
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Sensor, judge, sort_cameras
+from calibrary.jobs.extract.gather import gather
+from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.reader import read_source
 from calibrary.parsers.imagery.source import open_source

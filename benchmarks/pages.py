@@ -27,11 +27,11 @@ import numpy as np
 
 from calibrary.calibration import Calibration, CameraKey, Covariance, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
+from calibrary.jobs.site.building import build
+from calibrary.jobs.site.server import Server
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.registry.entry import Entry, Status
-from calibrary.site.building import build
-from calibrary.site.server import Server
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -25,22 +25,22 @@ from calibrary.calib.board import Board
 from calibrary.calib.synthesis import Settings, Truth, poses
 from calibrary.calib.synthesis.cameras import example_camera, head
 from calibrary.calib.synthesis.files import write_frames
-from calibrary.calibrating.frames import find_frames, told_by
-from calibrary.calibrating.page import calibration_page
-from calibrary.calibrating.sights import search
-from calibrary.calibrating.solving import Wanted, solved
 from calibrary.cli.extract_display import judgement
 from calibrary.cli.main import main as command
-from calibrary.demo import write_flight
-from calibrary.diff.comparison import compare
-from calibrary.diff.page import comparison_page
-from calibrary.extract.hand_off import Solver
-from calibrary.extract.outcome import Outcome
-from calibrary.extract.outputs import plan
-from calibrary.extract.page import outcome_page
-from calibrary.extract.run import Request, run
+from calibrary.jobs.calibrate_board.frames import find_frames, told_by
+from calibrary.jobs.calibrate_board.page import calibration_page
+from calibrary.jobs.calibrate_board.sights import search
+from calibrary.jobs.calibrate_board.solving import Wanted, solved
+from calibrary.jobs.demo import write_flight
+from calibrary.jobs.diff.comparison import compare
+from calibrary.jobs.diff.page import comparison_page
+from calibrary.jobs.extract.hand_off import Solver
+from calibrary.jobs.extract.outcome import Outcome
+from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.extract.page import outcome_page
+from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.site.building import build
 from calibrary.pages import render_page
-from calibrary.site.building import build
 
 if TYPE_CHECKING:
     from docs.example_fleet import write_fleet

@@ -15,7 +15,7 @@ from hypothesis import Phase, given, seed, settings
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.demo.flight import write_flight
+from calibrary.jobs.demo.flight import write_flight
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Capacity, Format
 from fuzz.target import IDENTIFY, IMAGE

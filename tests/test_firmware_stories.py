@@ -14,16 +14,16 @@ from calibrary import parsers
 from calibrary.calib.calibrate import calibrate
 from calibrary.calibration import Calibration
 from calibrary.cli.main import main
-from calibrary.demo.cameras import Band, Shot, rededge_m
-from calibrary.diff.comparison import Verdict, compare
-from calibrary.diff.structure import Kind
+from calibrary.jobs.demo.cameras import Band, Shot, rededge_m
+from calibrary.jobs.diff.comparison import Verdict, compare
+from calibrary.jobs.diff.structure import Kind
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper
 from calibrary.synthetic import XmpDescription, XmpPacket, elements, write_jpeg
 from calibrary.synthetic.xmp import PIX4D_1
 from tests.calib.solving import Session, camera, shoot
 from tests.cli.registry.fleets import add, commit_of, xml
-from tests.extract.fleet import DEWARP, P4R, gate, only, picture
+from tests.jobs.extract.fleet import DEWARP, P4R, gate, only, picture
 from tests.registry.stores import nobodys_git
 
 __all__ = ["nobodys_git"]

@@ -20,8 +20,8 @@ import pytest
 
 import calibrary
 from calibrary.cli.main import EPILOG, build_parser
-from calibrary.extract.cameras import DEFAULT_SENSOR_MM
-from calibrary.extract.fallback import seed
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM
+from calibrary.jobs.extract.fallback import seed
 from calibrary.parsers import formats
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX
 from calibrary.policy import FLEET, SOURCE

@@ -27,7 +27,7 @@ from tests.calib.solving import Session, camera, shoot
 from tests.calib.staging import camera as staged
 from tests.calib.staging import truth
 from tests.cli.registry.fleets import held, xml
-from tests.onboard.payloads import SURVEY
+from tests.jobs.onboard.payloads import SURVEY
 from tests.registry.stores import nobodys_git
 
 __all__ = ["nobodys_git"]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
-    from calibrary.extract.minimal import extract_intrinsic_matrix
+    from calibrary.jobs.extract.minimal import extract_intrinsic_matrix
     from calibrary.policy import FLEET, SOURCE, Policy
     from calibrary.validation import Report, Verdict, validate
 
@@ -36,7 +36,7 @@ __all__ = [
 _HOMES = {
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
     "calibrary.errors": ("CalibraryError",),
-    "calibrary.extract.minimal": ("extract_intrinsic_matrix",),
+    "calibrary.jobs.extract.minimal": ("extract_intrinsic_matrix",),
     "calibrary.policy": ("FLEET", "SOURCE", "Policy"),
     "calibrary.validation": ("Report", "Verdict", "validate"),
 }

@@ -29,7 +29,16 @@ from calibrary.registry.slug import slug
 from calibrary.schemas import require
 from tests.calib.photographs import CAMERA, SIZE, encoded, photograph
 from tests.calib.solving import Session, camera
-from tests.calibrating.boards import FIRMWARE, MAKE, MODEL, PROVISIONAL, REFUSED, corners, exif, frames
+from tests.jobs.calibrate_board.boards import (
+    FIRMWARE,
+    MAKE,
+    MODEL,
+    PROVISIONAL,
+    REFUSED,
+    corners,
+    exif,
+    frames,
+)
 from tests.registry.stores import nobodys_git
 
 __all__ = ["nobodys_git"]

@@ -16,9 +16,9 @@ from calibrary import parsers
 from calibrary.cli.main import main
 from calibrary.keep.keeper import Keeper
 from calibrary.schemas import require
-from tests.diff.cameras import camera, changed
+from tests.jobs.diff.cameras import camera, changed
+from tests.jobs.site.fleet import fleet
 from tests.registry.stores import seclude
-from tests.site.fleet import fleet
 
 FC6310R = "dji/fc6310r"
 ALARM, USAGE, INPUT, REGISTRY = 1, 2, 3, 4

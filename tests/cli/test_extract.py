@@ -13,7 +13,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.schemas import require
-from tests.extract.fleet import DEWARP, NOBODY, P4R, entry, matrix, picture
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, entry, matrix, picture
 
 Extract = Callable[..., int]
 
@@ -243,7 +243,7 @@ def test_an_interruption_says_that_nothing_was_written(
         raise KeyboardInterrupt
 
     picture(tmp_path / "input/a.jpg", **P4R)
-    monkeypatch.setattr("calibrary.extract.run.run", interrupted)
+    monkeypatch.setattr("calibrary.jobs.extract.run.run", interrupted)
     assert extract() == 130
     assert "nothing was half written" in capsys.readouterr().err
     assert left_in(tmp_path) == []

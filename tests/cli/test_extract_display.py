@@ -9,11 +9,11 @@ import pytest
 from rich.console import Console
 
 from calibrary.cli.extract_display import WIDEST, Display, judgement
-from calibrary.extract.hand_off import Solver
-from calibrary.extract.outcome import Outcome
-from calibrary.extract.outputs import plan
+from calibrary.jobs.extract.hand_off import Solver
+from calibrary.jobs.extract.outcome import Outcome
+from calibrary.jobs.extract.outputs import plan
 from calibrary.validation import Verdict
-from tests.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.schemas import require
-from tests.extract.fleet import DEWARP, NOBODY, P4R, picture
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, picture
 
 
 @pytest.fixture(autouse=True)

@@ -12,8 +12,8 @@ from calibrary import parsers
 from calibrary.cli.main import main
 from calibrary.errors import ParseError
 from calibrary.schemas import require
-from tests.extract.fleet import DEWARP, P4R, picture
 from tests.house.project import ROOT
+from tests.jobs.extract.fleet import DEWARP, P4R, picture
 
 AGISOFT = (
     "<calibration><projection>frame</projection><width>5472</width><height>3648</height>"

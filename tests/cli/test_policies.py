@@ -11,7 +11,7 @@ from calibrary.cli.main import main
 from calibrary.errors import InputError, ParseError
 from calibrary.policy import FLEET, SOURCE
 from calibrary.policy_file import read_policy
-from tests.extract.fleet import NOBODY, P4R, picture
+from tests.jobs.extract.fleet import NOBODY, P4R, picture
 
 
 def policy_file(folder: Path, text: str) -> Path:

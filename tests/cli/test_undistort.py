@@ -19,7 +19,7 @@ from calibrary.cli.main import main
 from calibrary.distortion import NoDistortion
 from calibrary.parsers import files
 from calibrary.schemas import require
-from tests.extract.fleet import DEWARP, P4R, picture
+from tests.jobs.extract.fleet import DEWARP, P4R, picture
 
 BROWN = (-0.21, 0.05, 0.002, -0.0015, -0.004)
 K = np.array([[140.0, 0, 121.0], [0, 141.0, 78.5], [0, 0, 1]])

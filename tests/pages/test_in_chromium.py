@@ -14,11 +14,11 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, sync_playwright
 
 from calibrary.cli.main import main
-from calibrary.extract.hand_off import Solver
-from calibrary.extract.outputs import plan
-from calibrary.extract.page import outcome_page
+from calibrary.jobs.extract.hand_off import Solver
+from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.extract.page import outcome_page
 from calibrary.pages import render_page
-from tests.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 from tests.pages.gallery import gallery
 from tests.registry.stores import seclude
 

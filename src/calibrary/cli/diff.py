@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from calibrary.calibration_json import Json
-    from calibrary.diff.comparison import Comparison, Numbers
-    from calibrary.diff.fleet import Change
+    from calibrary.jobs.diff.comparison import Comparison, Numbers
+    from calibrary.jobs.diff.fleet import Change
     from calibrary.pages import Page
     from calibrary.policy import Policy
 
@@ -90,7 +90,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if not 0 < arguments.altitude_m < float("inf"):
         arguments.parser.error("--altitude-m: wanted metres above ground, more than 0")
     if arguments.html is not None:
-        from calibrary.extract.outputs import check_page_place
+        from calibrary.jobs.extract.outputs import check_page_place
 
         check_page_place(arguments.html)
     return _fleet(arguments) if wants_fleet else _pair(arguments)
@@ -98,8 +98,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _pair(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
-    from calibrary.diff.comparison import compare
-    from calibrary.diff.comparison_json import comparison_json
+    from calibrary.jobs.diff.comparison import compare
+    from calibrary.jobs.diff.comparison_json import comparison_json
     from calibrary.keep.operand import Reading, read_operands
 
     answers = Answers.of(arguments)
@@ -115,7 +115,7 @@ def _pair(arguments: argparse.Namespace) -> int:
     comparison = compare(a.calibration, b.calibration, _policy(arguments))
     labels = (a.label, b.label)
     if arguments.html is not None:
-        from calibrary.diff.page import comparison_page
+        from calibrary.jobs.diff.page import comparison_page
 
         _write(comparison_page(comparison, labels, arguments.altitude_m), arguments.html)
     if arguments.json:
@@ -207,7 +207,7 @@ def _fleet(arguments: argparse.Namespace) -> int:
     from rich.progress import Progress
 
     from calibrary.cli.console import make_console
-    from calibrary.diff.fleet import by_firmware, since
+    from calibrary.jobs.diff.fleet import by_firmware, since
     from calibrary.keep.keeper import Keeper
     from calibrary.keep.place import require_registry
 
@@ -227,7 +227,7 @@ def _fleet(arguments: argparse.Namespace) -> int:
                 arguments.parser.error("--firmware: wanted OLD..NEW, such as 01.08..01.09")
             changes = by_firmware(keeper, old, new, policy, progress)
     if arguments.html is not None:
-        from calibrary.diff.page import fleet_page
+        from calibrary.jobs.diff.page import fleet_page
 
         _write(fleet_page(changes, _title(arguments), arguments.altitude_m), arguments.html)
     if arguments.json:

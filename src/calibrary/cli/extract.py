@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibrary.extract.outcome import Outcome
-    from calibrary.extract.outputs import Outputs
+    from calibrary.jobs.extract.outcome import Outcome
+    from calibrary.jobs.extract.outputs import Outputs
     from calibrary.policy import Policy
 
 __all__ = ["add_parser"]
@@ -144,10 +144,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from calibrary.atomic import write_files
     from calibrary.cli.extract_display import Display
-    from calibrary.extract.hand_off import Solver
-    from calibrary.extract.outputs import check_page_place, check_place, plan
-    from calibrary.extract.report import encode
-    from calibrary.extract.run import Request, run
+    from calibrary.jobs.extract.hand_off import Solver
+    from calibrary.jobs.extract.outputs import check_page_place, check_place, plan
+    from calibrary.jobs.extract.report import encode
+    from calibrary.jobs.extract.run import Request, run
 
     if arguments.locked is not None and arguments.registry is None:
         arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
@@ -185,7 +185,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _page(outcome: Outcome, outputs: Outputs) -> bytes:
-    from calibrary.extract.page import outcome_page
+    from calibrary.jobs.extract.page import outcome_page
     from calibrary.pages import render_page
 
     return render_page(outcome_page(outcome, outputs)).encode()

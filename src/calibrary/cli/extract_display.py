@@ -19,11 +19,11 @@ from rich.table import Table
 from rich.text import Text
 
 from calibrary.cli.console import make_console, plain, printable
-from calibrary.extract.fallback import Step
-from calibrary.extract.gather import Rejected
-from calibrary.extract.hand_off import Solver, seed_command
-from calibrary.extract.outcome import CameraOutcome, Outcome
-from calibrary.extract.outputs import STALE, Outputs
+from calibrary.jobs.extract.fallback import Step
+from calibrary.jobs.extract.gather import Rejected
+from calibrary.jobs.extract.hand_off import Solver, seed_command
+from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
+from calibrary.jobs.extract.outputs import STALE, Outputs
 from calibrary.validation import Verdict
 
 __all__ = ["Display", "judgement"]

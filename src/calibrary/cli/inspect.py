@@ -80,7 +80,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _files(given: Sequence[Path]) -> Iterator[Path]:
-    from calibrary.extract.gather import find_files
+    from calibrary.jobs.extract.gather import find_files
 
     for path in given:
         if path.is_dir():

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from calibrary.calib.board import Board
-    from calibrary.onboard.proposing import Serves
-    from calibrary.onboard.records import Onboarding, Outcome, Questions
+    from calibrary.jobs.onboard.proposing import Serves
+    from calibrary.jobs.onboard.records import Onboarding, Outcome, Questions
     from calibrary.registry.writing import Written
 
 __all__ = ["add_parser"]
@@ -102,13 +102,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.atomic import write_files
     from calibrary.cli.console import make_console
-    from calibrary.onboard.onboard_json import onboard_json
-    from calibrary.onboard.page import onboard_page
-    from calibrary.onboard.run import write_drafts
+    from calibrary.jobs.onboard.onboard_json import onboard_json
+    from calibrary.jobs.onboard.page import onboard_page
+    from calibrary.jobs.onboard.run import write_drafts
     from calibrary.pages import render_page
 
     if arguments.html is not None:
-        from calibrary.extract.outputs import check_page_place
+        from calibrary.jobs.extract.outputs import check_page_place
 
         check_page_place(arguments.html)
     note = make_console(stderr=True)
@@ -139,9 +139,9 @@ def _onboarded(arguments: argparse.Namespace, note: Console) -> Onboarding:
     from functools import partial
 
     from calibrary.cli.registry.progress import Bar
-    from calibrary.onboard.claims import Kind
-    from calibrary.onboard.records import Request
-    from calibrary.onboard.run import onboard
+    from calibrary.jobs.onboard.claims import Kind
+    from calibrary.jobs.onboard.records import Request
+    from calibrary.jobs.onboard.run import onboard
 
     keeper = opened(arguments)
     board = _board(arguments)
@@ -183,8 +183,8 @@ def _board(arguments: argparse.Namespace) -> Board | None:
 
 
 def _questions(arguments: argparse.Namespace) -> Questions:
-    from calibrary.onboard.proposing import Serves
-    from calibrary.onboard.records import Questions
+    from calibrary.jobs.onboard.proposing import Serves
+    from calibrary.jobs.onboard.records import Questions
 
     def square_mm(frames: int) -> float:
         if arguments.square_mm is not None:
@@ -229,7 +229,7 @@ def _unknown(arguments: argparse.Namespace, done: Onboarding) -> None:
 
 
 def _page_name(done: Onboarding) -> str:
-    from calibrary.onboard.run import BRANCHES, branch_name
+    from calibrary.jobs.onboard.run import BRANCHES, branch_name
 
     names = {branch_name(one.subject.key).removeprefix(BRANCHES) for one in done.outcomes}
     return f"onboard-{names.pop() if len(names) == 1 else 'payload'}.html"

@@ -187,7 +187,7 @@ def _calibration(arguments: argparse.Namespace) -> Calibration:
 
 def _jobs(given: Sequence[Path], out: Path, kind: str | None) -> Iterator[Job]:
     """Every image, and its place below ``out`` as it lay below the folder that was given."""
-    from calibrary.extract.gather import find_images
+    from calibrary.jobs.extract.gather import find_images
 
     target = out.resolve()
     for path in given:

@@ -21,8 +21,8 @@ from calibrary.registry.entry import Alias, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, printed, run, xml
-from tests.extract.fleet import DEWARP, picture
-from tests.extract.fleet import P4R as P4R_TAGS
+from tests.jobs.extract.fleet import DEWARP, picture
+from tests.jobs.extract.fleet import P4R as P4R_TAGS
 from tests.registry.entries import an_entry
 from tests.registry.stores import git
 

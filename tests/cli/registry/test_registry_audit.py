@@ -11,7 +11,7 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.registry.entry import Status
 from tests.cli.registry.fleets import P4R, add, commit_of, held, printed, run, xml
-from tests.extract.fleet import DEWARP, picture
+from tests.jobs.extract.fleet import DEWARP, picture
 from tests.registry.stores import git
 
 FLEW = "2026:03:05 09:30:00"
@@ -255,7 +255,7 @@ def test_folders_within_one_another_count_once(
 def test_nothing_private_is_repeated_and_nothing_is_written(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from calibrary.demo import write_flight  # noqa: PLC0415  slow to import, and only this test's
+    from calibrary.jobs.demo import write_flight  # noqa: PLC0415  slow to import, and only this test's
 
     private = {text for image in write_flight(tmp_path / "flight") for text in image.private}
     before = commit_of(fleet), git(fleet, "status", "--porcelain")

@@ -19,7 +19,7 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.resolution import RegistryIndex
 from tests.cli.registry.fleets import CAMERA, P4R, commit_of, held, printed, run, xml
 from tests.cli.registry.shelves import put
-from tests.extract.fleet import picture
+from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.stores import git
 

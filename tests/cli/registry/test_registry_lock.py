@@ -16,7 +16,7 @@ from calibrary.registry.entry import Status
 from calibrary.registry.pins import LOCK_FILE, read_lock
 from tests.cli.registry.fleets import P4R, printed, run
 from tests.cli.registry.shelves import put, put_bytes
-from tests.extract.fleet import picture
+from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.stores import git
 

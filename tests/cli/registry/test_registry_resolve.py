@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from calibrary.extract.knowledge import Knowledge
+from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.parsers.imagery import hash_serial, read_metadata
 from calibrary.registry.entry import Alias, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
@@ -18,7 +18,7 @@ from calibrary.registry.firmware import FirmwareRange
 from calibrary.schemas import require
 from tests.cli.registry.fleets import P4R, printed, run
 from tests.cli.registry.shelves import put
-from tests.extract.fleet import picture
+from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.stores import git
 

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
     from calibrary.calib.board import Board
     from calibrary.calib.result import CalibrationResult
-    from calibrary.calibrating.outputs import Places
-    from calibrary.calibrating.sights import Sights
-    from calibrary.calibrating.solving import Wanted
     from calibrary.calibration import CameraKey
     from calibrary.cli.calibrate.solve_display import Display
+    from calibrary.jobs.calibrate_board.outputs import Places
+    from calibrary.jobs.calibrate_board.sights import Sights
+    from calibrary.jobs.calibrate_board.solving import Wanted
     from calibrary.keep.keeper import Keeper
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "MODELS", "add_arguments", "run"]
@@ -146,9 +146,9 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.atomic import write_files
     from calibrary.calib.result import result_json
     from calibrary.calib.verdict import Outcome
-    from calibrary.calibrating.sights import read_seed
-    from calibrary.calibrating.solving import Wanted, solved
     from calibrary.cli.calibrate.solve_display import Display
+    from calibrary.jobs.calibrate_board.sights import read_seed
+    from calibrary.jobs.calibrate_board.solving import Wanted, solved
 
     _check_usage(arguments)
     places = _places(arguments)
@@ -206,7 +206,7 @@ def _writes_registry(arguments: argparse.Namespace) -> bool:
 
 
 def _places(arguments: argparse.Namespace) -> Places:
-    from calibrary.calibrating.outputs import Places
+    from calibrary.jobs.calibrate_board.outputs import Places
 
     return Places(report=arguments.report, corners=arguments.corners, out=arguments.out, format=arguments.to)
 
@@ -221,8 +221,8 @@ def _registry(arguments: argparse.Namespace) -> tuple[Keeper | None, Callable[[C
     from dataclasses import replace
     from functools import partial
 
-    from calibrary.calibrating.entry import camera_named
     from calibrary.cli.registry.place import opened
+    from calibrary.jobs.calibrate_board.entry import camera_named
 
     flags = partial(camera_of, arguments)
     if not _writes_registry(arguments):
@@ -246,7 +246,7 @@ def _sights(
     needs_key: bool,
     display: Display,
 ) -> Sights:
-    from calibrary.calibrating.entry import require_key
+    from calibrary.jobs.calibrate_board.entry import require_key
 
     if arguments.frames:
         return _searched(arguments, said, needs_key=needs_key, display=display)
@@ -263,11 +263,11 @@ def _searched(
     needs_key: bool,
     display: Display,
 ) -> Sights:
-    from calibrary.calibrating.entry import require_key
-    from calibrary.calibrating.frames import find_frames, told_by
-    from calibrary.calibrating.sights import search
     from calibrary.calibration import CameraKey
     from calibrary.errors import InputError
+    from calibrary.jobs.calibrate_board.entry import require_key
+    from calibrary.jobs.calibrate_board.frames import find_frames, told_by
+    from calibrary.jobs.calibrate_board.sights import search
 
     frames = find_frames([str(path) for path in arguments.frames])
     board = _board(arguments)
@@ -293,10 +293,10 @@ def _board(arguments: argparse.Namespace) -> Board | float:
 
 
 def _read_points(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Sights:
-    from calibrary.calibrating.control_points import read_control_points
-    from calibrary.calibrating.sights import Sights
     from calibrary.calibration import CameraKey
     from calibrary.conventions import Origin
+    from calibrary.jobs.calibrate_board.control_points import read_control_points
+    from calibrary.jobs.calibrate_board.sights import Sights
 
     origin = Origin.PIXEL_CENTRE if arguments.pixel_origin == "centre" else Origin.CORNER
     camera = said(CameraKey(image_size=arguments.image_size))
@@ -307,8 +307,8 @@ def _read_points(arguments: argparse.Namespace, said: Callable[[CameraKey], Came
 
 
 def _read_corners(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Sights:
-    from calibrary.calibrating.sights import saved_sights
     from calibrary.errors import InputError
+    from calibrary.jobs.calibrate_board.sights import saved_sights
 
     sights = saved_sights(arguments.corners_in, said, arguments.focus)
     size = sights.observations.image_size
@@ -325,7 +325,7 @@ def _keep(
 ) -> bool:
     """Write the entry, if the verdict, the check and the person allow it; whether nothing stands against it."""
     from calibrary.calib.verdict import Outcome
-    from calibrary.calibrating.entry import entry_of, proposed
+    from calibrary.jobs.calibrate_board.entry import entry_of, proposed
     from calibrary.keep.adding import Wish, write_proposals
     from calibrary.keep.admission import stands_against
 

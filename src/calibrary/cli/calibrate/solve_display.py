@@ -15,11 +15,11 @@ from rich.table import Table
 
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import Outcome, Severity
-from calibrary.calibrating.outputs import Files
-from calibrary.calibrating.sights import Sights
 from calibrary.calibration import Calibration, Quality
 from calibrary.cli.console import make_console, plain
 from calibrary.cli.registry.changes import EntryChange, show_changes, show_findings, tell_written
+from calibrary.jobs.calibrate_board.outputs import Files
+from calibrary.jobs.calibrate_board.sights import Sights
 from calibrary.keep.adding import Proposal
 from calibrary.registry.check import CheckFinding
 from calibrary.registry.entry import Status

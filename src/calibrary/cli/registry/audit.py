@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from calibrary.audit.answers import Answer
-    from calibrary.audit.run import Audit
+    from calibrary.jobs.audit.answers import Answer
+    from calibrary.jobs.audit.run import Audit
 
 __all__ = ["add_parser"]
 
@@ -75,11 +75,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.audit.run import Request, audit
     from calibrary.cli.console import make_console
+    from calibrary.jobs.audit.run import Request, audit
 
     if arguments.html is not None:
-        from calibrary.extract.outputs import check_page_place
+        from calibrary.jobs.extract.outputs import check_page_place
 
         check_page_place(arguments.html)
     with Bar(make_console(stderr=True), "reading images") as bar:
@@ -96,12 +96,12 @@ def _run(arguments: argparse.Namespace) -> int:
         )
     if arguments.html is not None:
         from calibrary.atomic import write_files
-        from calibrary.audit.page import audit_page
+        from calibrary.jobs.audit.page import audit_page
         from calibrary.pages import render_page
 
         write_files({arguments.html: render_page(audit_page(done)).encode()})
     if arguments.json:
-        from calibrary.audit.audit_json import audit_json
+        from calibrary.jobs.audit.audit_json import audit_json
 
         sys.stdout.write(json.dumps(audit_json(done), indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     else:
@@ -110,8 +110,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _show(console: Console, done: Audit) -> None:
-    from calibrary.audit.findings import Level, Rule
     from calibrary.cli.console import plain
+    from calibrary.jobs.audit.findings import Level, Rule
 
     console.print(_table(done.answers))
     quiet = [finding for finding in done.findings if finding.rule is Rule.NOT_FLOWN]
@@ -152,8 +152,8 @@ def _show(console: Console, done: Audit) -> None:
 def _table(answers: tuple[Answer, ...]) -> Table:
     from rich.table import Table
 
-    from calibrary.audit.answers import named
     from calibrary.cli.console import plain
+    from calibrary.jobs.audit.answers import named
 
     table = Table(box=None, padding=(0, 2, 0, 0))
     table.add_column("camera", overflow="fold")

@@ -99,8 +99,8 @@ def _of_flight(shelf: Shelf, folder: Path, console: Console, *, recursive: bool)
 
     from calibrary.cli.console import plain
     from calibrary.errors import InputError
-    from calibrary.extract.gather import find_images, gather
-    from calibrary.extract.knowledge import Knowledge
+    from calibrary.jobs.extract.gather import find_images, gather
+    from calibrary.jobs.extract.knowledge import Knowledge
     from calibrary.registry.catalogue import load_catalogue
 
     images = find_images(folder, recursive=recursive)

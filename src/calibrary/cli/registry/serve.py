@@ -46,8 +46,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from rich.progress import Progress
 
     from calibrary.cli.console import make_console, plain
+    from calibrary.jobs.site.server import Server
     from calibrary.keep.place import require_registry
-    from calibrary.site.server import Server
 
     console = make_console(stderr=True)
     registry = require_registry(arguments.registry)

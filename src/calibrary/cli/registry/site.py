@@ -52,9 +52,9 @@ def _run(arguments: argparse.Namespace) -> int:
     from rich.progress import Progress
 
     from calibrary.cli.console import make_console, plain
+    from calibrary.jobs.site.building import build
+    from calibrary.jobs.site.place import check_out
     from calibrary.keep.place import require_registry
-    from calibrary.site.building import build
-    from calibrary.site.place import check_out
 
     registry, out = require_registry(arguments.registry), arguments.out
     check_out(out)

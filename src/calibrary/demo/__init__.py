@@ -1,5 +1,0 @@
-"""The demonstration: a mixed fleet's flight, synthesised, with what the gate should make of every file."""
-
-from calibrary.demo.flight import DemoImage, Outcome, write_flight
-
-__all__ = ["DemoImage", "Outcome", "write_flight"]

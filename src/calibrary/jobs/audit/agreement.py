@@ -1,0 +1,224 @@
+"""Whether an entry agrees with what the images of its camera say: firmware, frame, K, and unit with unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from calibrary.calibration import Calibration, CameraKey, Grade, same_aspect
+from calibrary.errors import CalibraryError, InputError
+from calibrary.evidence.conflict import disagreement
+from calibrary.evidence.witness import Source, Witness
+from calibrary.jobs.audit.answers import Answer, Use, named
+from calibrary.jobs.audit.findings import Finding, Level, Rule
+from calibrary.jobs.diff.comparison import compare
+from calibrary.policy import Policy
+from calibrary.registry.entry import Entry
+from calibrary.registry.firmware import compare as compare_versions
+
+__all__ = ["Gap", "disagreements", "gaps", "tolerance_of", "unit_findings"]
+
+MEASURED: Final = {Grade.CALIBRATED, Grade.ADJUSTED}
+TOLERANCE: Final = 0.03
+"""Where neither the entry nor the policy names one, as a share of fx."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """How far one source in the images lies from the entry.
+
+    Attributes:
+        witness: the source.
+        share: the largest difference of fx and fy as a share of fx, and of cx and cy where it measured them as a
+            share of the width; signed.
+        of: which number that is.
+        limit: what it may be.
+    """
+
+    witness: Witness
+    share: float
+    of: str
+    limit: float
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether it is further than it may be."""
+        return abs(self.share) > self.limit
+
+
+def tolerance_of(entry: Entry, policy: Policy) -> float:
+    """How far a K of its camera may lie from the entry, as a share of fx."""
+    return entry.tolerance or policy.known_camera_tolerance or TOLERANCE
+
+
+def gaps(answer: Answer, policy: Policy) -> tuple[Gap, ...]:
+    """Every source of the images that could speak against the entry, the best first."""
+    if answer.resolution is None:
+        return ()
+    K, entry = answer.resolution.calibration.intrinsics, answer.resolution.entry
+    tolerance = tolerance_of(entry, policy)
+    found = []
+    for witness in answer.flown.camera.evidence.witnesses:
+        if witness.source is Source.ASSUMED_SENSOR:
+            continue
+        seen, (width, _) = witness.intrinsics, witness.intrinsics.image_size
+        apart = {"fx": seen.fx / K.fx - 1.0, "fy": seen.fy / K.fy - 1.0}
+        if witness.measured_centre:
+            apart |= {"cx": (seen.cx - K.cx) / width, "cy": (seen.cy - K.cy) / width}
+        of = max(apart, key=lambda name: abs(apart[name]))
+        limit = max(tolerance, witness.tolerance)
+        found.append(Gap(witness=witness, share=apart[of], of=of, limit=limit))
+    return tuple(found)
+
+
+def disagreements(answer: Answer, policy: Policy) -> Iterator[Finding]:
+    """What the images say against the entry that answers for them."""
+    if answer.resolution is None or answer.use not in {Use.USED, Use.EXPIRED}:
+        return
+    yield from _firmware(answer)
+    yield from _size(answer)
+    yield from _numbers(answer, gaps(answer, policy))
+
+
+def _firmware(answer: Answer) -> Iterator[Finding]:
+    assert answer.resolution is not None  # noqa: S101  the caller asked for it
+    entry, flown = answer.resolution.entry, answer.flown
+    made_with, now = entry.calibration.provenance.firmware, flown.key.firmware
+    # A range that somebody stated holds the camera's, or another entry would have answered.
+    if made_with is None or now is None or entry.firmware is not None or _may_be_same(made_with, now):
+        return
+    yield Finding(
+        rule=Rule.FIRMWARE,
+        level=Level.WARNING,
+        camera=named(flown),
+        entry=answer.entry_id,
+        message=f"the entry was made with firmware {made_with} and the camera flies {now}: K may have moved",
+        action=f"calibrate it with {now} and 'calibrary registry add' that, or say that the entry is of both: "
+        f"calibrary registry add {entry.path} --firmware-range {made_with}..{now}",
+    )
+
+
+def _may_be_same(one: str, other: str) -> bool:
+    try:
+        return compare_versions(one, other) == 0
+    except InputError:
+        # An editor or a gallery writes its own name where the camera's firmware stood: that tells nothing of it.
+        return True
+
+
+def _size(answer: Answer) -> Iterator[Finding]:
+    assert answer.resolution is not None  # noqa: S101  as above
+    entry, flown = answer.resolution.entry, answer.flown
+    kept, seen = entry.calibration.intrinsics.image_size, answer.resolution.calibration.intrinsics.image_size
+    if kept == seen:
+        return
+    how = "another scale of the same frame" if same_aspect(kept, seen) else "a part of the frame"
+    yield Finding(
+        rule=Rule.SIZE,
+        level=Level.WARNING,
+        camera=named(flown),
+        entry=answer.entry_id,
+        message=f"images are {seen[0]}×{seen[1]} and the entry is of {kept[0]}×{kept[1]}: {how}, so its K is "
+        f"taken over by arithmetic ({'; '.join(answer.resolution.calibration.provenance.assumptions) or 'exact'})",
+        action="set the camera back to its full frame, or calibrate it at this size and add that",
+    )
+
+
+def _numbers(answer: Answer, found: Sequence[Gap]) -> Iterator[Finding]:
+    chosen = answer.flown.camera.evidence.chosen
+    own = next((gap for gap in found if gap.witness is chosen), None)
+    beyond = [gap for gap in found if gap.is_beyond and gap.witness is not chosen]
+    if own is not None and own.is_beyond:
+        yield Finding(
+            rule=Rule.DRIFT,
+            level=Level.ERROR,
+            camera=named(answer.flown),
+            entry=answer.entry_id,
+            message=f"{own.witness.tag} of its images says {_told(own)} from the entry, which may be off by "
+            f"{own.limit:.1%}",
+            action=f"calibrary diff {answer.entry_id} {answer.flown.example}",
+        )
+        return
+    causes = {conflict.other: conflict.cause.value for conflict in answer.flown.camera.evidence.conflicts}
+    for gap in beyond:
+        if chosen is not None and not disagreement(chosen, gap.witness) and own is not None:
+            continue
+        cause = causes.get(gap.witness)
+        yield Finding(
+            rule=Rule.TAGS,
+            level=Level.NOTE if own is not None else Level.WARNING,
+            camera=named(answer.flown),
+            entry=answer.entry_id,
+            message=f"{gap.witness.tag} says {_told(gap)} from the entry"
+            + (f": {cause}" if cause else "")
+            + (
+                f"; {own.witness.tag} confirms the entry, whose K stays as it is"
+                if own is not None
+                else "; nothing else in the images tells which is right"
+            ),
+            action=None if own is not None else f"calibrary inspect {answer.flown.example}",
+        )
+
+
+def unit_findings(answers: Sequence[Answer], policy: Policy) -> Iterator[Finding]:
+    """Units of one model that measure different K and are all answered for by the same entry, or by none."""
+    groups: dict[CameraKey, dict[str, Answer]] = {}
+    for answer in answers:
+        serial = answer.flown.key.serial
+        own = answer.resolution is not None and answer.resolution.entry.calibration.camera.serial is not None
+        measured = answer.flown.camera.calibration
+        if serial is None or own or measured is None or measured.grade not in MEASURED:
+            continue
+        key = replace(answer.flown.key, serial=None, firmware=None)
+        groups.setdefault(key, {}).setdefault(serial, answer)
+    for key, by_serial in groups.items():
+        if len(by_serial) > 1:
+            yield from _units(key, by_serial, policy)
+
+
+def _units(key: CameraKey, by_serial: dict[str, Answer], policy: Policy) -> Iterator[Finding]:
+    first, *others = by_serial.items()
+    apart = []
+    for serial, answer in others:
+        one, other = first[1].flown.camera.calibration, answer.flown.camera.calibration
+        if one is None or other is None:
+            continue
+        told = _told_apart(one, other, policy)
+        if told is not None:
+            apart.append(f"unit {serial[:8]} against {first[0][:8]}: {told}")
+    if not apart:
+        return
+    entry = first[1].entry_id
+    shared = f"the one entry {entry} cannot be all of theirs" if entry is not None else "they have no entry"
+    yield Finding(
+        rule=Rule.UNITS,
+        level=Level.WARNING,
+        camera=str(key),
+        entry=entry,
+        message=f"{len(by_serial)} units, and {shared}: {'; '.join(apart[:4])}"
+        + (f"; and {len(apart) - 4} more" if len(apart) > 4 else ""),
+        action="give each unit an entry of its own: calibrary registry add IMAGE, with an image of each",
+    )
+
+
+def _told_apart(one: Calibration, other: Calibration, policy: Policy) -> str | None:
+    """How the K's of two units differ, None where that may be noise."""
+    try:
+        comparison = compare(one, other, policy)
+    except CalibraryError as error:
+        return str(error)
+    if not comparison.alarm:
+        return None
+    numbers = comparison.numbers
+    if numbers is None:
+        return comparison.reasons[0]
+    a, b = numbers.a.intrinsics, numbers.b.intrinsics
+    return f"fx {b.fx / a.fx - 1.0:+.2%}, centre {b.cx - a.cx:+.1f} px, {b.cy - a.cy:+.1f} px"
+
+
+def _told(gap: Gap) -> str:
+    K = gap.witness.intrinsics
+    return f"{gap.of} = {getattr(K, gap.of):.1f} px, {gap.share:+.1%}" + (
+        " of the width" if gap.of in {"cx", "cy"} else ""
+    )

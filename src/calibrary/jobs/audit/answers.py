@@ -1,0 +1,137 @@
+"""What the registry has for a camera that flew: an entry to use, one that must not be used, or none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date
+from enum import StrEnum
+
+from calibrary.errors import RegistryError
+from calibrary.jobs.audit.findings import Finding, Level, Rule
+from calibrary.jobs.audit.flights import Flown
+from calibrary.keep.names import id_of
+from calibrary.registry.entry import Status
+from calibrary.registry.resolution import RegistryIndex, Resolution
+
+__all__ = ["Answer", "Use", "answer_to", "named"]
+
+MOST_NEAR = 3
+
+
+class Use(StrEnum):
+    """Whether there is an entry to use."""
+
+    USED = "used"
+    EXPIRED = "expired"
+    DRAFT = "draft"
+    RETIRED = "retired"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """A camera that flew and what the registry says to it.
+
+    Attributes:
+        flown: the camera.
+        use: whether the entry may be used.
+        resolution: the entry at the images' size; None where there is none.
+        finding: what is wrong with that, None where nothing is.
+    """
+
+    flown: Flown
+    use: Use
+    resolution: Resolution | None = None
+    finding: Finding | None = None
+
+    @property
+    def entry_id(self) -> str | None:
+        """The entry's id."""
+        return id_of(self.resolution.path) if self.resolution is not None else None
+
+
+def named(flown: Flown) -> str:
+    """The camera in words, its unit and firmware with it."""
+    key = flown.key
+    unit = f", unit {key.serial[:8]}" if key.serial is not None else ""
+    firmware = f", firmware {key.firmware}" if key.firmware is not None else ""
+    return f"{key}{unit}{firmware}"
+
+
+def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
+    """Ask a registry for a camera as it was on the last day it flew."""
+    key = flown.key
+    if not key.make or not key.model:
+        return Answer(flown=flown, use=Use.NONE, finding=_nameless(flown))
+    try:
+        found = index.resolve(key, on=flown.last or today)
+        if found is not None:
+            return Answer(flown=flown, use=Use.USED, resolution=found)
+        for use, statuses in (
+            (Use.EXPIRED, None),
+            (Use.DRAFT, {Status.DRAFT}),
+            (Use.RETIRED, {Status.RETIRED}),
+        ):
+            found = index.resolve(key) if statuses is None else index.resolve(key, statuses=statuses)
+            if found is not None:
+                return Answer(flown=flown, use=use, resolution=found, finding=_unusable(flown, use, found))
+        near = index.near(key, on=flown.last or today)
+    except RegistryError as error:
+        several = "equally well" in str(error)
+        finding = Finding(
+            rule=Rule.SEVERAL if several else Rule.BROKEN,
+            level=Level.ERROR,
+            camera=named(flown),
+            message=str(error),
+            action="calibrary registry check",
+        )
+        return Answer(flown=flown, use=Use.NONE, finding=finding)
+    told = "; ".join(f"{id_of(one.path)}: {one.why_not}" for one in near[:MOST_NEAR])
+    finding = Finding(
+        rule=Rule.NO_ENTRY,
+        level=Level.ERROR,
+        camera=named(flown),
+        message=f"{_count(flown)} and no entry is of this camera" + (f" ({told})" if told else ""),
+        action=f"calibrary onboard {flown.example.parent}",
+    )
+    return Answer(flown=flown, use=Use.NONE, finding=finding)
+
+
+def _nameless(flown: Flown) -> Finding:
+    missing = "no make" if flown.key.model else "no model" if flown.key.make else "neither make nor model"
+    return Finding(
+        rule=Rule.NAMELESS,
+        level=Level.WARNING,
+        camera=named(flown),
+        message=f"{_count(flown)} that name {missing}, by which an entry is found, such as {flown.camera.names[0]}",
+        action="give the files as the camera wrote them",
+    )
+
+
+def _unusable(flown: Flown, use: Use, found: Resolution) -> Finding:
+    entry, id_ = found.entry, id_of(found.path)
+    why = f" ({entry.reason})" if entry.reason else ""
+    if use is Use.DRAFT:
+        rule, text = Rule.DRAFT, "and its entry is a draft, which no run uses"
+        action = f"calibrary registry show {id_}, then calibrary registry approve {id_}"
+    elif use is Use.RETIRED:
+        rule, text = Rule.RETIRED, f"and its entry is retired{why}"
+        action = f"calibrate the camera anew and add that: calibrary onboard {flown.example.parent}"
+    else:
+        day = f" on {flown.last}" if flown.last is not None else ""
+        rule, text = Rule.EXPIRED, f"and its entry is valid {entry.validity}{why}, not{day or ' today'}"
+        action = f"calibrate it anew, or extend 'valid' in {found.path} and add that file again"
+    return Finding(
+        rule=rule,
+        level=Level.ERROR,
+        camera=named(flown),
+        entry=id_,
+        message=f"{_count(flown)} {text}",
+        action=action,
+    )
+
+
+def _count(flown: Flown) -> str:
+    images = "1 image" if flown.images == 1 else f"{flown.images} images"
+    days = f", last on {flown.last}" if flown.last is not None else ""
+    return f"it flew ({images}{days})"

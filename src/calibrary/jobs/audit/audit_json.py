@@ -1,0 +1,74 @@
+"""The JSON form of an audit (schemas/registry-audit-1.schema.json)."""
+
+from __future__ import annotations
+
+from calibrary.calibration_json import Json, camera_json
+from calibrary.jobs.audit.agreement import gaps
+from calibrary.jobs.audit.answers import Answer
+from calibrary.jobs.audit.findings import Finding, Level
+from calibrary.jobs.audit.run import Audit
+from calibrary.policy import Policy
+
+__all__ = ["audit_json"]
+
+
+def audit_json(done: Audit) -> dict[str, Json]:
+    """The whole audit; no position, no serial number, but hashes of them."""
+    request, seen = done.request, done.flights
+    counts: dict[str, Json] = {level.value: done.of(level) for level in Level}
+    return {
+        "schema": "calibrary/registry-audit-1",
+        "verdict": "clean" if done.is_clean else "findings",
+        "registry": str(request.shelf.place),
+        "commit": request.shelf.commit,
+        "policy": done.policy.name,
+        "on": request.today.isoformat(),
+        "since": request.since.isoformat() if request.since is not None else None,
+        "stale_after_months": request.stale_months,
+        "folders": [str(folder) for folder in request.folders],
+        "images": seen.images,
+        "images_before": seen.before,
+        "images_undated": seen.undated,
+        "entries": done.entries,
+        "counts": counts,
+        "cameras": [_camera(answer, done.policy) for answer in done.answers],
+        "findings": [_finding(finding) for finding in done.findings],
+        "unreadable": [{"file": one.name, "reason": one.reason} for one in seen.unreadable],
+    }
+
+
+def _camera(answer: Answer, policy: Policy) -> dict[str, Json]:
+    flown, resolution = answer.flown, answer.resolution
+    return {
+        "camera": camera_json(flown.key),
+        "images": flown.images,
+        "first": flown.first.isoformat() if flown.first is not None else None,
+        "last": flown.last.isoformat() if flown.last is not None else None,
+        "use": answer.use.value,
+        "entry": answer.entry_id,
+        "why": resolution.why if resolution is not None else None,
+        "fx": resolution.calibration.intrinsics.fx if resolution is not None else None,
+        "sources": [
+            {
+                "tag": gap.witness.tag,
+                "grade": gap.witness.grade.value,
+                "fx": gap.witness.intrinsics.fx,
+                "difference": gap.share,
+                "of": gap.of,
+                "limit": gap.limit,
+                "chosen": gap.witness is flown.camera.evidence.chosen,
+            }
+            for gap in gaps(answer, policy)
+        ],
+    }
+
+
+def _finding(finding: Finding) -> dict[str, Json]:
+    return {
+        "rule": finding.rule.value,
+        "level": finding.level.value,
+        "camera": finding.camera,
+        "entry": finding.entry,
+        "message": finding.message,
+        "action": finding.action,
+    }

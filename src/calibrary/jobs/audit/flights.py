@@ -1,0 +1,185 @@
+"""What flew: every camera in some folders of images, by unit and by firmware, and on which days."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import date
+from itertools import groupby
+from pathlib import Path
+
+from calibrary.calibration import CameraKey
+from calibrary.errors import InputError
+from calibrary.evidence.frame import exif_contradiction
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
+from calibrary.jobs.extract.gather import Rejected, find_images, gather
+from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.keep.identity import identified
+from calibrary.parsers.imagery.taken import taken_on
+from calibrary.policy import Policy
+
+__all__ = ["Flights", "Flown", "Progress", "flights"]
+
+Progress = Callable[[int, int], None]
+"""Told how many of how many are done."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flown:
+    """One unit of one camera with one firmware.
+
+    Attributes:
+        key: which, with its firmware.
+        camera: what its images say.
+        first, last: the days of its images; None where none of them says one.
+        example: one of its images.
+    """
+
+    key: CameraKey
+    camera: Camera
+    first: date | None
+    last: date | None
+    example: Path
+
+    @property
+    def images(self) -> int:
+        """How many."""
+        return len(self.camera.names)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flights:
+    """All that flew.
+
+    Attributes:
+        flown: in a fixed order.
+        images: how many were looked at.
+        before: how many were left out, since they are older than was asked for.
+        undated: how many say no day; they count as if they were recent.
+        unreadable: images that no camera can be told from.
+    """
+
+    flown: tuple[Flown, ...]
+    images: int
+    before: int = 0
+    undated: int = 0
+    unreadable: tuple[Rejected, ...] = ()
+
+
+@dataclass(slots=True)
+class _Found:
+    """Images by name, each with its file's place and day."""
+
+    paths: dict[str, tuple[Path, Path]] = field(default_factory=dict)
+    days: dict[str, date | None] = field(default_factory=dict)
+    before: int = 0
+
+
+def flights(
+    folders: Sequence[Path],
+    policy: Policy,
+    *,
+    since: date | None = None,
+    workers: int = 0,
+    progress: Progress | None = None,
+) -> Flights:
+    """Look through folders and those within them.
+
+    Args:
+        folders: of images; one that lies in another counts once.
+        policy: what K is held against, as at the ingest gate.
+        since: images of earlier days are left out; those that say no day are not.
+        workers: processes that read images; 0 decides by itself.
+        progress: told how far it is.
+
+    Raises:
+        InputError: a folder cannot be read, or there is no image in any.
+    """
+    images = _images(folders)
+    if not images.paths:
+        raise InputError(
+            "no images (JPEG, TIFF, DNG, HEIF, PNG) in it or its sub-folders",
+            source=", ".join(map(str, folders)),
+        )
+    total = 2 * len(images.paths)
+    _leave_out_older(images, since, progress, total)
+    states: dict[ImageMetadata, list[str]] = {}
+    unreadable: list[Rejected] = []
+    done = total - len(images.paths)
+    for folder, group in groupby(images.paths.items(), key=lambda item: item[1][0]):
+        names = {path.relative_to(folder).as_posix(): name for name, (_, path) in group}
+
+        def advance(count: int) -> None:
+            nonlocal done
+            done += count
+            if progress is not None:
+                progress(done, total)
+
+        gathered = gather([folder / name for name in names], folder, workers=workers, progress=advance)
+        for metadata, own in gathered.states.items():
+            states.setdefault(metadata, []).extend(names[name] for name in own)
+        unreadable += [Rejected(names[one.name], one.reason) for one in gathered.rejected]
+    for metadata in list(states):
+        contradiction = exif_contradiction(metadata)
+        if contradiction is not None:
+            unreadable += [Rejected(name, contradiction) for name in states.pop(metadata)]
+    return Flights(
+        flown=tuple(_flown(states, images, policy)),
+        images=len(images.paths),
+        before=images.before,
+        undated=sum(day is None for day in images.days.values()),
+        unreadable=tuple(sorted(unreadable, key=lambda one: one.name)),
+    )
+
+
+def _images(folders: Sequence[Path]) -> _Found:
+    found, seen = _Found(), set()
+    for folder in folders:
+        for path in find_images(folder, recursive=True):
+            real = path.resolve()
+            if real not in seen:
+                seen.add(real)
+                name = path.relative_to(folder).as_posix()
+                found.paths[name if len(folders) == 1 else f"{folder}/{name}"] = (folder, path)
+    return found
+
+
+def _leave_out_older(images: _Found, since: date | None, progress: Progress | None, total: int) -> None:
+    for done, (name, (_, path)) in enumerate([*images.paths.items()], start=1):
+        try:
+            day = taken_on(path)
+        except (InputError, OSError):
+            # Whoever reads it for its camera tells why it cannot be read.
+            day = None
+        if since is not None and day is not None and day < since:
+            del images.paths[name]
+            images.before += 1
+        else:
+            images.days[name] = day
+        if progress is not None and done % 16 == 0:
+            progress(done, total)
+
+
+def _flown(states: dict[ImageMetadata, list[str]], images: _Found, policy: Policy) -> Iterator[Flown]:
+    # What the registry says is asked apart: here only the images and the catalogue are heard.
+    knowledge = Knowledge.load(None)
+    sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
+    for key, group in sort_cameras(states, knowledge).items():
+        for same in _by_firmware(group):
+            camera = judge(key, same, policy=policy, sensor=sensor)
+            days = [day for name in camera.names if (day := images.days[name]) is not None]
+            yield Flown(
+                key=identified(same[0].metadata, knowledge.catalogue).key,
+                camera=camera,
+                first=min(days, default=None),
+                last=max(days, default=None),
+                example=images.paths[camera.names[0]][1],
+            )
+
+
+def _by_firmware(group: Sequence[State]) -> list[tuple[State, ...]]:
+    parts: dict[str | None, list[State]] = {}
+    for state in group:
+        parts.setdefault(state.metadata.software, []).append(state)
+    return [tuple(parts[name]) for name in sorted(parts, key=lambda name: name or "")]

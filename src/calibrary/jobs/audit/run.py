@@ -1,0 +1,175 @@
+"""An audit from end to end: flights in, findings out. It reads, and writes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+from typing import Final
+
+from calibrary.errors import InputError
+from calibrary.jobs.audit.agreement import MEASURED, disagreements, unit_findings
+from calibrary.jobs.audit.answers import Answer, answer_to
+from calibrary.jobs.audit.findings import Finding, Level, Rule
+from calibrary.jobs.audit.flights import Flights, Progress, flights
+from calibrary.keep.names import id_of
+from calibrary.keep.shelf import Shelf
+from calibrary.policy import FLEET, Policy
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_yaml import parse_entry
+
+__all__ = ["STALE_MONTHS", "Audit", "Request", "audit"]
+
+STALE_MONTHS: Final = 24
+LEVELS: Final = tuple(Level)
+RULES: Final = tuple(Rule)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What to look at.
+
+    Attributes:
+        folders: of images, each with those within it.
+        shelf: the registry.
+        today: what counts as that.
+        since: leave out images of earlier days.
+        stale_months: a calibration older than this is told of.
+        workers: processes that read images; 0 decides by itself.
+    """
+
+    folders: tuple[Path, ...]
+    shelf: Shelf
+    today: date
+    since: date | None = None
+    stale_months: int = STALE_MONTHS
+    workers: int = 0
+    progress: Progress | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Audit:
+    """What was found.
+
+    Attributes:
+        request: what was asked.
+        policy: of the registry.
+        flights: what flew.
+        answers: every camera that flew and the entry for it.
+        entries: how many the registry has.
+        findings: the gravest first.
+    """
+
+    request: Request
+    policy: Policy
+    flights: Flights
+    answers: tuple[Answer, ...]
+    entries: int
+    findings: tuple[Finding, ...]
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether nobody has to do anything; there may be notes."""
+        return all(finding.level is Level.NOTE for finding in self.findings)
+
+    def of(self, level: Level) -> int:
+        """How many findings there are of a level."""
+        return sum(finding.level is level for finding in self.findings)
+
+
+def audit(request: Request) -> Audit:
+    """Hold the registry against what flew.
+
+    Raises:
+        InputError: a folder cannot be read or there is no image.
+        RegistryError: the registry cannot be listed.
+    """
+    policy = request.shelf.keeper.charter.policy if request.shelf.keeper is not None else FLEET
+    index, files = request.shelf.index(), request.shelf.files()
+    seen = flights(
+        request.folders, policy, since=request.since, workers=request.workers, progress=request.progress
+    )
+    answers = tuple(answer_to(flown, index, request.today) for flown in seen.flown)
+    findings = [answer.finding for answer in answers if answer.finding is not None]
+    for answer in answers:
+        findings += disagreements(answer, policy)
+    findings += unit_findings(answers, policy)
+    flew = {answer.resolution.path for answer in answers if answer.resolution is not None}
+    findings += _of_entries(files, flew, request)
+    return Audit(
+        request=request,
+        policy=policy,
+        flights=seen,
+        answers=answers,
+        entries=len(files),
+        findings=tuple(sorted(findings, key=_gravest_first)),
+    )
+
+
+def _of_entries(files: Mapping[str, bytes], flew: Collection[str], request: Request) -> Iterator[Finding]:
+    """What the entries say of their own age."""
+    for path, data in sorted(files.items()):
+        try:
+            entry = parse_entry(data, path)
+        except InputError as error:
+            yield Finding(
+                rule=Rule.BROKEN,
+                level=Level.ERROR,
+                entry=id_of(path),
+                message=str(error),
+                action="calibrary registry check",
+            )
+            continue
+        if entry.is_usable:
+            yield from _stale(id_of(path), entry, request, has_flown=path in flew)
+
+
+def _stale(id_: str, entry: Entry, request: Request, *, has_flown: bool) -> Iterator[Finding]:
+    validity, made = entry.validity, _made_on(entry)
+    if validity is not None and validity.last is not None and validity.last < request.today and not has_flown:
+        yield Finding(
+            rule=Rule.OVER,
+            level=Level.WARNING,
+            entry=id_,
+            message=f"it is {entry.status.value} and valid {validity}, which is over",
+            action=f"calibrary registry retire {id_} --reason 'validity over'",
+        )
+    months = _months(made, request.today) if made is not None else 0
+    if made is not None and months >= request.stale_months and entry.calibration.grade in MEASURED:
+        yield Finding(
+            rule=Rule.OLD,
+            level=Level.WARNING if has_flown else Level.NOTE,
+            entry=id_,
+            message=f"it was calibrated on {made}, {months} months ago, wanted less than {request.stale_months}"
+            + ("" if has_flown else "; it did not fly"),
+            action="calibrate it anew: calibrary calibrate FRAMES --as " + id_ if has_flown else None,
+        )
+    elif not has_flown:
+        yield Finding(
+            rule=Rule.NOT_FLOWN,
+            level=Level.NOTE,
+            entry=id_,
+            message="no image of its camera is among these flights",
+        )
+
+
+def _made_on(entry: Entry) -> date | None:
+    try:
+        return date.fromisoformat((entry.calibration.provenance.date or "")[:10])
+    except ValueError:
+        return None
+
+
+def _months(first: date, last: date) -> int:
+    """Whole months from one day to another."""
+    return (last.year - first.year) * 12 + last.month - first.month - (last.day < first.day)
+
+
+def _gravest_first(finding: Finding) -> tuple[int, int, str, str]:
+    return (
+        LEVELS.index(finding.level),
+        RULES.index(finding.rule),
+        finding.entry or "",
+        finding.camera or "",
+    )

@@ -1,0 +1,125 @@
+"""The entry that a calibration becomes: K with all that is needed to judge it, and to solve it again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from calibrary.calib.board import Board
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.verdict import Outcome
+from calibrary.calibration import CameraKey
+from calibrary.errors import InputError, UnknownCameraError
+from calibrary.jobs.calibrate_board.solving import Wanted
+from calibrary.keep.adding import Proposal, Wish, propose
+from calibrary.keep.keeper import Keeper
+from calibrary.keep.operand import Reading
+from calibrary.registry.check import BOARD_BLOCK, CheckFinding
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.strictyaml import YamlValue
+
+__all__ = ["camera_named", "entry_of", "proposed", "require_key"]
+
+ON_BOARD: Final = "board"
+"""The kind of provenance that names frames."""
+
+
+def camera_named(keeper: Keeper, key: str) -> CameraKey:
+    """The camera of an entry that is there already, for a calibration that is to take its place.
+
+    Raises:
+        UnknownCameraError: there is none of that name.
+        RegistryError: there are several.
+    """
+    try:
+        return keeper.get(key).entry.calibration.camera
+    except UnknownCameraError as error:
+        raise UnknownCameraError(
+            f"{error}; a camera without an entry is named by --make NAME --camera-model NAME"
+        ) from None
+
+
+def require_key(camera: CameraKey) -> None:
+    """Make sure that an entry can be found again.
+
+    Raises:
+        InputError: make or model is not known.
+    """
+    flag_of = {"make": "--make", "model": "--camera-model"}
+    missing = [name for name in flag_of if not (getattr(camera, name) or "").strip()]
+    if missing:
+        flags = " ".join(f"{flag_of[name]} NAME" for name in missing)
+        raise InputError(
+            f"the frames do not say the camera's {' and '.join(missing)}, by which its entry is found; say {flags}, "
+            "or --as KEY for a camera that has one"
+        )
+
+
+def entry_of(result: CalibrationResult, wanted: Wanted) -> Entry:
+    """A draft.
+
+    Raises:
+        InputError: the calibration was refused, its camera is not known, or no frames are behind it.
+    """
+    if result.verdict.outcome is Outcome.REFUSE:
+        raise InputError("a calibration that was refused becomes no entry; its report says what to do")
+    require_key(result.calibration.camera)
+    made = result.calibration.provenance
+    if made.kind == ON_BOARD and not made.sources:
+        raise InputError(
+            "the corners do not say which frames they were seen in (no sha256), and an entry has to; calibrate from "
+            "the frames"
+        )
+    return replace(Entry.of(result.calibration), extensions={BOARD_BLOCK: _block(result, wanted)})
+
+
+def proposed(keeper: Keeper, entry: Entry, wish: Wish) -> tuple[Proposal, Sequence[CheckFinding]]:
+    """The entry beside what stands at its place, and what the registry's check says of it.
+
+    Raises:
+        RegistryError: a person pinned the entry that stands there.
+    """
+    # Entries are added from files; this one is a file for as long as that takes.
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "calibration.yaml"
+        path.write_bytes(entry_yaml(entry))
+        [proposal], findings = propose(keeper, path, Reading(), wish)
+    return proposal, findings
+
+
+def _block(result: CalibrationResult, wanted: Wanted) -> dict[str, YamlValue]:
+    """What was asked for, what was found, and by which programs."""
+    evidence, seen = result.evidence, result.evidence.geometry
+    block: dict[str, YamlValue] = {
+        "verdict": result.verdict.outcome.value,
+        "reasons": list(result.verdict.codes),
+        "board": _board(result),
+        "asked": {
+            "model": wanted.model,
+            "warp": wanted.warp,
+            "guess_fx": wanted.guess.fx if wanted.guess is not None else None,
+        },
+        "model": result.model.value,
+        "warp_mm": list(result.warp.warp_mm) if result.warp is not None and evidence.is_warped else None,
+        "noise_px": evidence.noise_px,
+        "tilt_spread_deg": seen.tilt_spread_deg,
+        "depth_ratio": seen.depth_ratio,
+        "reach": seen.coverage.reach,
+        "left_out": {view.name: view.without.why.value for view in result.views_out if view.without},
+        "corners_left_out": evidence.corners_out,
+        "programs": dict(result.versions),
+    }
+    return {name: value for name, value in block.items() if value not in (None, {}, [])}
+
+
+def _board(result: CalibrationResult) -> YamlValue:
+    board = result.observations.board
+    if not isinstance(board, Board):
+        return str(board)
+    return {name: value for name, value in asdict(board).items() if value is not None} | {
+        "pattern": board.pattern.value
+    }

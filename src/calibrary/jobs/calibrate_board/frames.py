@@ -1,0 +1,122 @@
+"""Which frames are meant, and what their metadata say of the camera, its focus and its firmware."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from calibrary.calib.frames import Setting, group_frames, the_one_setting
+from calibrary.calibration import CameraKey
+from calibrary.errors import InputError
+from calibrary.evidence.edits import edits
+from calibrary.evidence.frame import files_frame
+from calibrary.evidence.identity import camera_key
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.calibrate_board.focus import focus_of
+from calibrary.parsers.image_names import is_image
+from calibrary.parsers.imagery import read_metadata
+from calibrary.registry.catalogue import load_catalogue, match_image
+
+__all__ = ["Told", "find_frames", "told_by"]
+
+MOST_FRAMES = 5_000
+"""Some hundred are plenty; a folder of more is a flight."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """What the frames say of themselves.
+
+    Attributes:
+        setting: camera, size and focus, the same for all; None where none of them can be read.
+        notes: what a person should know of it.
+    """
+
+    setting: Setting | None
+    notes: tuple[str, ...] = ()
+
+
+def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
+    """The files that words of a command line mean, each once, in order.
+
+    Args:
+        operands: files, folders (their images by suffix, not those of folders within) and patterns.
+
+    Raises:
+        InputError: one means no file, or all together mean more than 5000.
+    """
+    found: dict[Path, None] = {}
+    for operand in operands:
+        path = Path(operand)
+        if path.is_dir():
+            # A file that cannot be looked at is found by name and told of when it is read.
+            new = [
+                item for item in sorted(path.iterdir()) if is_image(item) and not item.name.startswith(".")
+            ]
+            problem = "a folder without images"
+        elif path.exists() or not glob.has_magic(operand):
+            new, problem = [path] if path.exists() else [], "no such file or folder"
+        else:
+            # Path.glob takes no absolute pattern.
+            matched = sorted(glob.glob(operand, recursive=True))  # noqa: PTH207
+            new = [item for item in map(Path, matched) if item.is_file()]
+            problem = "a pattern that fits no file"
+        if not new:
+            raise InputError(f"{problem}; wanted the frames of the board", source=operand)
+        found.update(dict.fromkeys(new))
+    if len(found) > MOST_FRAMES:
+        raise InputError(f"{len(found)} frames; wanted at most {MOST_FRAMES}, some 15 to 60 are best")
+    return tuple(found)
+
+
+def told_by(frames: Sequence[Path], said: Callable[[CameraKey], CameraKey], focus: str | None = None) -> Told:
+    """What all frames agree on.
+
+    Args:
+        frames: files; those that cannot be read are left to the search for the board, which tells of them.
+        said: puts what was said of the camera in the place of what its frames say.
+        focus: how the lens was focused, in place of what the frames say.
+
+    Raises:
+        InputError: they are of several cameras, sizes or focus settings, or an editor has moved their pixels.
+    """
+    settings: dict[Path, Setting] = {}
+    notes: dict[str, None] = {}
+    for path in frames:
+        try:
+            metadata = read_metadata(path)
+            distance = focus if focus is not None else focus_of(path)
+        except InputError:
+            continue
+        if changed := edits(metadata):
+            raise InputError(
+                f"{' and '.join(changed)}, so its pixels are no longer where the lens put them; "
+                "wanted the frames as the camera wrote them",
+                source=path.name,
+            )
+        notes.update(dict.fromkeys(_notes(metadata)))
+        # The size is the file's, whatever was said of the camera; who says another is told by the caller.
+        camera = replace(said(_key(metadata)), image_size=metadata.size)
+        settings[path] = Setting(camera=camera, image_size=metadata.size, focus=distance)
+    if not settings:
+        return Told(setting=None)
+    return Told(setting=the_one_setting(group_frames(settings, settings)), notes=tuple(notes))
+
+
+def _key(metadata: ImageMetadata) -> CameraKey:
+    """Which camera, its firmware included: between two of them K may move."""
+    known = match_image(load_catalogue(), metadata).camera
+    key = camera_key(metadata, known.sub_camera if known is not None else None)
+    return replace(key, firmware=metadata.software)
+
+
+def _notes(metadata: ImageMetadata) -> list[str]:
+    written = files_frame(metadata)
+    if written == metadata.size:
+        return []
+    return [
+        "EXIF says that the camera wrote {}×{} px, the frames are {}×{}: K is of these, and frames of the other size "
+        "need it scaled".format(*written, *metadata.size)
+    ]

@@ -1,0 +1,120 @@
+"""The files of a calibration: which are written for which verdict, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibrary import parsers
+from calibrary.calib.corners_file import encode_corners
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.verdict import Outcome
+from calibrary.errors import InputError
+from calibrary.jobs.calibrate_board.page import calibration_page
+from calibrary.jobs.calibrate_board.sights import Sights
+from calibrary.pages import render_page
+
+__all__ = ["Files", "Places"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Files:
+    """What is to be written.
+
+    Attributes:
+        content: bytes by path.
+        held_back: what was asked for and is not written, since the calibration was refused.
+        losses: what the format of the calibration has no place for.
+    """
+
+    content: dict[Path, bytes]
+    held_back: tuple[Path, ...] = ()
+    losses: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Places:
+    """Where things shall go; None for what is not wanted.
+
+    Attributes:
+        report: the page, .html.
+        corners: what was seen, .json.
+        out: K and distortion in some program's format.
+        format: which format; None for the one that the suffix of ``out`` means.
+    """
+
+    report: Path | None = None
+    corners: Path | None = None
+    out: Path | None = None
+    format: str | None = None
+
+    def check(self) -> None:
+        """Find out before the work begins what would keep its result from being written.
+
+        Raises:
+            InputError: a folder is missing, a name is of another kind of file, or two are the same.
+        """
+        wanted = [*self._named()]
+        for flag, path, suffixes in wanted:
+            if suffixes and path.suffix.lower() not in suffixes:
+                raise InputError(f"wanted a name that ends in {suffixes[0]}", source=str(path), place=flag)
+            if path.is_dir() or not path.parent.is_dir():
+                problem = "is a folder" if path.is_dir() else "there is no such folder; make it first"
+                raise InputError(problem, source=str(path if path.is_dir() else path.parent), place=flag)
+        if len({path.resolve() for _, path, _ in wanted}) < len(wanted):
+            raise InputError("two outputs have one name; wanted a file each", source=str(wanted[0][1].parent))
+        if self.out is not None:
+            self._format()
+
+    def files(self, result: CalibrationResult, sights: Sights) -> Files:
+        """Everything that the verdict allows: of a refused calibration its report only.
+
+        Raises:
+            UnsupportedModelError: the format has no place for this lens.
+        """
+        content: dict[Path, bytes] = {}
+        if self.report is not None:
+            content[self.report] = render_page(calibration_page(result, sights)).encode()
+        if result.verdict.outcome is Outcome.REFUSE:
+            held_back = tuple(path for path in (self.corners, self.out) if path is not None)
+            return Files(content=content, held_back=held_back)
+        if self.corners is not None:
+            content[self.corners] = encode_corners(sights.observations)
+        losses: tuple[str, ...] = ()
+        if self.out is not None:
+            content[self.out], verdict = parsers.encode(
+                [result.calibration], self._format(), name=self.out.name
+            )
+            losses = verdict.dropped
+        return Files(content=content, losses=tuple(losses))
+
+    def _named(self) -> Iterator[tuple[str, Path, tuple[str, ...]]]:
+        if self.report is not None:
+            yield "--report", self.report, (".html", ".htm")
+        if self.corners is not None:
+            yield "--corners", self.corners, (".json",)
+        if self.out is not None:
+            yield "--out", self.out, ()
+
+    def _format(self) -> str:
+        """The one that was named, or the one that is written under such a name."""
+        written = [record for record in parsers.formats() if record.write is not None]
+        if self.format is not None:
+            if self.format not in {record.name for record in written}:
+                names = ", ".join(record.name for record in written)
+                raise InputError(
+                    f"{self.format!r:.40} is no format that is written; wanted one of {names}", place="--to"
+                )
+            return self.format
+        suffix = self.out.suffix.lower() if self.out is not None else ""
+        fitting = [record.name for record in written if suffix in record.suffixes]
+        if len(fitting) != 1:
+            listed = ", ".join(fitting or [record.name for record in written])
+            found = "several formats are" if fitting else "no format is"
+            raise InputError(
+                f"{found} written as {suffix or 'a file without a suffix'}; say which with --to: {listed}",
+                source=str(self.out),
+                place="--out",
+            )
+        return fitting[0]

@@ -1,0 +1,281 @@
+"""The calibration as a page: what was decided and why, every number with its spread, and the pictures behind it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from calibrary.calib.board import Board
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.verdict import Outcome, Severity
+from calibrary.calibration import Calibration
+from calibrary.jobs.calibrate_board.page_plots import (
+    board_plots,
+    fit_plots,
+    frame_plots,
+    lens_plots,
+    trust_plots,
+)
+from calibrary.jobs.calibrate_board.sights import Sights
+from calibrary.pages import (
+    Badge,
+    Block,
+    Bullets,
+    Column,
+    Details,
+    KeyValues,
+    Note,
+    Page,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+)
+from calibrary.pages.plots import correlations
+
+__all__ = ["calibration_page"]
+
+OUTCOMES = {
+    Outcome.PASS: Badge("pass", Tone.GOOD),
+    Outcome.PROVISIONAL: Badge("provisional", Tone.CAUTION),
+    Outcome.REFUSE: Badge("refused", Tone.BAD),
+}
+SEVERITIES = {Severity.NOTE: Tone.NEUTRAL, Severity.PROVISIONAL: Tone.CAUTION, Severity.REFUSE: Tone.BAD}
+LEADS = {
+    Outcome.PASS: "It may be approved.",
+    Outcome.PROVISIONAL: "It may be kept as a draft, and not be approved.",
+    Outcome.REFUSE: "No K was written.",
+}
+MOST_ROWS = 300
+
+
+def calibration_page(result: CalibrationResult, sights: Sights) -> Page:
+    """Everything about one calibration, refused or not."""
+    quality, views = result.calibration.quality, len(result.rms_by_view)
+    rms = f"{quality.rms_px:.3f} px" if quality is not None and quality.rms_px is not None else "unknown"
+    shown = len(result.views) + len(sights.rejected)
+    versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
+    return Page(
+        title=f"Calibration of {result.calibration.camera}",
+        badge=OUTCOMES[result.verdict.outcome],
+        lead=f"From {views} of {shown} views of {sights.observations.board}, rms {rms}. "
+        f"{LEADS[result.verdict.outcome]}",
+        sections=tuple(_sections(result, sights)),
+        made_by=f"Made by {versions}, on {result.calibration.provenance.date}.",
+    )
+
+
+def _sections(result: CalibrationResult, sights: Sights) -> Iterator[Section]:
+    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, sights)))
+    yield Section(title="Parameters", anchor="parameters", blocks=tuple(_parameters(result)))
+    yield Section(
+        title="How the views fit", anchor="fit", blocks=(*fit_plots(result), _views(result, sights))
+    )
+    yield Section(title="How the board was held", anchor="held", blocks=(_held(result), *board_plots(result)))
+    yield Section(title="How far to trust it", anchor="trust", blocks=tuple(trust_plots(result)))
+    yield Section(title="The lens", anchor="lens", blocks=(_models(result), *lens_plots(result)))
+    if frames := tuple(frame_plots(result, sights)):
+        yield Section(title="Corners on frames", anchor="frames", blocks=(SideBySide(frames),))
+    yield Section(title="Made from", anchor="made-from", blocks=tuple(_origin(result, sights)))
+
+
+def _verdict(result: CalibrationResult, sights: Sights) -> Iterator[Block]:
+    reasons = result.verdict.reasons
+    if not reasons:
+        yield "Nothing speaks against it."
+    for reason in reasons:
+        if reason.severity is not Severity.NOTE:
+            yield Note(text=f"{reason.code}: {reason.message}", tone=SEVERITIES[reason.severity])
+    notes = [f"{reason.code}: {reason.message}" for reason in reasons if reason.severity is Severity.NOTE]
+    if notes or sights.notes:
+        yield Bullets((*notes, *sights.notes))
+
+
+def _parameters(result: CalibrationResult) -> Iterator[Block]:
+    if result.verdict.outcome is Outcome.REFUSE:
+        yield Details(summary="The numbers that were refused", blocks=tuple(_numbers(result)))
+    else:
+        yield from _numbers(result)
+
+
+def _numbers(result: CalibrationResult) -> Iterator[Block]:
+    calibration, quality = result.calibration, result.calibration.quality
+    std = quality.std if quality is not None else {}
+    inflated = math.sqrt(quality.inflation) if quality is not None else 1.0
+    rows = tuple(
+        (
+            name,
+            _in_digits_of(value, std.get(name)),
+            _short(std.get(name)),
+            _short(_times(std.get(name), inflated)),
+        )
+        for name, value in _values(calibration)
+    )
+    table = Table(
+        caption=f"The {result.model.value} model; fx, fy, cx and cy in px",
+        columns=(
+            Column("parameter"),
+            Column("value", numeric=True),
+            Column("σ", numeric=True),
+            Column("σ × κ", numeric=True),
+        ),
+        rows=rows,
+    )
+    if quality is not None and quality.covariance is not None:
+        caption = "Which parameters can trade against one another; ± 1 cannot be told apart."
+        yield SideBySide((table, correlations(quality.covariance, caption=caption)))
+    else:
+        yield table
+    K = calibration.intrinsics
+    yield (
+        f"cx and cy count from the outer corner of the top-left pixel, so the middle of the frame is "
+        f"({K.image_size[0] / 2:g}, {K.image_size[1] / 2:g}); OpenCV counts from that pixel's centre and would say "
+        f"({K.cx - 0.5:.2f}, {K.cy - 0.5:.2f})."
+    )
+    if quality is not None and quality.kappa2 is not None:
+        yield (
+            f"κ² = {quality.kappa2:.2f}: halves of the views differ by that many times the variance they state. "
+            + (
+                f"So σ, which only knows the residuals, is to be believed {inflated:.2f} times as large: σ × κ."
+                if inflated > 1
+                else "It is not above 1, so σ stands as it is."
+            )
+        )
+
+
+def _values(calibration: Calibration) -> list[tuple[str, float]]:
+    K = calibration.intrinsics
+    lens = calibration.distortion.coefficients if calibration.distortion is not None else {}
+    known = set(calibration.quality.std) if calibration.quality is not None else set()
+    return [
+        *((name, getattr(K, name)) for name in ("fx", "fy", "cx", "cy")),
+        *((name, value) for name, value in lens.items() if value or name in known),
+    ]
+
+
+def _views(result: CalibrationResult, sights: Sights) -> Details:
+    remarks = {remark.name: remark.remark.text for remark in sights.remarks}
+    seen = {view.name: view for view in sights.observations.views}
+    rows: list[tuple[str | Badge, ...]] = []
+    for view in result.views:
+        given = seen.get(view.name)
+        why = view.without.message if view.without is not None else remarks.get(view.name, "")
+        if view.corners_out and not why:
+            why = f"{len(view.corners_out)} corners set aside"
+        rows.append(
+            (
+                view.name,
+                Badge("counts", Tone.GOOD)
+                if view.without is None
+                else Badge(view.without.why.value, Tone.CAUTION),
+                _short(view.rms_px),
+                str(len(given.ids)) if given is not None else "–",
+                _short(given.sharpness_px) if given is not None else "–",
+                why,
+            )
+        )
+    rows += [
+        (one.name, Badge(one.remark.reason.value, Tone.BAD), "–", "–", "–", one.remark.text)
+        for one in sights.rejected
+    ]
+    table = Table(
+        caption="Every frame that was given",
+        columns=(
+            Column("frame"),
+            Column("state"),
+            Column("rms (px)", numeric=True),
+            Column("corners", numeric=True),
+            Column("edge width (px)", numeric=True),
+            Column("remark"),
+        ),
+        rows=tuple(rows[:MOST_ROWS]),
+    )
+    more = (f"{len(rows) - MOST_ROWS} more are in the JSON.",) if len(rows) > MOST_ROWS else ()
+    without = sum(view.without is not None for view in result.views) + len(sights.rejected)
+    return Details(summary=f"{len(rows)} frames, {without} left out", blocks=(table, *more))
+
+
+def _held(result: CalibrationResult) -> KeyValues:
+    seen, limits = result.evidence.geometry, result.limits
+    return KeyValues(
+        (
+            ("normals spread", f"{seen.tilt_spread_deg:.1f}°, wanted {limits.tilt_wanted_deg:g}°"),
+            ("roll spread", f"{seen.roll_spread_deg:.0f}°"),
+            ("farthest ÷ nearest corner", f"{seen.depth_ratio:.2f}, wanted {limits.depth_wanted:g}"),
+            ("median distance", f"{seen.distance_mm / 1000:.3g} m"),
+            ("cells with a corner", f"{seen.coverage.fraction:.0%}, wanted {limits.cells_wanted:.0%}"),
+            (
+                "reach towards the frame's corners",
+                f"{seen.coverage.reach:.0%}, needed {limits.reach_needed:.0%}",
+            ),
+        )
+    )
+
+
+def _models(result: CalibrationResult) -> Block:
+    if not result.candidates:
+        return f"The {result.model.value} model was asked for."
+    least = min(candidate.bic for candidate in result.candidates)
+    return Table(
+        caption="Models that were held against one another; parameters are added only where they lower BIC by 10",
+        columns=(
+            Column("model"),
+            Column("parameters", numeric=True),
+            Column("rms (px)", numeric=True),
+            Column("BIC − best", numeric=True),
+            Column(""),
+        ),
+        rows=tuple(
+            (
+                one.model.value,
+                str(len(one.model.parameters)),
+                f"{one.rms_px:.4f}",
+                f"{one.bic - least:.1f}",
+                Badge("chosen", Tone.GOOD) if one.model is result.model else (one.refused or ""),
+            )
+            for one in result.candidates
+        ),
+    )
+
+
+def _origin(result: CalibrationResult, sights: Sights) -> Iterator[Block]:
+    calibration, seen = result.calibration, sights.observations
+    made, key = calibration.provenance, calibration.camera
+    board = seen.board
+    noise = result.evidence.noise_px
+    items = {
+        "camera": str(key),
+        "unit": f"serial number hashed to {key.serial}" if key.serial is not None else None,
+        "firmware": made.firmware,
+        "focus": made.focus or "not said by the frames",
+        "board": f"{board}, {board.square_mm:g} mm" if isinstance(board, Board) else str(board),
+        "corner noise": f"{noise:.3f} px by coordinate, from neighbours alone" if noise is not None else None,
+        "corners' SHA-256": made.sha256,
+        "operator": made.operator,
+    }
+    yield KeyValues(tuple((name, value) for name, value in items.items() if value is not None))
+    files = [view for view in seen.views if view.sha256 is not None][:MOST_ROWS]
+    if files:
+        table = Table(
+            caption="Frames with a view of the board",
+            columns=(Column("frame"), Column("SHA-256")),
+            rows=tuple((view.name, view.sha256 or "") for view in files),
+        )
+        yield Details(summary="Hashes of the frames", blocks=(table,))
+
+
+def _in_digits_of(value: float, std: float | None) -> str:
+    """As many decimals as σ has, and one more."""
+    if std is None or not std > 0:
+        return f"{value:.6g}".replace("-", "−")
+    decimals = min(9, max(2, 2 - math.floor(math.log10(std))))
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return value * factor if value is not None else None
+
+
+def _short(value: float | None) -> str:
+    """Two significant digits, and never fewer than two decimals."""
+    return "–" if value is None else f"{value:#.2g}" if abs(value) < 1 else f"{value:.2f}"

@@ -1,0 +1,225 @@
+"""The plots of a calibration's page, each from what the result holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calib.board import Board
+from calibrary.calib.geometry import CELLS
+from calibrary.calib.observations import View
+from calibrary.calib.result import CalibrationResult, ViewResult, Why
+from calibrary.errors import InputError
+from calibrary.jobs.calibrate_board.figures import bend, corners_on_frame
+from calibrary.jobs.calibrate_board.sights import Sights
+from calibrary.pages import Block, Figure, SideBySide
+from calibrary.pages.plots import (
+    Axis,
+    bars,
+    distortion_map,
+    heat_map,
+    poses,
+    radial_curve,
+    vector_field,
+)
+
+__all__ = ["board_plots", "fit_plots", "frame_plots", "lens_plots", "trust_plots"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+MEAN_CELLS: Final = (16, 12)
+"""Columns and rows in which residuals are averaged."""
+FEWEST: Final = 3
+"""Residuals whose mean says more than any of them."""
+MOST_BARS: Final = 120
+
+
+def fit_plots(result: CalibrationResult) -> Iterator[Block]:
+    """Each view's rms, and where residuals point."""
+    shown = [view for view in result.views if view.rms_px is not None]
+    shown = sorted(shown, key=lambda view: -(view.rms_px or 0.0))[:MOST_BARS]
+    names = {id(view) for view in shown}
+    ordered = [view for view in result.views if id(view) in names]
+    yield bars(
+        [view.rms_px or 0.0 for view in ordered],
+        labels=[f"{view.name} (out)" if view.without is not None else view.name for view in ordered],
+        axis=Axis("rms", "px"),
+        caption="How far corners lie from where the model puts them, by view. One that stands out was moved, blurred, "
+        "or has a corner that is none."
+        + (
+            " Views marked (out) were set aside." if any(view.without is not None for view in ordered) else ""
+        ),
+    )
+    pixels, residuals = _residuals(result)
+    size, axis = result.calibration.intrinsics.image_size, Axis("residual", "px")
+    every = vector_field(
+        pixels,
+        residuals,
+        size,
+        axis=axis,
+        caption="Residuals of all corners. Where nothing is wrong they point every which way.",
+    )
+    middles, means = _averaged(pixels, residuals, size)
+    yield SideBySide(
+        (
+            every,
+            vector_field(
+                middles,
+                means,
+                size,
+                axis=Axis("mean residual", "px"),
+                caption="Their means by cell: a pattern here is something that the lens model, or the flat board, "
+                "does not explain.",
+            ),
+        )
+    )
+
+
+def board_plots(result: CalibrationResult) -> Iterator[Block]:
+    """Coverage, poses, and the board's bend."""
+    size = result.calibration.intrinsics.image_size
+    pixels, _ = _residuals(result)
+    columns, rows = CELLS
+    counts, _, _ = np.histogram2d(
+        pixels[:, 1], pixels[:, 0], bins=(rows, columns), range=((0, size[1]), (0, size[0]))
+    )
+    covered = heat_map(
+        np.where(counts > 0, counts, np.nan),
+        size,
+        axis=Axis("corners"),
+        cells=True,
+        caption="Where corners were seen. In an empty cell the distortion is a guess.",
+    )
+    posed = [view for view in result.views if view.without is None and view.rotation is not None]
+    normals = np.array([view.rotation[:, 2] for view in posed if view.rotation is not None])
+    away = [float(np.linalg.norm(v.translation_mm)) for v in posed if v.translation_mm is not None]
+    held = poses(
+        normals,
+        np.array(away) / 1000,
+        axis=Axis("distance", "m"),
+        caption="To which side the board was tilted, as seen from the camera; larger marks are nearer. "
+        "All around and out to 30° is best.",
+    )
+    yield SideBySide((covered, held))
+    board = result.observations.board
+    if result.warp is not None and isinstance(board, Board):
+        if result.evidence.is_warped:
+            taken = "it was solved for."
+        elif result.warp.keeps_warp:
+            taken = "the calibration was made as if the board were flat."
+        else:
+            taken = "noise would show as much, so the board was taken for flat."
+        yield bend(
+            board,
+            result.warp,
+            caption=f"The bend of the board that fits best (F = {result.warp.f:.1f}); {taken}",
+        )
+
+
+def trust_plots(result: CalibrationResult) -> Iterator[Block]:
+    """The uncertainty of a direction, and what halves of the views disagree about."""
+    size = result.calibration.intrinsics.image_size
+    plots: list[Block] = []
+    if result.uncertainty is not None:
+        std = result.uncertainty.std_px
+        plots.append(
+            heat_map(
+                _between_nodes(std),
+                size,
+                axis=Axis("σ of a direction", "px"),
+                caption="By how much a direction to far away may be off, κ² included: "
+                f"{float(np.nanmin(std)):.2g} px at best, {float(np.nanmax(std)):.2g} px at the edge.",
+            )
+        )
+    if result.half_difference is not None:
+        difference = result.half_difference
+        plots.append(
+            vector_field(
+                difference.pixels.reshape(-1, 2),
+                difference.vectors.reshape(-1, 2),
+                size,
+                axis=Axis("difference", "px"),
+                caption="Two calibrations, from one half of the views each: rms "
+                f"{difference.rms_px:.2g} px, at most {difference.max_px:.2g} px.",
+            )
+        )
+    if plots:
+        yield SideBySide(tuple(plots))
+    else:
+        yield "There are too few views to hold one half against the other, or no direction is determined."
+
+
+def lens_plots(result: CalibrationResult) -> Iterator[Block]:
+    """What the lens does to the image."""
+    arrows, _ = distortion_map(result.calibration)
+    yield SideBySide((arrows, radial_curve(result.calibration)))
+
+
+def frame_plots(result: CalibrationResult, sights: Sights) -> Iterator[Figure]:
+    """The corners on the frame that fits worst, and on one that fits as most do."""
+    board = sights.observations.board
+    if not isinstance(board, Board):
+        return
+    seen = {view.name: view for view in sights.observations.views}
+    fitted = [view for view in result.views if view.rms_px is not None and view.name in seen]
+    fitted.sort(key=lambda view: -(view.rms_px or 0.0))
+    if not fitted:
+        return
+    usual = [view for view in fitted if view.without is None]
+    chosen = {fitted[0].name: (fitted[0], "The view that fits worst")}
+    if usual:
+        chosen.setdefault(
+            usual[len(usual) // 2].name, (usual[len(usual) // 2], "A view that fits as most do")
+        )
+    for name, (fit, told) in chosen.items():
+        if (figure := _on_frame(seen[name], fit, board, sights, told)) is not None:
+            yield figure
+
+
+def _on_frame(view: View, fit: ViewResult, board: Board, sights: Sights, told: str) -> Figure | None:
+    path = sights.files.get(view.sha256 or "")
+    if path is None:
+        return None
+    out = ", which does not count" if fit.without is not None and fit.without.why is Why.MISFIT else ""
+    caption = f"{told}, rms {fit.rms_px:.2f} px{out}: {view.name}. The square is the board's first corner, the line "
+    caption += "its first row."
+    try:
+        return corners_on_frame(path, view, fit, board, caption=caption)
+    except InputError:
+        # It was there a moment ago; the page does without.
+        return None
+
+
+def _residuals(result: CalibrationResult) -> tuple[FloatArray, FloatArray]:
+    """(N, 2) px and (N, 2) px of every corner that counts."""
+    places, lengths = [np.empty((0, 2))], [np.empty((0, 2))]
+    for view, given in zip(result.views, result.observations.views, strict=True):
+        if view.without is not None or view.residuals_px is None:
+            continue
+        kept = ~np.isin(given.ids, [at for at, _ in view.corners_out])
+        places.append(given.image_points[kept])
+        lengths.append(view.residuals_px[kept])
+    return np.concatenate(places), np.concatenate(lengths)
+
+
+def _averaged(
+    pixels: FloatArray, residuals: FloatArray, size: tuple[int, int]
+) -> tuple[FloatArray, FloatArray]:
+    """The middles of cells, and the mean residual in each that has some."""
+    shape = np.array(MEAN_CELLS if size[0] >= size[1] else MEAN_CELLS[::-1])
+    cell = np.clip((pixels / np.array(size) * shape).astype(np.intp), 0, shape - 1)
+    flat = cell[:, 1] * shape[0] + cell[:, 0]
+    count = np.bincount(flat, minlength=int(shape.prod()))
+    sums = np.stack([np.bincount(flat, residuals[:, axis], minlength=len(count)) for axis in (0, 1)], axis=1)
+    enough = count >= FEWEST
+    x, y = (np.arange(len(count)) % shape[0] + 0.5), (np.arange(len(count)) // shape[0] + 0.5)
+    middles = np.stack([x, y], axis=1) / shape * np.array(size)
+    return middles[enough], sums[enough] / count[enough, None]
+
+
+def _between_nodes(nodes: FloatArray) -> FloatArray:
+    """Values in the middles of the cells whose corners are given."""
+    return (nodes[:-1, :-1] + nodes[1:, :-1] + nodes[:-1, 1:] + nodes[1:, 1:]) / 4

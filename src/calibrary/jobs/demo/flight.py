@@ -1,0 +1,300 @@
+"""A mixed fleet's flight as it lies on a disk the morning after: good frames and common ways to go wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.calibration import Grade, ImageSize
+from calibrary.jobs.demo.cameras import (
+    Band,
+    Head,
+    Shot,
+    mavic_3t_infrared,
+    mavic_3t_wide,
+    phantom_4,
+    phantom_4_pro,
+    phantom_4_rtk,
+    rededge_m,
+)
+from calibrary.synthetic import ExifTags, TiffPage, encode_tiff, write_jpeg
+from calibrary.synthetic.scenery import farmland, infrared
+
+__all__ = ["DemoImage", "Outcome", "write_flight"]
+
+_QUALITY = 40
+_HEAD_BYTES = 400
+"""How much of the broken file reached the card: less than its EXIF."""
+
+
+class Outcome(StrEnum):
+    """What the gate should conclude of a file."""
+
+    VALID = "valid"
+    UNPROVEN = "unproven"
+    REJECTED = "rejected"
+    UNREADABLE = "unreadable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoImage:
+    """One file of the flight and what is to be made of it.
+
+    Attributes:
+        name: below the flight's folder, with ``/``.
+        camera: what people call it.
+        story: what this file is.
+        outcome: under the ``fleet`` policy, with the catalogue that is shipped.
+        reason: why.
+        fx_px: what K has to hold, to the catalogue's pitch; None where there is to be no K.
+        grade: of that K.
+        private: texts in the file that no output may repeat: positions, serial numbers, RTK hosts.
+    """
+
+    name: str
+    camera: str
+    story: str
+    outcome: Outcome
+    reason: str
+    fx_px: float | None = None
+    grade: Grade | None = None
+    private: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Frame:
+    """A file to write: its record, its size, its head, and how far along the flight line it was taken."""
+
+    image: DemoImage
+    size: ImageSize
+    head: Head
+    along: float = 0.0
+
+
+_BLUE = Band(
+    name="Blue",
+    index=0,
+    wavelength_nm=475,
+    width_nm=20,
+    focal_mm=5.4416,
+    principal_point_mm=(2.40852, 1.80961),
+    distortion=(-0.098214, 0.143107, -0.027352, 0.000261, 0.000518),
+)
+_NIR = Band(
+    name="NIR",
+    index=3,
+    wavelength_nm=840,
+    width_nm=40,
+    focal_mm=5.4587,
+    principal_point_mm=(2.37204, 1.76418),
+    distortion=(-0.101942, 0.138260, -0.020117, -0.000347, 0.000092),
+)
+_REDEDGE_PX_PER_MM = 266.666667
+
+
+def write_flight(out: Path, *, seed: int = 7) -> list[DemoImage]:
+    """Write the whole flight below ``out``.
+
+    Args:
+        out: a folder; it is made, and files of these names in it are replaced.
+        seed: of the country that is flown over and of where it lies; the cameras stay the same.
+
+    Returns:
+        A record of every file, in the order of the folders.
+    """
+    frames = list(_frames(seed))
+    for frame in frames:
+        _write(frame, out / frame.image.name, seed)
+    return [replace(frame.image, private=frame.head.private) for frame in frames]
+
+
+def _frames(seed: int) -> Iterator[_Frame]:
+    shots = _shots(seed)
+    yield from _phantom_4_rtk(shots)
+    yield from _mavic_3t(shots)
+    yield from _rededge(shots)
+    yield from _phantom_4_pro(shots)
+    yield from _processed(shots)
+    yield _Frame(
+        image=DemoImage(
+            name="phantom4/DJI_0007.JPG",
+            camera="Phantom 4",
+            story="early firmware wrote the focal length as 0/0",
+            outcome=Outcome.REJECTED,
+            reason="a zero denominator is not a focal length",
+        ),
+        size=(4000, 3000),
+        head=phantom_4(next(shots)),
+    )
+
+
+def _phantom_4_rtk(shots: Iterator[Shot]) -> Iterator[_Frame]:
+    calibrated = DemoImage(
+        name="",
+        camera="Phantom 4 RTK",
+        story="this lens's own calibration in DewarpData",
+        outcome=Outcome.VALID,
+        reason="calibrated K, distortion apart",
+        fx_px=3659.41,
+        grade=Grade.CALIBRATED,
+    )
+    for number in range(1, 5):
+        image = replace(calibrated, name=f"100_0001/100_0001_{number:04}.JPG")
+        yield _Frame(image=image, size=(5472, 3648), head=phantom_4_rtk(next(shots)), along=0.25 * number)
+    broken = DemoImage(
+        name="100_0001/100_0001_0005.JPG",
+        camera="Phantom 4 RTK",
+        story="the card was pulled while the file was written",
+        outcome=Outcome.UNREADABLE,
+        reason="the file ends within its EXIF",
+    )
+    yield _Frame(image=broken, size=(5472, 3648), head=phantom_4_rtk(next(shots)))
+
+
+def _mavic_3t(shots: Iterator[Shot]) -> Iterator[_Frame]:
+    folder = "DJI_202405170930_001"
+    for number in (1, 2):
+        shot = next(shots)
+        stem = f"{folder}/DJI_{shot.taken:%Y%m%d%H%M%S}_{number:04}"
+        wide = DemoImage(
+            name=f"{stem}_W.JPG",
+            camera="Mavic 3T wide",
+            story="48 megapixels; shares its Model with the thermal camera",
+            outcome=Outcome.VALID,
+            reason="focal length over the catalogue's pitch",
+            fx_px=4.4 / 6.4309 * 8000,
+            grade=Grade.DERIVED,
+        )
+        yield _Frame(image=wide, size=(8000, 6000), head=mavic_3t_wide(shot), along=0.4 * number)
+        thermal = DemoImage(
+            name=f"{stem}_T.JPG",
+            camera="Mavic 3T thermal",
+            story="the same Model, another camera",
+            outcome=Outcome.VALID,
+            reason="a K of its own: 9.1 mm over 12 µm",
+            fx_px=9.1 / 0.012,
+            grade=Grade.DERIVED,
+        )
+        yield _Frame(image=thermal, size=(640, 512), head=mavic_3t_infrared(shot))
+
+
+def _rededge(shots: Iterator[Shot]) -> Iterator[_Frame]:
+    shot = next(shots)
+    for band, number in ((_BLUE, 1), (_NIR, 4)):
+        image = DemoImage(
+            name=f"micasense/0000SET/000/IMG_0000_{number}.tif",
+            camera=f"RedEdge-M {band.name}",
+            story="one band of a rig, calibrated in millimetres",
+            outcome=Outcome.VALID,
+            reason="millimetres × pixels per millimetre; every band is a camera",
+            fx_px=band.focal_mm * _REDEDGE_PX_PER_MM,
+            grade=Grade.CALIBRATED,
+        )
+        yield _Frame(image=image, size=(1280, 960), head=rededge_m(shot, band))
+
+
+def _phantom_4_pro(shots: Iterator[Shot]) -> Iterator[_Frame]:
+    derived = DemoImage(
+        name="phantom4pro/DJI_0101.JPG",
+        camera="Phantom 4 Pro",
+        story="16:9 mode: rows of the sensor left out",
+        outcome=Outcome.VALID,
+        reason="a crop keeps fx; only the centre moves",
+        fx_px=8.8 / 0.0024,
+        grade=Grade.DERIVED,
+    )
+    yield _Frame(image=derived, size=(5472, 3078), head=phantom_4_pro(next(shots), (5472, 3078)))
+    zoomed = replace(
+        derived,
+        name="phantom4pro/DJI_0102.JPG",
+        story="2× digital zoom, enlarged back to full size",
+        outcome=Outcome.UNPROVEN,
+        reason="twice the focal length in pixels by custom, which no tag proves",
+        fx_px=2 * 8.8 / 0.0024,
+    )
+    yield _Frame(image=zoomed, size=(5472, 3648), head=phantom_4_pro(next(shots), (5472, 3648), zoom=2))
+
+
+def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
+    """Frames that went through other hands since the camera wrote them."""
+    transcoded = DemoImage(
+        name="video/DJI_0103_4k.jpg",
+        camera="Phantom 4 Pro",
+        story="a 16:9 frame transcoded to 4K; EXIF still tells the frame it was",
+        outcome=Outcome.VALID,
+        reason="recomputed against the true output size",
+        fx_px=8.8 / 0.0024 * 3840 / 5472,
+        grade=Grade.DERIVED,
+    )
+    yield _Frame(image=transcoded, size=(3840, 2160), head=phantom_4_pro(next(shots), (5472, 3078)))
+    stretched = DemoImage(
+        name="video/DJI_0104_4k.jpg",
+        camera="Phantom 4 Pro",
+        story="a 3:2 frame forced into 4K's 16:9: fx ≠ fy, or cut by nobody knows how much",
+        outcome=Outcome.REJECTED,
+        reason="EXIF's frame leads to the file's neither by a scale nor by a crop",
+    )
+    yield _Frame(image=stretched, size=(3840, 2160), head=phantom_4_pro(next(shots), (5472, 3648)))
+    equivalent = DemoImage(
+        name="phone/DJI_0105.jpg",
+        camera="Phantom 4 Pro",
+        story="exported by an app that kept the 35 mm equivalent and dropped the focal length",
+        outcome=Outcome.REJECTED,
+        reason="24 mm on film is no focal length of this camera",
+    )
+    equivalent_exif = ExifTags(make="DJI", model="FC6310", software="Gallery 4.1", focal_35mm=24)
+    yield _Frame(image=equivalent, size=(5472, 3648), head=Head(exif=equivalent_exif))
+    stripped = DemoImage(
+        name="cloud/IMG_0412.jpg",
+        camera="unknown",
+        story="a cloud uploader stripped all metadata",
+        outcome=Outcome.REJECTED,
+        reason="nothing in the file tells K; a seed is offered, marked as one",
+    )
+    yield _Frame(image=stripped, size=(5472, 3648), head=Head())
+
+
+def _shots(seed: int) -> Iterator[Shot]:
+    """A line to the north, a frame every four seconds, somewhere in the country that the seed chooses."""
+    random = np.random.default_rng(seed)
+    latitude, longitude = random.uniform((44.0, 5.0), (48.0, 9.0))
+    taken = datetime(2024, 5, 17, 9, 30, 12)
+    while True:
+        yaw, climb = random.normal((3.0, 0.0), (0.4, 0.2))
+        yield Shot(
+            taken=taken,
+            latitude_deg=float(latitude),
+            longitude_deg=float(longitude),
+            altitude_m=512.0 + float(climb),
+            yaw_deg=float(yaw),
+        )
+        taken += timedelta(seconds=4)
+        latitude += 0.0002
+
+
+def _write(frame: _Frame, path: Path, seed: int) -> None:
+    head = frame.head
+    if path.suffix == ".tif":
+        page = TiffPage(size=frame.size, bits=16, pixels=_band(frame.size, seed))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(encode_tiff([page], exif=head.exif, xmp=head.xmp, chunks_first=True))
+        return
+    thermal = path.stem.endswith("_T")
+    pixels = (
+        infrared(frame.size, seed=seed) if thermal else farmland(frame.size, seed=seed, along=frame.along)
+    )
+    write_jpeg(path, frame.size, exif=head.exif, xmp=head.xmp, pixels=pixels, quality=_QUALITY)
+    if frame.image.outcome is Outcome.UNREADABLE:
+        path.write_bytes(path.read_bytes()[:_HEAD_BYTES])
+
+
+def _band(size: ImageSize, seed: int) -> NDArray[np.uint16]:
+    """A multispectral band: 12 bits of signal in 16, as the camera packs them."""
+    green = farmland(size, seed=seed)[..., 1].astype(np.uint16)
+    return (green << 8).astype(np.uint16)

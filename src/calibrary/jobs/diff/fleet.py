@@ -1,0 +1,143 @@
+"""A whole fleet compared with what it was: every entry that changed since a revision, or from firmware to firmware."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from calibrary.calibration import CameraKey
+from calibrary.errors import CalibraryError, InputError
+from calibrary.jobs.diff.comparison import Comparison, Verdict, compare
+from calibrary.keep.keeper import Keeper
+from calibrary.keep.names import id_of
+from calibrary.policy import FLEET, Policy
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.firmware import compare as compare_versions
+
+__all__ = ["Change", "Progress", "by_firmware", "since"]
+
+Progress = Callable[[int, int], None]
+"""Told how many of how many are done."""
+
+WORST_FIRST: Final = (Verdict.STRUCTURAL, Verdict.DRIFT, Verdict.NEGLIGIBLE, Verdict.NOISE, Verdict.IDENTICAL)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """What became of one camera of the fleet.
+
+    Attributes:
+        id: of its entry.
+        before, after: what it was and is; None where there was or is none.
+        comparison: of the two, None where one is missing or they cannot be compared.
+        why_not: why there is no comparison, in words.
+    """
+
+    id: str
+    before: Entry | None
+    after: Entry | None
+    comparison: Comparison | None = None
+    why_not: str | None = None
+
+    @property
+    def alarm(self) -> bool:
+        """Whether a person has to look."""
+        if self.comparison is not None:
+            return self.comparison.alarm
+        return self.before is not None and self.after is not None
+
+
+def since(
+    keeper: Keeper, rev: str, policy: Policy = FLEET, progress: Progress | None = None
+) -> tuple[Change, ...]:
+    """Every entry that differs from what it was at a revision, worst first.
+
+    Raises:
+        RegistryError: there is no such revision.
+    """
+    files = keeper.registry.changed(rev)
+    blob = keeper.registry.store.blob
+    changes = []
+    for done, file in enumerate(files, start=1):
+        before = _parsed(file.path, partial(blob, file.before)) if file.before is not None else None
+        after = _parsed(file.path, partial(blob, file.after)) if file.after is not None else None
+        changes.append(_change(id_of(file.path), before, after, policy))
+        if progress is not None:
+            progress(done, len(files))
+    return _worst_first(changes)
+
+
+def by_firmware(
+    keeper: Keeper, old: str, new: str, policy: Policy = FLEET, progress: Progress | None = None
+) -> tuple[Change, ...]:
+    """Every camera that has an entry of both firmwares, in its history or side by side, worst first.
+
+    Raises:
+        InputError: a firmware is no version number.
+        RegistryError: the registry cannot be read.
+    """
+    compare_versions(old, new)
+    cameras: dict[CameraKey, list[str]] = {}
+    for held in keeper.entries():
+        cameras.setdefault(held.entry.calibration.camera, []).append(held.path)
+    changes = []
+    for done, paths in enumerate(cameras.values(), start=1):
+        entries = [entry for path in paths for _, entry in keeper.revisions(path) if entry is not None]
+        before = next((entry for entry in entries if _is_of(entry, old)), None)
+        after = next((entry for entry in entries if _is_of(entry, new)), None)
+        if before is not None and after is not None:
+            changes.append(_change(id_of(paths[0]), before, after, policy))
+        if progress is not None:
+            progress(done, len(cameras))
+    return _worst_first(changes)
+
+
+def _change(id_: str, before: Entry | str | None, after: Entry | str | None, policy: Policy) -> Change:
+    if isinstance(before, str) or isinstance(after, str):
+        why = next(text for text in (before, after) if isinstance(text, str))
+        return Change(
+            id=id_,
+            before=None if isinstance(before, str) else before,
+            after=None if isinstance(after, str) else after,
+            why_not=why,
+        )
+    if before is None or after is None:
+        return Change(id=id_, before=before, after=after, why_not="new" if before is None else "removed")
+    try:
+        comparison = compare(before.calibration, after.calibration, policy)
+    except CalibraryError as error:
+        return Change(id=id_, before=before, after=after, why_not=str(error))
+    return Change(id=id_, before=before, after=after, comparison=comparison)
+
+
+def _parsed(path: str, load: Callable[[], bytes]) -> Entry | str:
+    """The entry, or why it is none."""
+    try:
+        return parse_entry(load(), path)
+    except InputError as error:
+        return str(error)
+
+
+def _is_of(entry: Entry, firmware: str) -> bool:
+    made_with = entry.calibration.provenance.firmware
+    try:
+        if made_with is not None:
+            return compare_versions(made_with, firmware) == 0
+        return entry.firmware is not None and entry.firmware.holds(firmware)
+    except InputError:
+        return False
+
+
+def _worst_first(changes: list[Change]) -> tuple[Change, ...]:
+    return tuple(sorted(changes, key=_badness))
+
+
+def _badness(change: Change) -> tuple[bool, int, float, str]:
+    comparison = change.comparison
+    if comparison is None:
+        return not change.alarm, 0 if change.alarm else len(WORST_FIRST), 0.0, change.id
+    size = abs(comparison.numbers.focal_change) if comparison.numbers is not None else 1.0
+    return not change.alarm, WORST_FIRST.index(comparison.verdict), -size, change.id

@@ -1,0 +1,367 @@
+"""Comparisons as pages to show a colleague: the verdict, every number, the difference over the image, on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+
+import numpy as np
+
+from calibrary.calibration import Calibration, Provenance
+from calibrary.jobs.diff.comparison import Comparison, Numbers, Parameter, Verdict
+from calibrary.jobs.diff.fleet import Change
+from calibrary.pages import (
+    Badge,
+    Block,
+    Bullets,
+    Cell,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Link,
+    Note,
+    Page,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+)
+from calibrary.pages.plots.canvas import Axis, number
+from calibrary.pages.plots.drawn import amount_map, arrow_map
+
+__all__ = ["badge_of", "comparison_page", "comparison_sections", "fleet_page"]
+
+TONES = {
+    Verdict.IDENTICAL: Tone.GOOD,
+    Verdict.NOISE: Tone.GOOD,
+    Verdict.NEGLIGIBLE: Tone.NEUTRAL,
+    Verdict.DRIFT: Tone.BAD,
+    Verdict.STRUCTURAL: Tone.BAD,
+}
+MEANINGS = {
+    Verdict.IDENTICAL: "Both say the same.",
+    Verdict.NOISE: "The two differ by no more than two calibrations of one camera do.",
+    Verdict.NEGLIGIBLE: "They differ by more than noise, and too little to be seen on a map.",
+    Verdict.DRIFT: "They differ by more than noise, and enough to be seen on a map.",
+    Verdict.STRUCTURAL: "They do not differ by degrees: something of another kind has changed.",
+}
+IN_PX = frozenset({"fx", "fy", "cx", "cy", "skew"})
+
+EVERY = 2
+"""Of the grid that a difference was computed on every second point is drawn."""
+
+MOST_SECTIONS = 200
+"""Comparisons of a fleet that are shown whole; the worst, since they come first."""
+
+
+def comparison_page(comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> Page:
+    """Two calibrations held against each other.
+
+    Args:
+        comparison: of the two.
+        labels: what to call them: files' names, or KEY@REV.
+        altitude_m: above ground, for what the difference means there.
+    """
+    camera = comparison.b.camera if comparison.b.camera.model is not None else comparison.a.camera
+    return Page(
+        title=f"Has K moved? {camera}",
+        badge=badge_of(comparison),
+        lead=f"{MEANINGS[comparison.verdict]} A is {labels[0]}, B is {labels[1]}.",
+        sections=comparison_sections(comparison, labels, altitude_m),
+        made_by=f"Made by calibrary {version('calibrary')} from {labels[0]} and {labels[1]}.",
+    )
+
+
+def comparison_sections(
+    comparison: Comparison, labels: tuple[str, str], altitude_m: float
+) -> tuple[Section, ...]:
+    """The parts of a comparison, in the order in which somebody who has to decide wants them."""
+    numbers = comparison.numbers
+    sections = [Section(title="Verdict", badge=badge_of(comparison), blocks=tuple(_verdict(comparison)))]
+    if numbers is not None:
+        sections += [
+            Section(title="In numbers", blocks=tuple(_in_numbers(numbers))),
+            Section(title="Over the image", blocks=tuple(_over_the_image(numbers))),
+            Section(title="On the ground", blocks=tuple(_on_the_ground(numbers, altitude_m))),
+        ]
+    sections.append(Section(title="Where both are from", blocks=(_sources(comparison, labels),)))
+    return tuple(sections)
+
+
+def fleet_page(changes: Sequence[Change], title: str, altitude_m: float) -> Page:
+    """Every camera of a fleet that changed, worst first.
+
+    Args:
+        changes: in that order.
+        title: what was compared with what: "the fleet since v1.0".
+        altitude_m: above ground, for what the differences mean there.
+    """
+    alarms = sum(change.alarm for change in changes)
+    sections = [Section(title="Overview", anchor="overview", blocks=tuple(_overview(changes)))]
+    sections += [
+        Section(
+            title=change.id,
+            badge=_badge(change),
+            anchor=f"entry-{n}",
+            blocks=tuple(_change(change, altitude_m)),
+        )
+        for n, change in enumerate(changes[:MOST_SECTIONS])
+    ]
+    told = f"{_count(len(changes), 'entry', 'entries')} changed, {alarms} to look at."
+    return Page(
+        title=f"Has K moved? {title}",
+        badge=Badge("look at it", Tone.BAD) if alarms else Badge("nothing to look at", Tone.GOOD),
+        lead=told if changes else "No entry differs.",
+        sections=tuple(sections),
+        contents=False,
+        made_by=f"Made by calibrary {version('calibrary')}.",
+    )
+
+
+def badge_of(comparison: Comparison) -> Badge:
+    """The verdict; a change of kind that nobody has to look at is marked as one."""
+    kinds = ", ".join(one.kind.value for one in comparison.structural)
+    text = f"{comparison.verdict.value}{f': {kinds}' if kinds else ''}"
+    if comparison.verdict is Verdict.STRUCTURAL and not comparison.alarm:
+        return Badge(text, Tone.CAUTION)
+    return Badge(text, TONES[comparison.verdict])
+
+
+def _verdict(comparison: Comparison) -> Iterator[Block]:
+    tone = badge_of(comparison).tone
+    kinds = {one.reason: one.kind.value for one in comparison.structural}
+    for reason in comparison.reasons:
+        kind = f"{kinds[reason]}: " if reason in kinds else ""
+        yield Note(text=_sentence(kind + reason), tone=tone)
+    if comparison.steps:
+        yield f"To be compared at all, {'; '.join(comparison.steps)}."
+    numbers = comparison.numbers
+    if numbers is None:
+        yield "No scale and no crop brings the two to one frame, so their numbers are not compared."
+    elif not numbers.lens_compared:
+        yield "The distortion of one of the two is unknown; only K was compared."
+
+
+def _in_numbers(numbers: Numbers) -> Iterator[Block]:
+    titles = ("number", "A", "σ of A", "B", "σ of B", "Δ", "Δ / σ")
+    width, height = numbers.a.intrinsics.image_size
+    yield Table(
+        caption=f"Every number of both, in a {width} × {height} px frame; fx, fy, cx, cy in px",
+        columns=tuple(Column(title, numeric=at > 0) for at, title in enumerate(titles)),
+        rows=tuple(_parameter(row) for row in numbers.parameters),
+    )
+    yield KeyValues(
+        (
+            ("Δf / f", _signed(f"{numbers.focal_change:+.3%}")),
+            ("chance of it from noise", _chance(numbers.p)),
+        )
+    )
+    if numbers.chi2:
+        yield Details(
+            summary="The tests behind the chance",
+            blocks=(
+                Table(
+                    caption="χ² of the differences; the least likely counts once for each test that was made",
+                    columns=(
+                        Column("of"),
+                        Column("χ²", numeric=True),
+                        Column("degrees of freedom", numeric=True),
+                        Column("chance", numeric=True),
+                    ),
+                    rows=tuple((t.of, number(t.value), str(t.dof), _chance(t.p)) for t in numbers.chi2),
+                ),
+            ),
+        )
+    yield Bullets((f"σ of A: {numbers.spread_a.source}.", f"σ of B: {numbers.spread_b.source}."))
+
+
+def _parameter(row: Parameter) -> tuple[Cell, ...]:
+    in_px = row.name in IN_PX
+    form = "{:.3f}" if in_px else "{:.6g}"
+    return (
+        row.name,
+        _cell(row.a, form),
+        _cell(row.std_a, "{:.2g}"),
+        _cell(row.b, form),
+        _cell(row.std_b, "{:.2g}"),
+        _cell(row.delta, "{:+.3f}" if in_px else "{:+.3g}"),
+        _cell(row.z, "{:+.1f}"),
+    )
+
+
+def _over_the_image(numbers: Numbers) -> Iterator[Block]:
+    seen = numbers.difference
+    yield KeyValues(
+        (
+            ("root mean square", f"{number(seen.rms_px)} px"),
+            ("at most", f"{number(seen.max_px)} px"),
+            ("in the centre", f"{number(seen.centre_rms_px)} px"),
+            ("camera turned by", f"{number(seen.rotation_deg)}°"),
+            ("judged over", f"{seen.region.mean():.0%} of the frame"),
+        )
+    )
+    yield (
+        "A camera that is free to turn takes up a part of any difference, and a reconstruction turns it so; "
+        "that rotation is taken out first."
+    )
+    yield SideBySide(tuple(_maps(numbers)))
+
+
+def _maps(numbers: Numbers) -> Iterator[Figure]:
+    seen = numbers.difference
+    points, vectors, inside = (grid[::EVERY, ::EVERY] for grid in (seen.pixels, seen.vectors, seen.region))
+    grey = "" if inside.all() else " Grey: outside the region that is judged."
+    yield arrow_map(
+        points,
+        vectors,
+        seen.image_size,
+        axis=Axis("difference of the projections", "px"),
+        caption=f"From where A sees a direction to where B sees it.{grey}",
+        inside=inside,
+    )
+    if seen.std_px is None:
+        return
+    std = seen.std_px[::EVERY, ::EVERY]
+    with np.errstate(all="ignore"):
+        z = np.where(std > 0, np.hypot(vectors[..., 0], vectors[..., 1]) / std, np.nan)
+    yield amount_map(
+        points,
+        z,
+        seen.image_size,
+        axis=Axis("difference", "σ"),
+        caption="How large the difference is against its own uncertainty: up to 2 or 3 is noise.",
+        inside=inside,
+    )
+    measured = numbers.spread_a.is_measured and numbers.spread_b.is_measured
+    yield amount_map(
+        points,
+        std,
+        seen.image_size,
+        axis=Axis("1 σ of the difference", "px"),
+        caption="What both calibrations together are uncertain by"
+        + ("." if measured else ", as far as their grades tell: not both state it."),
+        inside=inside,
+    )
+
+
+def _on_the_ground(numbers: Numbers, altitude_m: float) -> Iterator[Block]:
+    ground = numbers.ground(altitude_m)
+    yield KeyValues(
+        (
+            ("altitude", f"{altitude_m:g} m"),
+            ("a pixel on the ground", f"{number(ground.gsd_cm)} cm"),
+            ("root mean square", f"{number(ground.rms_cm)} cm"),
+            ("at most", f"{number(ground.max_cm)} cm"),
+            ("error of heights", _signed(f"{ground.height_cm:+.3g} cm")),
+        )
+    )
+    yield "Heights err with the focal length where nothing on the ground holds them: Δh = h · Δf / f."
+
+
+def _sources(comparison: Comparison, labels: tuple[str, str]) -> Table:
+    a, b = _told(comparison.a), _told(comparison.b)
+    names = [name for name in dict.fromkeys([*a, *b]) if a.get(name) or b.get(name)]
+    return Table(
+        caption="Where both calibrations are from",
+        columns=(Column("what"), Column("A"), Column("B")),
+        rows=(
+            ("called", *labels),
+            *((name, a.get(name) or "–", b.get(name) or "–") for name in names),
+        ),
+    )
+
+
+def _told(calibration: Calibration) -> dict[str, str | None]:
+    source: Provenance = calibration.provenance
+    lens, quality = calibration.distortion, calibration.quality
+    return {
+        "camera": str(calibration.camera),
+        "image": "{} × {} px".format(*calibration.intrinsics.image_size),
+        "grade": calibration.grade.value,
+        "distortion": lens.model if lens is not None else "unknown",
+        "rms reprojection error": f"{quality.rms_px:.3g} px"
+        if quality is not None and quality.rms_px is not None
+        else None,
+        "made from": source.source or source.kind,
+        "tag": source.tag,
+        "sha256": source.sha256,
+        "made with": source.tool,
+        "made on": source.date,
+        "made by": source.operator,
+        "firmware": source.firmware or calibration.camera.firmware,
+        "focus": source.focus,
+        "brought to the frame by": source.adaptation,
+        "assumed": "; ".join(source.assumptions),
+    }
+
+
+def _overview(changes: Sequence[Change]) -> Iterator[Block]:
+    if not changes:
+        yield Note(text="No entry differs.", tone=Tone.GOOD)
+        return
+    columns = (
+        Column("entry"),
+        Column("verdict"),
+        Column("Δf / f", numeric=True),
+        Column("rms (px)", numeric=True),
+        Column("at most (px)", numeric=True),
+        Column("why"),
+    )
+    yield Table(
+        caption="Every entry that changed, those to look at first",
+        columns=columns,
+        rows=tuple(_row(n, change) for n, change in enumerate(changes)),
+    )
+    if len(changes) > MOST_SECTIONS:
+        yield f"The {len(changes) - MOST_SECTIONS} least of them are in this table only."
+
+
+def _row(n: int, change: Change) -> tuple[Cell, ...]:
+    found = change.comparison
+    numbers = found.numbers if found is not None else None
+    kinds = ", ".join(one.kind.value for one in found.structural) if found is not None else change.why_not
+    return (
+        Link(change.id, f"#entry-{n}") if n < MOST_SECTIONS else change.id,
+        _badge(change),
+        _signed(f"{numbers.focal_change:+.3%}") if numbers is not None else "–",
+        number(numbers.difference.rms_px) if numbers is not None else "–",
+        number(numbers.difference.max_px) if numbers is not None else "–",
+        kinds or "–",
+    )
+
+
+def _badge(change: Change) -> Badge:
+    if change.comparison is not None:
+        return badge_of(change.comparison)
+    return Badge("not compared", Tone.BAD if change.alarm else Tone.NEUTRAL)
+
+
+def _change(change: Change, altitude_m: float) -> Iterator[Block]:
+    if change.comparison is None:
+        yield Note(text=_sentence(change.why_not or ""), tone=_badge(change).tone)
+        return
+    labels = (f"{change.id} before", f"{change.id} after")
+    yield from comparison_sections(change.comparison, labels, altitude_m)
+
+
+def _cell(value: float | None, form: str) -> str:
+    return _signed(form.format(value)) if value is not None else "–"
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", "−")
+
+
+def _chance(p: float) -> str:
+    if p >= 0.001:
+        return f"{p:.1%}"
+    return f"{p:.1g}" if p > 0 else "less than 1e-300"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
+
+
+def _count(count: int, one: str, several: str) -> str:
+    return f"{count} {one if count == 1 else several}"

@@ -1,0 +1,275 @@
+"""From camera states to cameras: which states are one camera, what its K is, and whether it may be used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from calibrary.calibration import Calibration, CameraKey, Intrinsics
+from calibrary.errors import FrameError
+from calibrary.evidence.collect import Evidence, collect
+from calibrary.evidence.conflict import disagreement
+from calibrary.evidence.context import Scene
+from calibrary.evidence.edits import edits
+from calibrary.evidence.frame import adapt
+from calibrary.evidence.identity import camera_key
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.witness import Source, Witness
+from calibrary.jobs.extract.knowledge import Knowledge, Known
+from calibrary.policy import Policy
+from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Verdict, validate
+
+__all__ = ["DEFAULT_SENSOR_MM", "Camera", "Sensor", "State", "circumstances", "judge", "sort_cameras"]
+
+DEFAULT_SENSOR_MM = (13.2, 8.8)
+"""The nominal 1-inch sensor, what the source document takes when nobody says otherwise."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """The sensor size that stands where neither image nor catalogue tells one.
+
+    Attributes:
+        size_mm: (width, height); a side is None where only the other was stated.
+        given: whether the user stated it; else it is the default, an assumption.
+    """
+
+    size_mm: tuple[float | None, float | None]
+    given: bool
+
+    def sides(self, metadata: ImageMetadata) -> tuple[float, float]:
+        """Both sides in mm; one that was not stated follows from square pixels."""
+        width, height = self.size_mm
+        w_px, h_px = metadata.size
+        if width is not None:
+            return width, height if height is not None else width * h_px / w_px
+        height = height if height is not None else DEFAULT_SENSOR_MM[1]
+        return height * w_px / h_px, height
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """One camera state: equal metadata, and the images that carry it."""
+
+    metadata: ImageMetadata
+    names: tuple[str, ...]
+    known: Known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """One camera of the run.
+
+    Attributes:
+        key: which camera.
+        states: its states, the one with most images first.
+        evidence: of the state whose K stands for the camera.
+        calibration: the K to use, None when there is none.
+        report: the calibration against the policy, None without one.
+        spread: how far K's numbers spread over the states, as a share of fx; None with one state.
+        why_not: in one line, when there is no K at all.
+        way_out: what to do about that.
+    """
+
+    key: CameraKey
+    states: tuple[State, ...]
+    evidence: Evidence
+    calibration: Calibration | None
+    report: Report | None
+    spread: float | None = None
+    why_not: str | None = None
+    way_out: str | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every image of this camera."""
+        return tuple(name for state in self.states for name in state.names)
+
+    @property
+    def verdict(self) -> Verdict:
+        """What becomes of its K."""
+        return self.report.verdict if self.report is not None else Verdict.REJECTED
+
+    @property
+    def reason(self) -> str | None:
+        """Why the K is not valid, in one line; None for a valid one."""
+        if self.report is None:
+            return self.why_not
+        return self.report.failures[0].message if self.report.failures else None
+
+    @property
+    def remedy(self) -> str | None:
+        """What to do about that, None for a valid K."""
+        return self.report.remedy if self.report is not None else self.way_out
+
+
+def sort_cameras(
+    states: Mapping[ImageMetadata, Sequence[str]], knowledge: Knowledge
+) -> dict[CameraKey, tuple[State, ...]]:
+    """Put camera states together that are one camera, the commonest state first."""
+    cameras: dict[CameraKey, list[State]] = {}
+    for metadata, names in states.items():
+        known = knowledge.of(metadata)
+        inferred = known.camera.sub_camera if known.camera is not None else None
+        key = camera_key(metadata, inferred)
+        cameras.setdefault(key, []).append(State(metadata=metadata, names=tuple(names), known=known))
+    ordered = sorted(cameras.items(), key=lambda item: str(item[0]))
+    return {key: tuple(sorted(group, key=lambda s: (-len(s.names), s.names[0]))) for key, group in ordered}
+
+
+def judge(
+    key: CameraKey,
+    states: Sequence[State],
+    *,
+    policy: Policy,
+    sensor: Sensor,
+) -> Camera:
+    """Choose one camera's K and hold it against the policy.
+
+    The K is one that an image carries, never an average: of the states with the best-graded witness, the one
+    with most images. The others are measured against it.
+    """
+    heard = [(state, collect(_scene(state, sensor))) for state in states]
+    with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
+    if not with_k:
+        state, evidence = heard[0]
+        why_not, way_out = _why_not(state, evidence)
+        return Camera(
+            key=key,
+            states=tuple(states),
+            evidence=evidence,
+            calibration=None,
+            report=None,
+            why_not=why_not,
+            way_out=way_out,
+        )
+    best_grade = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
+    state, evidence = next((s, e) for s, e in with_k if e.chosen and e.chosen.rank[0] == best_grade)
+    calibration = evidence.calibration(_dated(key, states), source_name=state.names[0].rsplit("/", 1)[-1])
+    spread = _spread([e.chosen for _, e in with_k if e.chosen], evidence)
+    around = circumstances(evidence, state.known, spread=spread)
+    report = validate(calibration, policy, around) if calibration is not None else None
+    return Camera(
+        key=key,
+        states=tuple(states),
+        evidence=evidence,
+        calibration=calibration,
+        report=report,
+        spread=spread,
+    )
+
+
+def circumstances(evidence: Evidence, known: Known, *, spread: float | None = None) -> Circumstances:
+    """What is known around the chosen witness of one image."""
+    chosen = evidence.chosen
+    metadata = evidence.scene.metadata
+    causes = {conflict.other: conflict.cause.value for conflict in evidence.conflicts}
+    return Circumstances(
+        expected=_expected(metadata, known),
+        others=tuple(
+            NamedFocal(
+                name=witness.tag,
+                fx=witness.intrinsics.fx,
+                tolerance=witness.tolerance,
+                cause=causes.get(witness),
+                independent=chosen is None or witness.is_independent_of(chosen),
+            )
+            for witness in evidence.witnesses
+            if witness is not chosen
+        ),
+        focal_mm=metadata.focal_mm,
+        focal_35mm=metadata.focal_35mm,
+        sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
+        zoomed=metadata.digital_zoom is not None and metadata.digital_zoom > 1.0,
+        edits=edits(metadata),
+        spread=spread,
+    )
+
+
+def _scene(state: State, sensor: Sensor) -> Scene:
+    sides = sensor.sides(state.metadata)
+    return Scene(
+        metadata=state.metadata,
+        known=state.known.camera,
+        siblings=state.known.siblings,
+        given_sensor_mm=sides if sensor.given else None,
+        # A default sensor under a camera that is known would only be wrong with more digits.
+        assumed_sensor_mm=None if sensor.given or state.known.needs_no_sensor else sides,
+    )
+
+
+def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
+    """The known camera's focal length in the file's frame, None where it is not known there."""
+    if known.resolution is not None:
+        return Expected(
+            fx=known.resolution.calibration.intrinsics.fx,
+            tolerance=known.resolution.entry.tolerance,
+            source="registry",
+        )
+    camera = known.camera
+    over_width = camera.fx_over_w_at(metadata.focal_mm) if camera is not None else None
+    if camera is None or over_width is None or camera.native_size is None:
+        return None
+    width, height = camera.native_size
+    focal = over_width * width
+    native = Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=(width, height))
+    try:
+        fx = adapt(native, metadata).intrinsics.fx
+    except FrameError:
+        return None
+    return Expected(fx=fx, spread=camera.spread, source="catalogue")
+
+
+def _spread(witnesses: Sequence[Witness], evidence: Evidence) -> float | None:
+    """The largest (max − min) of fx, fy, cx, cy over the states as a share of fx, None with one state.
+
+    A state whose calibration tags were lost says less, not something else: it counts only where its focal
+    length is another camera's.
+    """
+    chosen = evidence.chosen
+    if chosen is None or len(witnesses) < 2:
+        return None
+    equals = [w.intrinsics for w in witnesses if w.rank[0] == chosen.rank[0] or disagreement(chosen, w)]
+    ranges = (
+        max(getattr(K, name) for K in equals) - min(getattr(K, name) for K in equals)
+        for name in ("fx", "fy", "cx", "cy")
+    )
+    return float(max(ranges)) / chosen.intrinsics.fx
+
+
+def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
+    """The key with the firmware, where all images name the same."""
+    firmware = {state.metadata.software for state in states}
+    return replace(key, firmware=firmware.pop() if len(firmware) == 1 else None)
+
+
+GIVE_K = "register the camera (--registry), or give its K (--fallback-k)"
+
+
+def _why_not(state: State, evidence: Evidence) -> tuple[str, str]:
+    """Why there is no K at all, and what to do about that."""
+    metadata = state.metadata
+    # A registry knows cameras by their Model: one that names none can only be given its K.
+    give_k = GIVE_K if metadata.model is not None else "or give their K (--fallback-k)"
+    own_files = f"give the files as the camera wrote them, {give_k}"
+    fisheye = next((w for w in evidence.witnesses if not w.pinhole), None)
+    if fisheye is not None or evidence.scene.is_fisheye:
+        why = "a fisheye lens, which no pinhole K describes"
+        return why, "calibrate it as a fisheye; put that file beside the images, or register it (--registry)"
+    fault = metadata.fault("EXIF FocalLength")
+    if fault is not None:
+        return f"EXIF FocalLength is {fault.found}, wanted {fault.wanted}", own_files
+    if evidence.dropped:
+        dropped = evidence.dropped[0]
+        why, _, what_to_do = f"{dropped.tag}: {dropped.reason}".partition("; ")
+        return why, what_to_do or own_files
+    if metadata.focal_mm is None and metadata.focal_35mm is not None:
+        why = f"EXIF has only a 35 mm equivalent ({metadata.focal_35mm:g} mm), no focal length of this sensor"
+        return why, own_files
+    if metadata.focal_mm is None:
+        missing = "no EXIF FocalLength" if metadata.has_exif else "no EXIF at all"
+        return f"{missing} and no calibration tag", own_files
+    if state.known.camera is not None:
+        why = "its frame is neither the camera's full frame scaled nor a 1:1 crop of it"
+        return why, "register the camera at this size (--registry)"
+    return "nothing tells the size of its pixels", f"name the sensor (--sensor-width-mm), {GIVE_K}"

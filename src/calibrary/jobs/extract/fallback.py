@@ -1,0 +1,281 @@
+"""What to use when the images themselves yield no valid K, in the source document's order.
+
+An explicit K; a calibration file that lies with the images; a self-calibration seed, which is no K until
+something refines it; the fleet's registry. Every step leaves a record, whether it was taken or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+
+from calibrary import parsers
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
+from calibrary.distortion import NoDistortion
+from calibrary.errors import CalibraryError, InputError, UnknownFormatError
+from calibrary.jobs.extract.cameras import Camera, circumstances
+from calibrary.jobs.extract.gather import find_files
+from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.parsers.image_names import is_image
+from calibrary.policy import Policy
+from calibrary.validation import Report, Verdict, validate
+
+__all__ = [
+    "Fallback",
+    "Sources",
+    "Step",
+    "StepName",
+    "StepOutcome",
+    "find_calibrations",
+    "read_matrix",
+    "seed",
+]
+
+CALIBRATION_SUFFIXES = frozenset(
+    {".xml", ".yml", ".yaml", ".json", ".cal", ".txt", ".cam", ".opt", ".ini", ".toml"}
+)
+LARGEST_CALIBRATION = 4 << 20
+
+
+class StepName(StrEnum):
+    """The steps, in their order."""
+
+    FALLBACK_K = "fallback-k"
+    CALIBRATION_FILE = "calibration-file"
+    SEED = "self-calibration-seed"
+    REGISTRY = "registry"
+
+
+class StepOutcome(StrEnum):
+    """What became of a step."""
+
+    TAKEN = "taken"
+    REFUSED = "refused"
+    NOT_THERE = "not there"
+    KEPT_ASIDE = "kept aside"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One step of the chain and what became of it."""
+
+    step: StepName
+    outcome: StepOutcome
+    source: str | None = None
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sources:
+    """Where fallbacks may come from.
+
+    Attributes:
+        matrix: the explicit K, (file name, Intrinsics without a frame check yet) as a function of the size.
+        files: calibrations that lie with the images, with their file's name.
+        unreadable: files that look like calibrations, and why they are none.
+        knowledge: the registry behind it is the last step.
+        rivals: for a frame size, how many cameras of this run are without a K.
+    """
+
+    matrix: tuple[str, Callable[[ImageSize], Intrinsics]] | None
+    files: tuple[tuple[str, Calibration], ...] = ()
+    unreadable: tuple[tuple[str, str], ...] = ()
+    knowledge: Knowledge
+    rivals: dict[ImageSize, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fallback:
+    """The outcome of the chain for one camera.
+
+    Attributes:
+        steps: all that was tried, in order.
+        calibration: the K that was taken, None when none was.
+        report: it against the policy.
+        seed: what a solver may start from, never a K; None when a K was taken.
+    """
+
+    steps: tuple[Step, ...]
+    calibration: Calibration | None = None
+    report: Report | None = None
+    seed: Calibration | None = None
+
+
+def read_matrix(path: Path) -> tuple[str, Callable[[ImageSize], Intrinsics]]:
+    """Read an explicit K and check that it is one, whatever the frame.
+
+    Raises:
+        InputError: no such file, not a .npy, not (3, 3), not finite, or no intrinsic matrix.
+    """
+    [calibration] = parsers.read(path, format="k_npy", image_size=(1, 1))
+    matrix = calibration.intrinsics.matrix
+
+    def for_frame(size: ImageSize) -> Intrinsics:
+        return Intrinsics.from_matrix(matrix, size)
+
+    return path.name, for_frame
+
+
+def find_calibrations(
+    directory: Path, *, recursive: bool
+) -> tuple[list[tuple[str, Calibration]], list[tuple[str, str]]]:
+    """Every camera of every calibration file that lies with the images, and the files that could not be read."""
+    found: list[tuple[str, Calibration]] = []
+    unreadable: list[tuple[str, str]] = []
+    for path in find_files(directory, recursive=recursive):
+        suffix = path.suffix.lower()
+        if is_image(path) or suffix not in CALIBRATION_SUFFIXES:
+            continue
+        name = path.relative_to(directory).as_posix()
+        try:
+            calibrations = parsers.read(path, max_bytes=LARGEST_CALIBRATION)
+        except UnknownFormatError:
+            continue
+        except (CalibraryError, OSError) as error:
+            unreadable.append((name, str(error)))
+        else:
+            found.extend((name, calibration) for calibration in calibrations)
+    return found, unreadable
+
+
+def seed(key: CameraKey, size: ImageSize) -> Calibration:
+    """0.8 · max(W, H) and the middle of the frame: where a self-calibration may start, never a K."""
+    focal = 0.8 * max(size)
+    return Calibration(
+        camera=key,
+        intrinsics=Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size),
+        grade=Grade.SEED,
+        provenance=Provenance(kind="seed", tag="0.8 × max(W, H), principal point in the middle"),
+    )
+
+
+def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
+    """Go through the chain for one camera whose images yield no valid K."""
+    steps: list[Step] = []
+    size = camera.states[0].metadata.size
+    for attempt in (_explicit, _from_files):
+        calibration, report, step = attempt(camera, size, policy, sources)
+        steps.append(step)
+        if calibration is not None:
+            return Fallback(steps=tuple(steps), calibration=calibration, report=report)
+    start = seed(camera.key, size)
+    steps.append(
+        Step(
+            step=StepName.SEED,
+            outcome=StepOutcome.KEPT_ASIDE,
+            source=start.provenance.tag,
+            why="nothing in this run refines it, so it is no K; a solver may start from it",
+        )
+    )
+    calibration, report, step = _from_registry(camera, policy, sources)
+    steps.append(step)
+    if calibration is not None:
+        return Fallback(steps=tuple(steps), calibration=calibration, report=report)
+    return Fallback(steps=tuple(steps), seed=start)
+
+
+Attempt = tuple[Calibration | None, Report | None, Step]
+
+
+def _explicit(camera: Camera, size: ImageSize, policy: Policy, sources: Sources) -> Attempt:
+    name = StepName.FALLBACK_K
+    if sources.matrix is None:
+        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no --fallback-k given")
+    source, for_frame = sources.matrix
+    if sources.rivals.get(size, 0) > 1:
+        why = f"{sources.rivals[size]} cameras of this size are without a K, and one K cannot be two cameras'"
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+    try:
+        intrinsics = for_frame(size)
+    except InputError as error:
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=error.message)
+    calibration = Calibration(
+        camera=camera.key,
+        intrinsics=intrinsics,
+        grade=Grade.CALIBRATED,
+        provenance=Provenance(
+            kind="matrix-file", source=source, assumptions=("the K given is this camera's",)
+        ),
+    )
+    return _judged(camera, calibration, policy, name, source)
+
+
+def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Sources) -> Attempt:
+    name = StepName.CALIBRATION_FILE
+    fitting = [(source, c) for source, c in sources.files if _fits(c, camera.key, size)]
+    if not fitting:
+        why = "no calibration file for this frame lies with the images"
+        if sources.unreadable:
+            why += f" ({sources.unreadable[0][0]}: {sources.unreadable[0][1]})"
+        elif sources.files:
+            sizes = sorted({"{}×{}".format(*c.intrinsics.image_size) for _, c in sources.files})
+            why += f" (found for {', '.join(sizes)})"
+        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
+    source, calibration = fitting[0]
+    if calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}:
+        # A hand-off of an earlier run says so; what images told then is no measurement of this camera now.
+        why = f"its K is {calibration.grade}, as of an earlier hand-off, and not measured; give a calibration"
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+    if len({(c.intrinsics, c.distortion) for _, c in fitting}) > 1:
+        why = f"{len(fitting)} different calibrations fit this frame: {', '.join(n for n, _ in fitting)}; keep one"
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+    if sources.rivals.get(size, 0) > 1 and calibration.camera.model is None:
+        why = f"{sources.rivals[size]} cameras of this size are without a K and the file does not say whose it is"
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+    if calibration.intrinsics.image_size != size:
+        calibration = calibration.scaled(size)
+    return _judged(camera, replace(calibration, camera=camera.key), policy, name, source)
+
+
+def _fits(calibration: Calibration, key: CameraKey, size: ImageSize) -> bool:
+    """Whether a file's camera can be this one: same frame, and no other Model named."""
+    width, height = calibration.intrinsics.image_size
+    if width * size[1] != height * size[0]:
+        return False
+    named = calibration.camera.model
+    return named is None or key.model is None or named.casefold() == key.model.casefold()
+
+
+def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
+    name = StepName.REGISTRY
+    if not sources.knowledge.has_registry:
+        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no --registry given")
+    found = [state.known.calibration for state in camera.states]
+    resolved = found[0]
+    if len({K.provenance.source if K is not None else None for K in found}) > 1:
+        why = "the registry answers by firmware, and this camera's images are of several; separate them"
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=why)
+    known = camera.states[0].known
+    if resolved is None or known.resolution is None:
+        why = f"the registry has no approved entry for {camera.key}"
+        why += "".join(f"; {near.path} is none: {near.why_not}" for near in known.near[:2])
+        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
+    calibration, report, step = _judged(camera, resolved, policy, name, resolved.provenance.source)
+    if step.outcome is StepOutcome.TAKEN:
+        step = replace(step, why=f"{step.why}; {known.resolution.why}")
+    return calibration, report, step
+
+
+def _judged(
+    camera: Camera, calibration: Calibration, policy: Policy, name: StepName, source: str | None
+) -> Attempt:
+    """Hold a fallback against the same policy; one that fails it is refused, not used."""
+    around = circumstances(camera.evidence, camera.states[0].known)
+    # The images' own K failed and is no measure of what replaces it; their 35 mm equivalent still is.
+    prior = {w.tag for w in camera.evidence.witnesses if w.grade is Grade.PRIOR}
+    others = tuple(other for other in around.others if other.name in prior)
+    around = replace(
+        around, others=others, sensor_assumed=False, zoomed=False, edits=(), focal_mm=None, spread=None
+    )
+    report = validate(calibration, policy, around)
+    # What is unproven stands in for a rejected K only: there is nothing to win by it over an unproven one.
+    needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}
+    why = report.failures[0].message if report.verdict not in needed else None
+    if camera.evidence.scene.is_fisheye and isinstance(calibration.distortion, NoDistortion | None):
+        why = "a fisheye lens, and a K without its distortion is a pinhole's; give the whole calibration"
+    if why is not None:
+        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+    step = Step(step=name, outcome=StepOutcome.TAKEN, source=source, why="holds against the policy")
+    return calibration, report, step

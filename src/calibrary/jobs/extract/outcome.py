@@ -1,0 +1,153 @@
+"""What a run found, camera by camera."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.jobs.extract.cameras import Camera
+from calibrary.jobs.extract.fallback import Fallback
+from calibrary.jobs.extract.gather import Rejected
+from calibrary.policy import Policy
+from calibrary.validation import Report, Verdict
+
+__all__ = ["CameraOutcome", "Outcome", "slugs"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraOutcome:
+    """One camera, its own K or what stands in for it.
+
+    Attributes:
+        slug: its name in file names, unique in the run.
+        camera: what its images say.
+        fallback: the chain that was gone through, None when it was not needed.
+    """
+
+    slug: str
+    camera: Camera
+    fallback: Fallback | None = None
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The K to write: the images', the fallback's, or none."""
+        if self.fallback is not None and self.fallback.calibration is not None:
+            return self.fallback.calibration
+        return self.camera.calibration if self.camera.verdict is not Verdict.REJECTED else None
+
+    @property
+    def report(self) -> Report | None:
+        """That K against the policy; of a rejected K, why."""
+        if self.fallback is not None and self.fallback.report is not None:
+            return self.fallback.report
+        return self.camera.report
+
+    @property
+    def verdict(self) -> Verdict:
+        """What becomes of the camera."""
+        if self.fallback is not None and self.fallback.report is not None:
+            return self.fallback.report.verdict
+        return self.camera.verdict
+
+    @property
+    def uncalibrated(self) -> bool:
+        """Whether principal point and distortion are defaults, nobody having measured them."""
+        calibration = self.calibration
+        return calibration is None or calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}
+
+    @property
+    def reason(self) -> str | None:
+        """Why the K is not valid, or what stands in for it; None for a valid K of the images' own."""
+        reason = self.camera.reason
+        if self.fallback is not None and self.fallback.calibration is not None:
+            taken = self.fallback.steps[-1]
+            return f"{taken.source or taken.step.value} is used; the images alone give no valid K: {reason}"
+        if reason is not None and self.camera.calibration is not None:
+            assumptions = self.camera.calibration.provenance.assumptions
+            return f"{reason} (assumed: {'; '.join(assumptions)})" if assumptions else reason
+        return reason
+
+    @property
+    def advice(self) -> str | None:
+        """The next step for whoever flies this camera, None when there is nothing to do."""
+        if self.verdict is Verdict.VALID:
+            return None
+        if self.fallback is not None and self.fallback.report is not None:
+            return self.fallback.report.remedy
+        return self.camera.remedy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """The run.
+
+    Attributes:
+        policy: what it was judged by.
+        cameras: every camera, in a fixed order.
+        rejected: images no camera could be told from.
+        warnings: what the user should know about the run itself.
+    """
+
+    policy: Policy
+    cameras: tuple[CameraOutcome, ...]
+    rejected: tuple[Rejected, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def uncalibrated(self) -> bool:
+        """Whether any camera goes on without measured principal point and distortion."""
+        return any(camera.uncalibrated for camera in self.cameras)
+
+    @property
+    def exit_code(self) -> int:
+        """0 when every camera has a valid K and there is at least one, else 1."""
+        good = bool(self.cameras) and all(c.verdict is Verdict.VALID for c in self.cameras)
+        return 0 if good else 1
+
+
+def slugs(keys: Iterable[CameraKey]) -> dict[CameraKey, str]:
+    """A short name per camera that is safe in any file system and unique in the run.
+
+    Only what tells the cameras apart is in it: focal length, mode and serial come in where two would collide.
+    """
+    keys = list(keys)
+    names: dict[CameraKey, str] = {}
+    taken: dict[str, CameraKey] = {}
+    parts: dict[CameraKey, list[str]] = {key: _basic(key) for key in keys}
+    for finer in (_lens, _serial):
+        counts: dict[str, int] = {}
+        for key in keys:
+            counts[_slug(parts[key])] = counts.get(_slug(parts[key]), 0) + 1
+        for key in keys:
+            if counts[_slug(parts[key])] > 1:
+                parts[key] = [*parts[key], *finer(key)]
+    for key in keys:
+        slug, n = _slug(parts[key]), 2
+        while slug in taken:
+            slug, n = f"{_slug(parts[key])}-{n}", n + 1
+        taken[slug] = key
+        names[key] = slug
+    return names
+
+
+def _basic(key: CameraKey) -> list[str]:
+    name = str(CameraKey(make=key.make, model=key.model))
+    size = "{}x{}".format(*key.image_size) if key.image_size else ""
+    return [name, key.sub_camera or "", key.capture_mode or "", size]
+
+
+def _lens(key: CameraKey) -> list[str]:
+    return [key.lens or "", f"{key.focal_mm:g}mm" if key.focal_mm is not None else ""]
+
+
+def _serial(key: CameraKey) -> list[str]:
+    return [f"sn-{key.serial[:6]}"] if key.serial else []
+
+
+def _slug(parts: Iterable[str]) -> str:
+    text = unicodedata.normalize("NFKD", "-".join(part for part in parts if part)).replace("×", "x")
+    ascii_text = text.encode("ascii", "ignore").decode().lower()
+    return re.sub(r"[^a-z0-9.]+", "-", ascii_text).strip("-.")[:100] or "camera"

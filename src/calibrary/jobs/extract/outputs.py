@@ -1,0 +1,156 @@
+"""Which files a run writes: one K per camera, the report, and what the solver needs."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+
+from calibrary.calibration import Calibration
+from calibrary.calibration_json import Json
+from calibrary.errors import InputError
+from calibrary.jobs.extract.hand_off import SOLVER_FILES, Candidate, Solver, hand_off, refusal
+from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
+from calibrary.jobs.extract.report import encode, report_json
+from calibrary.validation import Verdict
+
+__all__ = ["STALE", "Outputs", "check_page_place", "check_place", "plan"]
+
+STALE = "is of an earlier run, not of this one; remove it"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outputs:
+    """What is to be written.
+
+    Attributes:
+        files: content by path.
+        matrices: the K file's name by camera slug.
+        document: the report, also in ``files``.
+        stale: K and solver files of an earlier run that this one does not replace.
+        not_handed_over: why the solver does not get a camera's K, by slug.
+        warnings: all that is to be said of the run, these two included.
+    """
+
+    files: dict[Path, bytes]
+    matrices: dict[str, str]
+    document: dict[str, Json]
+    stale: tuple[Path, ...] = ()
+    not_handed_over: dict[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+
+def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
+    """Decide on every file before any is written.
+
+    One camera writes ``matrix_path`` itself; several write ``<stem>.<camera>.npy`` beside it. A start for
+    self-calibration is ``<stem>_seed.<camera>.npy``, so that nothing that looks for K picks it up. Only a valid
+    K is handed to a solver.
+
+    Raises:
+        InputError: ``matrix_path`` is no .npy, or a file's name cannot be handed over.
+    """
+    check_place(matrix_path)
+    alone, stem = len(outcome.cameras) == 1, matrix_path.stem
+    files: dict[Path, bytes] = {}
+    matrices: dict[str, str] = {}
+    for camera in outcome.cameras:
+        path = matrix_path if alone else matrix_path.with_suffix(f".{camera.slug}.npy")
+        if camera.calibration is not None:
+            files[path] = _npy(camera.calibration)
+            matrices[camera.slug] = path.name
+        if camera.fallback is not None and camera.fallback.seed is not None:
+            files[path.with_name(path.name.replace(stem, f"{stem}_seed", 1))] = _npy(camera.fallback.seed)
+    refused = {c.slug: why for c in outcome.cameras if (why := _why_not_handed_over(c, solver)) is not None}
+    candidates = [_candidate(camera, refused=camera.slug in refused) for camera in outcome.cameras]
+    for name, content in hand_off(solver, candidates).items():
+        files[matrix_path.with_name(name)] = content
+    report_path = matrix_path.with_suffix(".json")
+    if report_path in files:
+        raise InputError(
+            f"the report would be {report_path.name}, as is {solver}'s own file; give another name",
+            source=str(matrix_path),
+            place="--output-matrix",
+        )
+    stale = tuple(path for path in _earlier(matrix_path, solver) if path not in files)
+    document = report_json(outcome, matrices)
+    warnings = (
+        *outcome.warnings,
+        *(f"{path.name} {STALE}" for path in stale),
+        *(f"{slug} is not handed to {solver}: {why}" for slug, why in refused.items()),
+    )
+    document["warnings"] = [*warnings]
+    files[report_path] = encode(document)
+    return Outputs(
+        files=files,
+        matrices=matrices,
+        document=document,
+        stale=stale,
+        not_handed_over=refused,
+        warnings=warnings,
+    )
+
+
+def check_place(matrix_path: Path) -> None:
+    """Find out before a hundred thousand images are read that K has no place to go.
+
+    Raises:
+        InputError: the name is no .npy, or there is no such folder.
+    """
+    if matrix_path.suffix != ".npy":
+        raise InputError("wanted a name that ends in .npy", source=str(matrix_path), place="--output-matrix")
+    if not matrix_path.parent.is_dir():
+        raise InputError(
+            "there is no such folder; make it first", source=str(matrix_path.parent), place="--output-matrix"
+        )
+
+
+def check_page_place(path: Path) -> None:
+    """The same for the page, and that no image is overwritten by a slip of the fingers.
+
+    Raises:
+        InputError: the name is no .html, or there is no such folder.
+    """
+    if path.suffix.lower() not in {".html", ".htm"}:
+        raise InputError("wanted a name that ends in .html", source=str(path), place="--html")
+    if not path.parent.is_dir():
+        raise InputError("there is no such folder; make it first", source=str(path.parent), place="--html")
+
+
+def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
+    """What stands where runs with these flags write: a K that failed since must not be taken for today's."""
+    stem = re.escape(matrix_path.stem)
+    ours = re.compile(rf"{stem}(_seed)?(\..+)?\.npy")
+    for path in sorted(matrix_path.parent.iterdir()):
+        if ours.fullmatch(path.name) or fnmatchcase(path.name, SOLVER_FILES.get(solver, "")):
+            yield path
+
+
+def _why_not_handed_over(camera: CameraOutcome, solver: Solver) -> str | None:
+    """Why the solver must not get a camera's K, None when it may."""
+    if solver is Solver.NONE:
+        return None
+    if camera.calibration is None or camera.verdict is not Verdict.VALID:
+        return "no valid K"
+    return refusal(solver, camera.calibration)
+
+
+def _candidate(camera: CameraOutcome, *, refused: bool) -> Candidate:
+    """A camera for a solver; only a K that it may and can use comes along."""
+    return Candidate(
+        slug=camera.slug,
+        calibration=None if refused else camera.calibration,
+        states=tuple(state.metadata for state in camera.camera.states),
+        names=camera.camera.names,
+    )
+
+
+def _npy(calibration: Calibration) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, calibration.intrinsics.matrix, allow_pickle=False)
+    return buffer.getvalue()

@@ -1,0 +1,339 @@
+"""The run as a page to show a colleague: every camera, its K, what the evidence says, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import version
+
+from calibrary.calibration import Calibration
+from calibrary.evidence.witness import Witness
+from calibrary.jobs.extract.cameras import circumstances
+from calibrary.jobs.extract.fallback import Fallback
+from calibrary.jobs.extract.hand_off import seed_command
+from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
+from calibrary.jobs.extract.outputs import Outputs
+from calibrary.pages import (
+    Badge,
+    Block,
+    Bullets,
+    Cell,
+    Code,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Link,
+    Note,
+    Page,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+)
+from calibrary.pages.plots import Axis, Band, Interval, Role, distortion_map, intervals, radial_curve
+from calibrary.policy import Policy
+from calibrary.validation import Report, Severity, Verdict
+
+__all__ = ["outcome_page"]
+
+VERDICTS = {Verdict.VALID: Tone.GOOD, Verdict.UNPROVEN: Tone.CAUTION, Verdict.REJECTED: Tone.BAD}
+SEVERITIES = {
+    Severity.PASS: Tone.GOOD,
+    Severity.WARNING: Tone.NEUTRAL,
+    Severity.UNPROVEN: Tone.CAUTION,
+    Severity.ERROR: Tone.BAD,
+}
+PX = Axis("fx", "px")
+
+MOST_DRAWN = 40
+"""Cameras with plots; a fleet has fewer, and a page of more would be slow to make and to open."""
+
+MOST_CAMERAS = 500
+MOST_NAMES = 200
+"""Images named of one camera, and of those set aside; the report lists all."""
+
+
+def outcome_page(outcome: Outcome, outputs: Outputs) -> Page:
+    """The whole run: what was found, and what is written of it."""
+    # Those that need somebody first: a page is read from the top.
+    cameras = sorted(outcome.cameras, key=lambda c: -list(Verdict).index(c.verdict))
+    shown = cameras[:MOST_CAMERAS]
+    sections = [_overview(outcome, shown, outputs)]
+    sections += [_camera(c, outcome.policy, drawn=i < MOST_DRAWN) for i, c in enumerate(shown)]
+    if outcome.rejected:
+        sections.append(_set_aside(outcome))
+    counts = {verdict: sum(c.verdict is verdict for c in cameras) for verdict in Verdict}
+    told = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count) or "none"
+    good = outcome.exit_code == 0
+    return Page(
+        title=f"Ingest gate: {_count(len(cameras), 'camera')}",
+        badge=Badge("every K is valid", Tone.GOOD) if good else Badge("needs somebody", Tone.BAD),
+        lead=f"{told[0].upper()}{told[1:]}, judged by the {outcome.policy.name} policy. "
+        "Only a valid K is handed to a solver.",
+        sections=tuple(sections),
+        # The overview leads to every camera.
+        contents=False,
+        made_by=f"Made by calibrary {version('calibrary')} from {_count(_images(outcome), 'image')}.",
+    )
+
+
+def _overview(outcome: Outcome, cameras: list[CameraOutcome], outputs: Outputs) -> Section:
+    columns = (
+        Column("camera"),
+        Column("verdict"),
+        Column("images", numeric=True),
+        Column("fx (px)", numeric=True),
+        Column("fx/W", numeric=True),
+        Column("grade"),
+        Column("K in"),
+    )
+    blocks: list[Block] = [Note(text=text, tone=Tone.CAUTION) for text in outputs.warnings]
+    blocks.append(
+        Table(
+            caption="Every camera that was found in the images, those that need somebody first",
+            columns=columns,
+            rows=tuple(_row(camera, outputs.matrices.get(camera.slug)) for camera in cameras),
+        )
+    )
+    if len(outcome.cameras) > len(cameras):
+        blocks.append(f"{len(outcome.cameras) - len(cameras)} more cameras are in the report only.")
+    unmeasured = sum(c.uncalibrated for c in outcome.cameras if c.calibration is not None)
+    if unmeasured:
+        blocks.append(
+            Note(
+                text=f"For {_count(unmeasured, 'camera')} nobody measured the principal point and the distortion: "
+                "good enough for a reconstruction to converge, not for survey accuracy."
+            )
+        )
+    return Section(title="Overview", blocks=tuple(blocks))
+
+
+def _row(camera: CameraOutcome, output: str | None) -> tuple[Cell, ...]:
+    fx, over_width, grade = "–", "–", "–"
+    if camera.calibration is not None:
+        K = camera.calibration.intrinsics
+        fx, over_width = f"{K.fx:.2f}", f"{K.fx / K.image_size[0]:.3f}"
+        grade = camera.calibration.grade.value
+    return (
+        Link(str(camera.camera.key), f"#{camera.slug}"),
+        _verdict(camera),
+        str(len(camera.camera.names)),
+        fx,
+        over_width,
+        grade,
+        output or "–",
+    )
+
+
+def _camera(camera: CameraOutcome, policy: Policy, *, drawn: bool) -> Section:
+    blocks = [*_judgement(camera), *_numbers(camera)]
+    if drawn:
+        plots = [plot for plot in (_evidence(camera, policy),) if plot is not None]
+        if camera.calibration is not None and camera.calibration.distortion is not None:
+            arrows, _ = distortion_map(camera.calibration)
+            plots += [arrows, radial_curve(camera.calibration)]
+        blocks += [SideBySide(tuple(plots))] if plots else []
+    blocks += _findings(camera.report)
+    blocks += _doubts(camera)
+    if camera.fallback is not None:
+        blocks += _fallbacks(camera.fallback)
+    blocks.append(_names(camera.camera.names))
+    return Section(
+        title=str(camera.camera.key), badge=_verdict(camera), anchor=camera.slug, blocks=tuple(blocks)
+    )
+
+
+def _judgement(camera: CameraOutcome) -> Iterator[Block]:
+    if camera.reason is not None:
+        yield Note(text=camera.reason, action=camera.advice, tone=VERDICTS[camera.verdict])
+    known = camera.camera.states[0].known.title
+    if known is not None:
+        yield f"The catalogue knows it as {known}."
+
+
+def _numbers(camera: CameraOutcome) -> Iterator[Block]:
+    """K and what stands beside it; of a rejected K its numbers too, said to be no K."""
+    calibration, failed = camera.calibration, camera.camera.calibration
+    if calibration is not None:
+        yield KeyValues(tuple(_intrinsics(calibration)))
+        yield _origin(calibration)
+        yield from _distortion(calibration)
+        yield from calibration.notes
+    elif failed is not None:
+        yield Details(
+            summary="The numbers that were rejected",
+            blocks=(KeyValues(tuple(_intrinsics(failed))), _origin(failed)),
+        )
+
+
+def _intrinsics(calibration: Calibration) -> Iterator[tuple[str, str]]:
+    K = calibration.intrinsics
+    std = calibration.quality.std if calibration.quality is not None else {}
+    for name in ("fx", "fy", "cx", "cy"):
+        sigma = f" ± {std[name]:.2f}" if name in std else ""
+        yield name, f"{getattr(K, name):.2f}{sigma} px"
+    if K.skew:
+        yield "skew", f"{K.skew:.4g} px"
+    yield "image", "{} × {} px".format(*K.image_size)
+
+
+def _origin(calibration: Calibration) -> str:
+    """Where the K is from, in a sentence."""
+    source = calibration.provenance
+    told = f"Grade: {calibration.grade.value}, from {source.tag or source.kind}"
+    if source.source is not None:
+        told += f" of {source.source}"
+    if source.adaptation is not None:
+        told += f", {source.adaptation}"
+    if source.assumptions:
+        told += f". Assumed: {'; '.join(source.assumptions)}"
+    return f"{told}."
+
+
+def _distortion(calibration: Calibration) -> Iterator[Block]:
+    if calibration.distortion is None:
+        yield "Its distortion is unknown, which is not the same as none."
+        return
+    coefficients = calibration.distortion.coefficients
+    if not coefficients:
+        yield "The image is free of distortion."
+        return
+    yield Table(
+        caption=f"Distortion, {calibration.distortion.model} model",
+        columns=tuple(Column(name, numeric=True) for name in coefficients),
+        rows=(tuple(f"{value:.6g}".replace("-", "−") for value in coefficients.values()),),
+    )
+
+
+def _evidence(camera: CameraOutcome, policy: Policy) -> Figure | None:
+    """Every witness's fx side by side, before the band that it is held against."""
+    evidence = camera.camera.evidence
+    if not evidence.witnesses:
+        return None
+    doubted = {conflict.other for conflict in evidence.conflicts}
+
+    def role(witness: Witness) -> Role:
+        if witness is evidence.chosen:
+            return Role.CHOSEN
+        if evidence.chosen is None or not witness.pinhole:
+            return Role.ASIDE
+        return Role.DISAGREES if witness in doubted else Role.AGREES
+
+    rows = [
+        Interval(
+            name=witness.tag,
+            value=witness.intrinsics.fx,
+            half_width=witness.intrinsics.fx * witness.tolerance,
+            role=role(witness),
+        )
+        for witness in evidence.witnesses
+    ]
+    caption = "What each source in the images says of fx"
+    caption += "; bars are the source's own rounding." if any(row.half_width for row in rows) else "."
+    band = _band(camera, policy)
+    if band is not None:
+        caption += f" Shaded: what {band.text} lets pass."
+    return intervals(rows, axis=PX, caption=caption, band=band)
+
+
+def _band(camera: CameraOutcome, policy: Policy) -> Band | None:
+    evidence = camera.camera.evidence
+    state = next((s for s in camera.camera.states if s.metadata == evidence.scene.metadata), None)
+    expected = circumstances(evidence, state.known).expected if state is not None else None
+    if policy.known_camera_tolerance is not None and expected is not None:
+        share = max(policy.known_camera_tolerance, expected.spread or 0.0)
+        return Band(expected.fx * (1 - share), expected.fx * (1 + share), f"the {expected.source}")
+    width = evidence.scene.metadata.size[0]
+    low, high = policy.focal_over_width
+    return Band(low * width, high * width, f"the {policy.name} policy's band")
+
+
+def _findings(report: Report | None) -> Iterator[Block]:
+    if report is None:
+        return
+    columns = (
+        Column("rule"),
+        Column("result"),
+        Column("measured", numeric=True),
+        Column("limit", numeric=True),
+        Column("what was found and wanted"),
+    )
+    caption = f"K against the {report.policy} policy"
+    table = Table(
+        caption=caption,
+        columns=columns,
+        rows=tuple(
+            (
+                f.rule,
+                Badge(f.severity.value, SEVERITIES[f.severity]),
+                _share(f.measured),
+                _share(f.limit),
+                f.message,
+            )
+            for f in report.findings
+        ),
+    )
+    if report.verdict is Verdict.VALID:
+        yield Details(summary=f"{caption}: {_count(len(report.findings), 'finding')}", blocks=(table,))
+    else:
+        yield table
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}".replace("-", "−")
+
+
+def _doubts(camera: CameraOutcome) -> Iterator[Block]:
+    """What was heard beside the K and is not believed, or contradicts it."""
+    evidence = camera.camera.evidence
+    said = [
+        f"{c.other.tag} disagrees with {c.chosen.tag} by {c.difference:+.1%}: {c.cause.value}."
+        for c in evidence.conflicts
+    ]
+    said += [f"{dropped.tag} is not believed: {dropped.reason}." for dropped in evidence.dropped]
+    if said:
+        yield Bullets(tuple(said))
+
+
+def _fallbacks(fallback: Fallback) -> Iterator[Block]:
+    yield Table(
+        caption="What was tried instead of the images' own K, in this order",
+        columns=(Column("step"), Column("outcome"), Column("source"), Column("why")),
+        rows=tuple((s.step.value, s.outcome.value, s.source or "–", s.why) for s in fallback.steps),
+    )
+    if fallback.seed is not None:
+        command = seed_command(fallback.seed).replace(" && ", " &&\n")
+        yield Details(
+            summary="To self-calibrate from the seed",
+            blocks=(Code(text=command, label=f"COLMAP commands for {fallback.seed.camera}"),),
+        )
+
+
+def _names(names: tuple[str, ...]) -> Details:
+    shown = names[:MOST_NAMES]
+    more = (f"and {len(names) - len(shown)} more, listed in the report",) if len(names) > len(shown) else ()
+    return Details(summary=_count(len(names), "image"), blocks=(Bullets((*shown, *more)),))
+
+
+def _set_aside(outcome: Outcome) -> Section:
+    rejected = outcome.rejected[:MOST_NAMES]
+    table = Table(
+        caption="Images no camera could be told from",
+        columns=(Column("image"), Column("why")),
+        rows=tuple((item.name, item.reason) for item in rejected),
+    )
+    more = len(outcome.rejected) - len(rejected)
+    blocks: tuple[Block, ...] = (table, f"{more} more are listed in the report.") if more else (table,)
+    return Section(title=f"{_count(len(outcome.rejected), 'image')} set aside", blocks=blocks)
+
+
+def _verdict(camera: CameraOutcome) -> Badge:
+    return Badge(camera.verdict.value, VERDICTS[camera.verdict])
+
+
+def _images(outcome: Outcome) -> int:
+    return sum(len(c.camera.names) for c in outcome.cameras) + len(outcome.rejected)
+
+
+def _count(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"

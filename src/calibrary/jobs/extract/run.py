@@ -1,0 +1,169 @@
+"""The gate from end to end: a directory of images in, one judged K per camera out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from calibrary.calibration import CameraKey, ImageSize
+from calibrary.errors import InputError, ValidationError
+from calibrary.evidence.frame import exif_contradiction
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
+from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_calibrations, read_matrix
+from calibrary.jobs.extract.gather import Gathered, Rejected, find_images, gather
+from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.extract.outcome import CameraOutcome, Outcome, slugs
+from calibrary.policy import FLEET, Policy
+from calibrary.validation import Finding, Report, Severity, Verdict
+
+__all__ = ["Request", "run"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What to do.
+
+    Attributes:
+        image_dir: where the images lie.
+        sensor_mm: (width, height) the user stated; a side or both None where not stated.
+        policy: what K is held against.
+        fallback_k: a .npy with K for when the images yield none.
+        registry: a fleet registry's folder.
+        lock: the file that pins entries of it; no others are used then.
+        recursive: go into sub-folders.
+        workers: processes; 0 decides by itself.
+        strict: stop at the first breach.
+        found: called once with the number of images.
+        progress: called with the number of images read since the last call.
+    """
+
+    image_dir: Path
+    sensor_mm: tuple[float | None, float | None] = (None, None)
+    policy: Policy = FLEET
+    fallback_k: Path | None = None
+    registry: Path | None = None
+    lock: Path | None = None
+    recursive: bool = False
+    workers: int = 0
+    strict: bool = False
+    found: Callable[[int], None] | None = field(default=None, compare=False)
+    progress: Callable[[int], None] | None = field(default=None, compare=False)
+
+
+def run(request: Request) -> Outcome:
+    """Extract one K per camera.
+
+    Raises:
+        InputError: the directory, the fallback K or the lock cannot be read, or there is no image.
+        RegistryError: the registry cannot be read, or has drifted from the lock.
+        ValidationError: ``strict`` and something breached the policy.
+    """
+    knowledge = Knowledge.load(request.registry, request.lock)
+    matrix = read_matrix(request.fallback_k) if request.fallback_k is not None else None
+    images = find_images(request.image_dir, recursive=request.recursive)
+    if not images:
+        hint = "" if request.recursive else "; if they lie in sub-folders, add --recursive"
+        raise InputError(f"holds no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=str(request.image_dir))
+    if request.found is not None:
+        request.found(len(images))
+    gathered = gather(
+        images,
+        request.image_dir,
+        workers=request.workers,
+        progress=request.progress,
+        stop_at_first=request.strict,
+    )
+    _set_contradictions_aside(gathered)
+    if request.strict and gathered.rejected:
+        first = gathered.rejected[0]
+        raise _breach(request.policy, "image", f"{first.name}: {first.reason}")
+
+    states = sort_cameras(gathered.states, knowledge)
+    sensor, warnings = _sensor(request, states)
+    cameras = [_judged(key, group, request, sensor) for key, group in states.items()]
+    rivals = _rivals(cameras)
+    files, unreadable = (
+        find_calibrations(request.image_dir, recursive=request.recursive) if rivals else ([], [])
+    )
+    sources = Sources(
+        matrix=matrix,
+        files=tuple(files),
+        unreadable=tuple(unreadable),
+        knowledge=knowledge,
+        rivals=rivals,
+    )
+    names = slugs(states)
+    return Outcome(
+        policy=request.policy,
+        cameras=tuple(
+            CameraOutcome(
+                slug=names[camera.key], camera=camera, fallback=_fallback(camera, request.policy, sources)
+            )
+            for camera in cameras
+        ),
+        rejected=tuple(gathered.rejected),
+        warnings=(*knowledge.remarks, *warnings),
+    )
+
+
+def _set_contradictions_aside(gathered: Gathered) -> None:
+    """An image whose EXIF is of another frame is no evidence of any camera."""
+    for metadata in list(gathered.states):
+        contradiction = exif_contradiction(metadata)
+        if contradiction is not None:
+            names = gathered.states.pop(metadata)
+            gathered.rejected.extend(Rejected(name, contradiction) for name in names)
+    gathered.rejected.sort(key=lambda rejected: rejected.name)
+
+
+def _sensor(
+    request: Request, states: Mapping[CameraKey, tuple[State, ...]]
+) -> tuple[Sensor, tuple[str, ...]]:
+    """The sensor size that counts for this run: stated sizes hold for one camera, never for several."""
+    default = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
+    if request.sensor_mm == (None, None):
+        return default, ()
+    # A stripped file has no focal length to divide by a sensor: it is no second camera here.
+    cameras = [key for key, group in states.items() if any(state.metadata.focal_mm for state in group)]
+    if len(cameras) <= 1:
+        return Sensor(size_mm=request.sensor_mm, given=True), ()
+    names = ", ".join(str(key) for key in cameras[:4]) + (", …" if len(cameras) > 4 else "")
+    warning = (
+        f"the sensor size given is not used: the images are of {len(cameras)} cameras ({names}), and one sensor "
+        "cannot be all of theirs; give it for a folder with one camera"
+    )
+    return default, (warning,)
+
+
+def _judged(key: CameraKey, group: tuple[State, ...], request: Request, sensor: Sensor) -> Camera:
+    camera = judge(key, group, policy=request.policy, sensor=sensor)
+    if request.strict and camera.verdict is not Verdict.VALID:
+        rule = camera.report.failures[0].rule if camera.report is not None else "intrinsics"
+        raise _breach(request.policy, rule, f"{camera.key}: {camera.reason}; {camera.remedy}")
+    return camera
+
+
+def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
+    finding = Finding(rule=rule, severity=Severity.ERROR, message=message)
+    return ValidationError(message, Report(policy=policy.name, findings=(finding,)))
+
+
+def _rivals(cameras: list[Camera]) -> dict[ImageSize, int]:
+    counts: dict[ImageSize, int] = {}
+    for camera in cameras:
+        size = camera.key.image_size
+        if size is not None and camera.verdict is not Verdict.VALID:
+            counts[size] = counts.get(size, 0) + 1
+    return counts
+
+
+def _fallback(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
+    """Go through the chain unless the camera's own K is valid; an unproven K yields to a valid one only."""
+    if camera.verdict is Verdict.VALID:
+        return None
+    fallback = fall_back(camera, policy, sources)
+    if camera.verdict is Verdict.REJECTED:
+        return fallback
+    better = fallback.report is not None and fallback.report.verdict is Verdict.VALID
+    return fallback if better else Fallback(steps=fallback.steps)

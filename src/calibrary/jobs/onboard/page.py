@@ -1,0 +1,320 @@
+"""A payload as a page: for every camera the decision, who says what beside whom, the entry, and its kin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import version
+from typing import Final
+
+from calibrary.calib.verdict import Outcome as BoardOutcome
+from calibrary.calibration import Calibration
+from calibrary.jobs.calibrate_board.page_plots import fit_plots
+from calibrary.jobs.onboard.claims import Kind
+from calibrary.jobs.onboard.judging import Hearing, Relative
+from calibrary.jobs.onboard.proposing import sources_of
+from calibrary.jobs.onboard.records import BoardSolve, Decision, Onboarding, Outcome
+from calibrary.jobs.onboard.sorting import Payload
+from calibrary.pages import (
+    Badge,
+    Block,
+    Bullets,
+    Cell,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Note,
+    Page,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+)
+from calibrary.pages.plots import Axis, Interval, Role, distortion_map, intervals, radial_curve
+from calibrary.validation import Report, Severity
+
+__all__ = ["onboard_page"]
+
+DECISIONS: Final = {Decision.PROPOSED: Tone.GOOD, Decision.KNOWN: Tone.NEUTRAL, Decision.REFUSED: Tone.BAD}
+SOLVES: Final = {
+    BoardOutcome.PASS: Tone.GOOD,
+    BoardOutcome.PROVISIONAL: Tone.CAUTION,
+    BoardOutcome.REFUSE: Tone.BAD,
+}
+SEVERITIES: Final = {
+    Severity.PASS: Tone.GOOD,
+    Severity.WARNING: Tone.NEUTRAL,
+    Severity.UNPROVEN: Tone.CAUTION,
+    Severity.ERROR: Tone.BAD,
+}
+PX: Final = Axis("fx", "px")
+MOST_ROWS: Final = 200
+MOST_SOLVES: Final = 3
+"""Board calibrations shown with their plots."""
+
+
+def onboard_page(done: Onboarding) -> Page:
+    """All of it; nothing in it depends on whether the drafts were written."""
+    count = len(done.outcomes)
+    title = str(done.outcomes[0].subject.key) if count == 1 else f"{count} cameras"
+    refused = sum(one.decision is Decision.REFUSED for one in done.outcomes)
+    if not done.outcomes:
+        badge, lead = Badge("no camera", Tone.BAD), "No camera could be told from what came with the payload."
+    elif refused:
+        badge = Badge("refused", Tone.BAD)
+        lead = f"{refused} of {count} cameras refused, so nothing is written into the registry."
+    elif any(one.decision is Decision.PROPOSED for one in done.outcomes):
+        badge, lead = (
+            Badge("draft proposed", Tone.GOOD),
+            "A draft waits on a branch until somebody approves it.",
+        )
+    else:
+        badge, lead = (
+            Badge("nothing new", Tone.NEUTRAL),
+            "The registry knows all of it from the same sources.",
+        )
+    solves = 0
+    sections = []
+    for one in done.outcomes:
+        solves += one.board is not None and one.board.result is not None
+        sections.append(_camera(one, done.payload, whole=solves <= MOST_SOLVES))
+    return Page(
+        title=f"On board: {title}",
+        badge=badge,
+        lead=lead,
+        sections=(*sections, _sorted(done)),
+        made_by=f"Made by calibrary {version('calibrary')} from {done.payload.folder.name}.",
+    )
+
+
+def _camera(one: Outcome, payload: Payload, *, whole: bool) -> Section:
+    blocks: list[Block] = [
+        Note(
+            text=f"{one.reason[:1].upper()}{one.reason[1:]}.", action=one.advice, tone=DECISIONS[one.decision]
+        )
+    ]
+    blocks += _witnesses(one)
+    if one.entry is not None:
+        blocks += _entry(one)
+    blocks += _relatives(one.relatives)
+    blocks += _findings(one.report)
+    if one.board is not None:
+        blocks += _board(one.board, whole=whole)
+    blocks.append(_sources(one, payload))
+    badge = Badge(one.decision.value, DECISIONS[one.decision])
+    return Section(title=str(one.subject.key), badge=badge, blocks=tuple(blocks))
+
+
+def _witnesses(one: Outcome) -> Iterator[Block]:
+    if not one.claims:
+        return
+    hearing = one.hearing
+    rows = []
+    for claim in one.claims:
+        voice = next((v for v in hearing.voices if v.claim is claim), None) if hearing is not None else None
+        K = claim.intrinsics
+        stands: Cell = "–"
+        if hearing is not None and claim is hearing.chosen:
+            stands = Badge("proposed" if hearing.dispute is None else "in dispute", Tone.NEUTRAL)
+        elif voice is not None and hearing is not None:
+            stands = (
+                Badge("agrees", Tone.GOOD)
+                if voice.agrees
+                else Badge("not believed", Tone.CAUTION)
+                if voice in hearing.overruled
+                else Badge("disagrees", Tone.BAD)
+            )
+        rows.append(
+            (
+                claim.name,
+                claim.kind.value,
+                claim.grade.value if claim.grade is not None else "–",
+                f"{K.fx:.2f}",
+                f"{K.fy:.2f}",
+                f"{K.cx:.2f}" if claim.measured_centre else "–",
+                f"{K.cy:.2f}" if claim.measured_centre else "–",
+                _percent(voice.share) if voice is not None else "–",
+                stands,
+            )
+        )
+    yield Table(
+        caption="Who says what, at the size of its images; px. Difference: the largest of fx and fy, and of a centre "
+        "that both measured.",
+        columns=(
+            Column("witness"),
+            Column("who"),
+            Column("grade"),
+            *(Column(name, numeric=True) for name in ("fx", "fy", "cx", "cy")),
+            Column("difference", numeric=True),
+            Column("stands"),
+        ),
+        rows=tuple(rows),
+    )
+    yield _chart(one, hearing)
+
+
+def _chart(one: Outcome, hearing: Hearing | None) -> Figure:
+    rows = []
+    for claim in one.claims:
+        role = Role.ASIDE
+        if hearing is not None:
+            voice = next((v for v in hearing.voices if v.claim is claim), None)
+            role = Role.CHOSEN if voice is None else Role.AGREES if voice.agrees else Role.DISAGREES
+        rows.append(
+            Interval(
+                name=f"{claim.kind.value}: {claim.name}",
+                value=claim.intrinsics.fx,
+                half_width=claim.intrinsics.fx * claim.limit if claim.kind is not Kind.BOARD else 0.0,
+                role=role,
+            )
+        )
+    return intervals(
+        rows,
+        axis=PX,
+        caption="fx by every witness; bars are how far another may lie from it and still agree.",
+    )
+
+
+def _entry(one: Outcome) -> Iterator[Block]:
+    entry, before = one.entry, one.standing
+    assert entry is not None  # noqa: S101  the caller asked for it
+    calibration, status = entry.calibration, entry.status.value
+    if before is not None and before.status is not entry.status:
+        status += f", {before.status.value} before"
+    yield f"The entry {entry.id}:"
+    items: list[tuple[str, Cell]] = [
+        ("serves", "this unit only" if calibration.camera.serial is not None else "every unit of its model"),
+        ("grade", calibration.grade.value),
+        *_numbers(calibration),
+        ("status", status),
+        ("made", calibration.provenance.date or "–"),
+        ("answers for it", calibration.provenance.operator or "–"),
+    ]
+    yield KeyValues(tuple(items))
+    if calibration.distortion is not None and calibration.distortion.coefficients:
+        arrows, _ = distortion_map(calibration)
+        yield SideBySide((arrows, radial_curve(calibration)))
+    for finding in one.findings:
+        yield Note(text=f"{finding.message} [{finding.rule}]", tone=Tone.CAUTION)
+
+
+def _numbers(calibration: Calibration) -> Iterator[tuple[str, Cell]]:
+    K, quality = calibration.intrinsics, calibration.quality
+    std = quality.std if quality is not None else {}
+    for name in ("fx", "fy", "cx", "cy"):
+        sigma = f" ± {std[name]:.2f}" if name in std else ""
+        yield name, f"{getattr(K, name):.2f}{sigma} px"
+    yield "image", "{} × {} px".format(*K.image_size)
+
+
+def _relatives(relatives: tuple[Relative, ...]) -> Iterator[Block]:
+    if not relatives:
+        return
+    rows = []
+    for relative in relatives:
+        found = relative.comparison
+        numbers = found.numbers if found is not None else None
+        verdict: Cell = "–"
+        if found is not None:
+            kinds = ", ".join(one.kind.value for one in found.structural)
+            told = f"{found.verdict.value}: {kinds}" if kinds else found.verdict.value
+            verdict = Badge(told, Tone.CAUTION if found.alarm else Tone.GOOD)
+        rows.append(
+            (
+                relative.id,
+                "this camera" if relative.own else "another",
+                relative.entry.status.value,
+                _percent(numbers.focal_change, digits=3) if numbers is not None else "–",
+                f"{numbers.difference.max_px:.2f}" if numbers is not None else "–",
+                verdict if found is not None else (relative.why_not or "–"),
+            )
+        )
+    yield Table(
+        caption="The registry's entries of this model, and how the proposed K differs from each",
+        columns=(
+            Column("entry"),
+            Column("of"),
+            Column("status"),
+            Column("Δf / f", numeric=True),
+            Column("at most (px)", numeric=True),
+            Column("verdict"),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _findings(report: Report | None) -> Iterator[Block]:
+    if report is None:
+        return
+    table = Table(
+        caption=f"K against the {report.policy} policy",
+        columns=(Column("rule"), Column("result"), Column("what was found and wanted")),
+        rows=tuple(
+            (f.rule, Badge(f.severity.value, SEVERITIES[f.severity]), f.message) for f in report.findings
+        ),
+    )
+    yield (
+        table
+        if report.failures
+        else Details(
+            summary=f"K against the {report.policy} policy: {len(report.findings)} findings", blocks=(table,)
+        )
+    )
+
+
+def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
+    if board.why_not is not None:
+        yield Note(text=f"{board.frames} frames of a board give no K: {board.why_not}.", tone=Tone.CAUTION)
+    if board.result is None or board.sights is None or not whole:
+        return
+    result, quality = board.result, board.result.calibration.quality
+    rms = f", rms {quality.rms_px:.3f} px" if quality is not None and quality.rms_px is not None else ""
+    lead = (
+        f"{len(result.rms_by_view)} of {board.frames} frames of {result.observations.board} count{rms}; "
+        f"the {result.model.value} model. All of it: calibrary calibrate FRAMES --report FILE."
+    )
+    reasons = tuple(f"{reason.code}: {reason.message}" for reason in result.verdict.reasons)
+    yield Section(
+        title="The frames of a board",
+        badge=Badge(result.verdict.outcome.value, SOLVES[result.verdict.outcome]),
+        blocks=(lead, *((Bullets((*reasons, *board.sights.notes)),) if reasons else ()), *fit_plots(result)),
+    )
+
+
+def _sources(one: Outcome, payload: Payload) -> Details:
+    found = sources_of(one.subject, payload)
+    table = Table(
+        caption="Files that were heard; of images that say the same, one",
+        columns=(Column("file"), Column("what"), Column("sha256")),
+        rows=tuple((source.name, what, source.sha256) for what, source in found[:MOST_ROWS]),
+    )
+    return Details(summary=f"{len(found)} source{'s' * (len(found) != 1)} with their hashes", blocks=(table,))
+
+
+def _sorted(done: Onboarding) -> Section:
+    payload, aside = done.payload, (*done.payload.others, *done.subjects.aside)
+    counts = KeyValues(
+        (
+            ("images of flights", str(payload.images - len(payload.frames))),
+            ("frames of a board", str(len(payload.frames))),
+            ("calibration files", str(len(payload.files))),
+            ("set aside", str(len(aside))),
+        )
+    )
+    blocks: list[Block] = [counts]
+    if aside:
+        blocks.append(
+            Table(
+                caption="What was set aside",
+                columns=(Column("file"), Column("why")),
+                rows=tuple((one.name, one.reason) for one in aside[:MOST_ROWS]),
+            )
+        )
+    if len(aside) > MOST_ROWS:
+        blocks.append(f"{len(aside) - MOST_ROWS} more are in the JSON.")
+    return Section(title="What was in the folder", blocks=tuple(blocks))
+
+
+def _percent(share: float, *, digits: int = 1) -> str:
+    # + 0.0 takes the sign off a zero.
+    return f"{round(share, digits + 2) + 0.0:+.{digits}%}".replace("-", "−")

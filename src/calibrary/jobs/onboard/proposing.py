@@ -1,0 +1,181 @@
+"""The entry that a camera of a payload becomes: signed, with the hash of every source, for one unit or its model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
+from enum import StrEnum
+from importlib.metadata import version
+from typing import Final
+
+from calibrary.calib.result import CalibrationResult
+from calibrary.calibration import CameraKey, Grade, SourceFile
+from calibrary.jobs.calibrate_board.entry import entry_of
+from calibrary.jobs.calibrate_board.solving import Wanted
+from calibrary.jobs.onboard.claims import EXIF, Kind
+from calibrary.jobs.onboard.judging import Hearing
+from calibrary.jobs.onboard.sorting import Payload
+from calibrary.jobs.onboard.subjects import Subject, sha256_of
+from calibrary.registry.entry import Entry
+from calibrary.strictyaml import YamlValue
+
+__all__ = ["BLOCK", "FRAME", "Serves", "entry_for", "is_same", "sources_of"]
+
+BLOCK: Final = "x-onboarding"
+"""Of the entry's file, beside the blocks that every calibration has."""
+METRIC: Final = frozenset(grade for grade in Grade if grade.is_metric)
+FRAME: Final = "frame of a board"
+SAME_NUMBER: Final = 1e-6
+"""Of equal frames a solve gives equal numbers but for the order in which several cores add them up."""
+
+
+class Serves(StrEnum):
+    """Whom the entry is for."""
+
+    UNIT = "unit"
+    MODEL = "model"
+
+
+def entry_for(
+    subject: Subject,
+    hearing: Hearing,
+    serves: Serves,
+    payload: Payload,
+    *,
+    board: CalibrationResult | None,
+    operator: str,
+) -> Entry:
+    """The draft.
+
+    Args:
+        subject: the camera.
+        hearing: whose K it is, and who agrees.
+        serves: this unit only, or every one of its model.
+        payload: where its sources lie.
+        board: the solve, where the K is its.
+        operator: who answers for it.
+
+    Raises:
+        InputError: make or model is missing, or K is a guess.
+    """
+    chosen = hearing.chosen
+    assert chosen.calibration is not None  # noqa: S101  only a whole calibration is chosen
+    key = _key(subject, hearing, serves)
+    if chosen.kind is Kind.BOARD and board is not None:
+        named = replace(board.calibration, camera=replace(key, firmware=subject.firmware))
+        entry = entry_of(replace(board, calibration=named), Wanted(operator=operator))
+        calibration = entry.calibration
+    else:
+        calibration = replace(chosen.calibration, camera=key, extras=())
+        entry = Entry.of(calibration)
+    made = calibration.provenance
+    own = _own_source(subject, hearing, payload)
+    made = replace(
+        made,
+        source=made.source or (own.name if own is not None else None),
+        sha256=made.sha256 or (own.sha256 if own is not None else None),
+        tool=made.tool or f"calibrary {version('calibrary')} onboard",
+        date=made.date or datetime.now(UTC).date().isoformat(),
+        operator=made.operator or operator,
+        firmware=made.firmware or subject.firmware,
+    )
+    notes = (*calibration.notes, *_notes(hearing))
+    return replace(
+        entry,
+        calibration=replace(calibration, provenance=made, notes=tuple(dict.fromkeys(notes))),
+        extensions={**entry.extensions, BLOCK: _block(subject, hearing, serves, payload)},
+    )
+
+
+def sources_of(subject: Subject, payload: Payload) -> tuple[tuple[str, SourceFile], ...]:
+    """Every file that was heard, by what it is; of equal images one, of frames of a board all."""
+    found = [
+        ("image", SourceFile(name=name, sha256=sha256_of(payload.folder / name))) for name in subject.examples
+    ]
+    found += [("calibration file", SourceFile(name=one.name, sha256=one.sha256)) for one in subject.files]
+    found += [
+        (
+            FRAME,
+            SourceFile(name=path.relative_to(payload.folder).as_posix(), sha256=sha256_of(path)),
+        )
+        for path in subject.frames
+    ]
+    return tuple(dict.fromkeys(found))
+
+
+def is_same(one: Entry, other: Entry) -> bool:
+    """Whether two entries come from the same sources to the same numbers; who made them when does not count."""
+    return (
+        one.path == other.path
+        and _made_of(one) == _made_of(other)
+        and type(one.calibration.distortion) is type(other.calibration.distortion)
+        and all(
+            math.isclose(a, b, rel_tol=SAME_NUMBER, abs_tol=SAME_NUMBER)
+            for a, b in zip(_numbers(one), _numbers(other), strict=True)
+        )
+    )
+
+
+def _made_of(entry: Entry) -> tuple[object, ...]:
+    block = entry.extensions.get(BLOCK)
+    told = (block.get("serves"), block.get("sources")) if isinstance(block, dict) else ()
+    made = entry.calibration.provenance
+    return (*told, entry.calibration.grade, made.kind, made.sources)
+
+
+def _numbers(entry: Entry) -> list[float]:
+    K, lens = entry.calibration.intrinsics, entry.calibration.distortion
+    return [K.fx, K.fy, K.cx, K.cy, K.skew, *(lens.coefficients.values() if lens is not None else ())]
+
+
+def _key(subject: Subject, hearing: Hearing, serves: Serves) -> CameraKey:
+    key = replace(subject.key, firmware=None)
+    heard = [voice for voice in hearing.voices if voice.claim.voice == EXIF]
+    confirmed = any(voice.agrees and voice.claim.grade in METRIC for voice in heard)
+    if not confirmed and any(voice in hearing.overruled for voice in heard):
+        # A focal length that nobody believes must not be what the camera is found by.
+        key = replace(key, focal_mm=None)
+    return key if serves is Serves.UNIT else replace(key, serial=None)
+
+
+def _own_source(subject: Subject, hearing: Hearing, payload: Payload) -> SourceFile | None:
+    if hearing.chosen.kind is Kind.FILE:
+        file = next(one for one in subject.files if one.name == hearing.chosen.name)
+        return SourceFile(name=file.name.rpartition("/")[2], sha256=file.sha256)
+    if hearing.chosen.kind is Kind.TAGS and subject.camera is not None:
+        # The state whose K it is names its first image as the source.
+        source = (
+            subject.camera.calibration.provenance.source if subject.camera.calibration is not None else None
+        )
+        name = next((one for one in subject.camera.names if one.rpartition("/")[2] == source), None)
+        name = name or subject.camera.names[0]
+        return SourceFile(name=name.rpartition("/")[2], sha256=sha256_of(payload.folder / name))
+    return None
+
+
+def _notes(hearing: Hearing) -> Iterator[str]:
+    for voice in hearing.overruled:
+        yield f"{voice.claim.name} says fx {voice.share:+.1%} and is not believed"
+
+
+def _block(subject: Subject, hearing: Hearing, serves: Serves, payload: Payload) -> YamlValue:
+    """Which sources there were and what they said: the same payload gives the same block."""
+    heard = [
+        hearing.chosen,
+        *(voice.claim for voice in hearing.voices if voice.claim.kind is not Kind.REGISTRY),
+    ]
+    return {
+        "serves": serves.value,
+        "sources": [
+            {"what": what, "name": source.name, "sha256": source.sha256}
+            for what, source in sources_of(subject, payload)
+            # The provenance of a solve lists its frames itself.
+            if not (what == FRAME and hearing.chosen.kind is Kind.BOARD)
+        ],
+        "heard": [
+            {"who": claim.kind.value, "name": claim.name, "fx": round(claim.intrinsics.fx, 3)}
+            for claim in heard
+        ],
+    }

@@ -1,0 +1,162 @@
+"""What is asked of a payload, and what becomes of each of its cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+from calibrary.calib.board import Board
+from calibrary.calib.result import CalibrationResult
+from calibrary.calibration import CameraKey, ImageSize
+from calibrary.jobs.calibrate_board.sights import Sights
+from calibrary.jobs.onboard.claims import Claim, Kind
+from calibrary.jobs.onboard.judging import Hearing, Relative
+from calibrary.jobs.onboard.proposing import Serves
+from calibrary.jobs.onboard.sorting import Payload
+from calibrary.jobs.onboard.subjects import Subject, Subjects
+from calibrary.keep.keeper import Keeper
+from calibrary.policy import Policy
+from calibrary.registry.check import CheckFinding
+from calibrary.registry.entry import Entry
+from calibrary.validation import Report
+
+__all__ = ["BoardSolve", "Decision", "Onboarding", "Outcome", "Progress", "Questions", "Request"]
+
+Progress = Callable[[str, int, int], None]
+"""Told what is done, and how many of how many."""
+
+
+class Decision(StrEnum):
+    """What becomes of one camera; the value is what people read."""
+
+    PROPOSED = "draft proposed"
+    KNOWN = "nothing new"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Questions:
+    """What only a person knows, asked where it is needed and nowhere else.
+
+    Attributes:
+        square_mm: the side of a board's square; given how many frames show one.
+        serves: whether a measured K is this unit's alone; given the camera in words.
+    """
+
+    square_mm: Callable[[int], float]
+    serves: Callable[[str], Serves]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What to take on board.
+
+    Attributes:
+        folder: what came with the payload.
+        keeper: of the registry.
+        questions: see there.
+        said: puts what was said of a camera in the place of what is known, for cameras without a name.
+        image_size: of calibration files that do not say theirs.
+        board: which board the frames show; None for a checkerboard whose corners are counted by trying.
+        trusted: whom to believe where witnesses disagree and nothing else decides.
+        only: a part of the name of the cameras that are meant; None for all.
+        operator: who answers for it; git's user where it is None.
+        workers: processes; 0 decides by itself.
+        progress: told how far it is.
+    """
+
+    folder: Path
+    keeper: Keeper
+    questions: Questions
+    said: Callable[[CameraKey], CameraKey] = lambda known: known
+    image_size: ImageSize | None = None
+    board: Board | None = None
+    trusted: Kind | None = None
+    only: str | None = None
+    operator: str | None = None
+    workers: int = 0
+    progress: Progress | None = field(default=None, compare=False)
+
+    @property
+    def policy(self) -> Policy:
+        """The registry's."""
+        return self.keeper.charter.policy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BoardSolve:
+    """What became of the frames of a board.
+
+    Attributes:
+        frames: how many there are.
+        sights, result: None where no board was found or nothing could be solved.
+        why_not: then why.
+    """
+
+    frames: int
+    sights: Sights | None = None
+    result: CalibrationResult | None = None
+    why_not: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Outcome:
+    """One camera.
+
+    Attributes:
+        subject: which, and what came for it.
+        decision: what becomes of it.
+        reason: why, in a sentence.
+        advice: what to do next.
+        board: of its frames of a board, None where there are none.
+        claims: everybody heard, the one that is proposed first.
+        hearing: how the others stand to it; None where nobody claims a K.
+        report: the K against the policy.
+        entry: as it would be written; None where it came to none.
+        standing: what the registry's main branch has at its place.
+        findings: what the registry's check says of it.
+        relatives: entries of the same model.
+    """
+
+    subject: Subject
+    decision: Decision
+    reason: str
+    advice: str | None = None
+    board: BoardSolve | None = None
+    claims: tuple[Claim, ...] = ()
+    hearing: Hearing | None = None
+    report: Report | None = None
+    entry: Entry | None = None
+    standing: Entry | None = None
+    findings: tuple[CheckFinding, ...] = ()
+    relatives: tuple[Relative, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Onboarding:
+    """A payload and what becomes of it.
+
+    Attributes:
+        request: what was asked.
+        payload: the folder, sorted.
+        subjects: its cameras, and what is of none.
+        outcomes: of each camera.
+    """
+
+    request: Request
+    payload: Payload
+    subjects: Subjects
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is a camera, and none was refused."""
+        return bool(self.outcomes) and all(one.decision is not Decision.REFUSED for one in self.outcomes)
+
+    @property
+    def drafts(self) -> tuple[Entry, ...]:
+        """What is to be written: nothing, where a camera was refused."""
+        due = (one.entry for one in self.outcomes if one.decision is Decision.PROPOSED)
+        return tuple(entry for entry in due if entry is not None) if self.is_good else ()

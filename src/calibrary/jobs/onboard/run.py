@@ -1,0 +1,303 @@
+"""Taking a payload on board from end to end: a folder in; a decision for every camera, its reasons, perhaps a draft.
+
+Nothing is written here but by :func:`write_drafts`, and that only onto a branch of its own: what a fleet uses is
+changed by a person who approves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+from calibrary.calib.verdict import Outcome as BoardOutcome
+from calibrary.calibration import CameraKey
+from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError
+from calibrary.jobs.calibrate_board.entry import proposed
+from calibrary.jobs.calibrate_board.frames import told_by
+from calibrary.jobs.calibrate_board.sights import search
+from calibrary.jobs.calibrate_board.solving import Wanted, solved
+from calibrary.jobs.onboard.claims import MEASURED, Claim, Kind, claims
+from calibrary.jobs.onboard.judging import Hearing, hear, held_against, refused_by, relatives
+from calibrary.jobs.onboard.proposing import FRAME, Serves, entry_for, is_same, sources_of
+from calibrary.jobs.onboard.records import (
+    BoardSolve,
+    Decision,
+    Onboarding,
+    Outcome,
+    Progress,
+    Questions,
+    Request,
+)
+from calibrary.jobs.onboard.sorting import Payload, sort_payload
+from calibrary.jobs.onboard.subjects import Subject, find_subjects
+from calibrary.keep.admission import stands_against
+from calibrary.keep.candidates import Wish
+from calibrary.keep.keeper import Keeper, note_of
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.resolution import Resolution
+from calibrary.registry.slug import slug
+from calibrary.registry.writing import Written, identity
+
+__all__ = ["BRANCHES", "branch_name", "branch_of", "onboard", "write_drafts"]
+
+BRANCHES: Final = "onboard/"
+
+
+def onboard(request: Request) -> Onboarding:
+    """Sort, identify, hear, judge and propose; nothing is written.
+
+    Raises:
+        InputError: the folder cannot be read, or there is nothing of a camera in it.
+        RegistryError: the registry cannot be read.
+    """
+    payload = sort_payload(
+        request.folder,
+        board=request.board,
+        workers=request.workers,
+        progress=_phase(request.progress, "sorting"),
+    )
+    if not payload.states and not payload.files:
+        raise InputError(
+            "holds neither an image nor a calibration file; give the folder of what came with the payload",
+            source=str(request.folder),
+        )
+    subjects = find_subjects(payload, request.policy, request.said, image_size=request.image_size)
+    chosen = [one for one in subjects.found if _is_meant(one, request.only)]
+    if subjects.found and not chosen:
+        names = "; ".join(str(one.key) for one in subjects.found)
+        raise InputError(
+            f"no camera in it is called {request.only!r:.60}: {names}", source=str(request.folder)
+        )
+    square_mm = _square_mm(chosen, request)
+    outcomes = tuple(_outcome(one, payload, square_mm, request) for one in chosen)
+    if any(one.decision is Decision.REFUSED for one in outcomes):
+        outcomes = tuple(_waiting(one, request) for one in outcomes)
+    return Onboarding(request=request, payload=payload, subjects=subjects, outcomes=outcomes)
+
+
+def branch_of(entry: Entry) -> str:
+    """The branch on which drafts of a model wait for somebody to approve them."""
+    return branch_name(entry.calibration.camera)
+
+
+def branch_name(camera: CameraKey) -> str:
+    """The same of a camera that has no entry yet."""
+    return f"{BRANCHES}{slug(camera.make or '')}-{slug(camera.model or '')}"
+
+
+def write_drafts(done: Onboarding, reason: str | None = None) -> dict[str, Written]:
+    """Write what is proposed, a branch for each model and a commit for each branch.
+
+    Raises:
+        EntryConflictError: somebody has written the same entry on the branch meanwhile.
+        RegistryError: it cannot be written.
+    """
+    keeper, branches = done.request.keeper, {}
+    for branch in sorted({branch_of(entry) for entry in done.drafts}):
+        entries = [entry for entry in done.drafts if branch_of(entry) == branch]
+        named = entries[0].id if len(entries) == 1 else f"{len(entries)} cameras"
+        note = note_of(f"Propose {named}, taken on board", entries, reason)
+        note = replace(note, sources=tuple(dict.fromkeys([*note.sources, *_sources(done, entries)])))
+        based = [(entry, _oid_at(keeper, branch, entry.path)) for entry in entries]
+        branches[branch] = keeper.save(based, note, branch=branch)
+    return branches
+
+
+def _sources(done: Onboarding, entries: Sequence[Entry]) -> Iterator[str]:
+    for one in done.outcomes:
+        if one.entry in entries:
+            # Frames of a board are many, and the entry itself lists them.
+            yield from (
+                source.sha256 for what, source in sources_of(one.subject, done.payload) if what != FRAME
+            )
+
+
+def _waiting(one: Outcome, request: Request) -> Outcome:
+    """What to do with a camera that could be taken, and is not for the sake of another."""
+    if one.decision is not Decision.PROPOSED:
+        return one
+    return replace(
+        one, advice=f"to take it alone: calibrary onboard {request.folder} --only '{one.subject.key}'"
+    )
+
+
+def _is_meant(subject: Subject, only: str | None) -> bool:
+    return only is None or only.casefold() in str(subject.key).casefold()
+
+
+def _phase(progress: Progress | None, words: str) -> Callable[[int, int], None] | None:
+    if progress is None:
+        return None
+    return lambda done, total: progress(words, done, total)
+
+
+def _square_mm(subjects: Sequence[Subject], request: Request) -> float:
+    """Asked once, however many cameras photographed the board; 0 where none did."""
+    frames = sum(len(subject.frames) for subject in subjects)
+    if request.board is not None:
+        return request.board.square_mm
+    return request.questions.square_mm(frames) if frames else 0.0
+
+
+def _outcome(subject: Subject, payload: Payload, square_mm: float, request: Request) -> Outcome:
+    board = _board(subject, square_mm, request) if subject.frames else None
+    result = board.result if board is not None else None
+    heard = claims(subject, result, _standing(subject, request.keeper), request.policy)
+    hearing = hear(heard, request.trusted)
+    if hearing is None:
+        why, advice = _no_k(subject, board)
+        return Outcome(
+            subject=subject, decision=Decision.REFUSED, reason=why, advice=advice, board=board, claims=heard
+        )
+    so_far = Outcome(
+        subject=subject, decision=Decision.REFUSED, reason="", board=board, claims=heard, hearing=hearing
+    )
+    if hearing.dispute is not None:
+        advice = (
+            "bring another witness (frames of a board, a calibration file), take the wrong one out, or say whom to "
+            f"believe: {_trusts(heard)}"
+        )
+        return replace(so_far, reason=hearing.dispute, advice=advice)
+    calibration = hearing.chosen.calibration
+    assert calibration is not None  # noqa: S101  only a whole calibration is chosen
+    report = held_against(calibration, subject, hearing, request.policy)
+    so_far = replace(so_far, report=report)
+    refused = refused_by(report)
+    if refused is not None:
+        return replace(
+            so_far, reason=refused, advice="put that right, or calibrate the camera: calibrary calibrate"
+        )
+    return _proposed(so_far, hearing, payload, request)
+
+
+def _proposed(so_far: Outcome, hearing: Hearing, payload: Payload, request: Request) -> Outcome:
+    """The draft of a camera against which nothing speaks yet, and what the registry says to it."""
+    subject, keeper, board = so_far.subject, request.keeper, so_far.board
+    operator = request.operator or identity(keeper.registry.store)[0].name
+    serves = _serves(subject, hearing, request.questions)
+    result = board.result if board is not None else None
+    try:
+        entry = entry_for(subject, hearing, serves, payload, board=result, operator=operator)
+        proposal, findings = proposed(keeper, entry, Wish(operator=operator))
+    except (InputError, RegistryError) as error:
+        return replace(so_far, reason=str(error), advice="see what stands there: calibrary registry list")
+    entry, standing = proposal.entry, proposal.standing
+    done = replace(
+        so_far,
+        entry=entry,
+        standing=standing,
+        findings=tuple(findings),
+        relatives=relatives(keeper, entry, request.policy),
+    )
+    against = stands_against(findings)
+    if against:
+        return replace(done, reason=str(against[0]), advice="put that right in what came with the payload")
+    branch = branch_of(entry)
+    waiting = _entry_at(keeper, branch, entry.path)
+    if standing is not None and is_same(standing, entry):
+        reason = f"the registry has it from the same sources, {standing.status.value}"
+        advice = f"calibrary registry approve {entry.id}" if standing.status is Status.DRAFT else None
+        return replace(done, entry=standing, decision=Decision.KNOWN, reason=reason, advice=advice)
+    approving = f"calibrary registry approve {entry.id} --from {branch}"
+    if waiting is not None and is_same(waiting, entry):
+        reason = f"its draft waits on the branch {branch}, from the same sources"
+        return replace(done, entry=waiting, decision=Decision.KNOWN, reason=reason, advice=approving)
+    return replace(done, decision=Decision.PROPOSED, reason=_why(hearing, board), advice=approving)
+
+
+def _why(hearing: Hearing, board: BoardSolve | None) -> str:
+    chosen = hearing.chosen
+    grade = chosen.grade.value if chosen.grade is not None else "unknown"
+    agreeing = [voice.claim.name for voice in hearing.voices if voice.agrees]
+    told = f"its K is that of {chosen.name}, grade {grade}"
+    told += f"; {', '.join(agreeing[:3])} {'agrees' if len(agreeing) == 1 else 'agree'}" if agreeing else ""
+    if hearing.overruled:
+        told += f"; {', '.join(voice.claim.name for voice in hearing.overruled)} not believed"
+    provisional = (
+        chosen.kind is Kind.BOARD
+        and board is not None
+        and board.result is not None
+        and board.result.verdict.outcome is BoardOutcome.PROVISIONAL
+    )
+    return f"{told}; provisional, better frames are wanted before it is approved" if provisional else told
+
+
+def _serves(subject: Subject, hearing: Hearing, questions: Questions) -> Serves:
+    """Nominal numbers are every unit's; of what was measured on one a person says whether it stands for others."""
+    if hearing.chosen.grade not in MEASURED or subject.key.serial is None:
+        return Serves.MODEL
+    return questions.serves(str(subject.key))
+
+
+def _no_k(subject: Subject, board: BoardSolve | None) -> tuple[str, str]:
+    if board is not None and board.why_not is not None:
+        return (
+            f"its frames of a board give no K: {board.why_not}",
+            "take better frames: calibrary calibrate guide",
+        )
+    camera = subject.camera
+    if camera is not None and camera.calibration is not None:
+        return (
+            "its K would rest on a sensor size that nobody stated",
+            "bring frames of a board or a calibration file",
+        )
+    if camera is not None and camera.why_not is not None:
+        return camera.why_not, "bring frames of a board or a calibration file for it"
+    return "nothing that came with it says its K", "bring frames of a board or a calibration file for it"
+
+
+def _trusts(heard: Sequence[Claim]) -> str:
+    kinds = dict.fromkeys(claim.kind for claim in heard if claim.rank is not None)
+    return " or ".join(f"--trust {kind.value}" for kind in kinds)
+
+
+def _board(subject: Subject, square_mm: float, request: Request) -> BoardSolve:
+    frames = subject.frames
+    done = 0
+
+    def advance(count: int) -> None:
+        nonlocal done
+        done += count
+        if request.progress is not None:
+            request.progress("board", done, len(frames))
+
+    def said(known: CameraKey) -> CameraKey:
+        return replace(subject.key, firmware=known.firmware or subject.firmware)
+
+    try:
+        told = told_by(frames, said)
+        sights = search(frames, told, request.board or square_mm, workers=request.workers, progress=advance)
+        result = solved(sights, Wanted(operator=request.operator))
+    except (CalibrationError, InputError) as error:
+        return BoardSolve(frames=len(frames), why_not=str(error))
+    if result.verdict.outcome is BoardOutcome.REFUSE:
+        why = "; ".join(reason.message for reason in result.verdict.reasons[:2])
+        return BoardSolve(frames=len(frames), sights=sights, result=result, why_not=why)
+    return BoardSolve(frames=len(frames), sights=sights, result=result)
+
+
+def _standing(subject: Subject, keeper: Keeper) -> Resolution | None:
+    """The entry that answers for the camera now."""
+    try:
+        return keeper.index().resolve(replace(subject.key, firmware=subject.firmware))
+    except CalibraryError:
+        # Two that fit alike, or one that cannot be read: the registry's check tells, and neither is a witness.
+        return None
+
+
+def _entry_at(keeper: Keeper, branch: str, path: str) -> Entry | None:
+    oid = _oid_at(keeper, branch, path)
+    if oid is None:
+        return None
+    try:
+        return parse_entry(keeper.registry.store.blob(oid), path)
+    except InputError:
+        return None
+
+
+def _oid_at(keeper: Keeper, branch: str, path: str) -> str | None:
+    """What stands at a path of a branch, or of the main one as long as there is no such branch."""
+    exists = keeper.registry.store.tip(f"refs/heads/{branch}") is not None
+    return keeper.registry.snapshot(branch if exists else None).paths.get(path)

@@ -1,0 +1,256 @@
+"""The cameras of a payload, each with what came for it: its images, its frames of a board, its calibration files."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+from calibrary import parsers
+from calibrary.calibration import Calibration, CameraKey, ImageSize, same_aspect
+from calibrary.errors import InputError, MissingTagError
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
+from calibrary.jobs.extract.gather import Rejected
+from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.onboard.sorting import LARGEST_CALIBRATION, Payload
+from calibrary.known_camera import normalise_sub_camera
+from calibrary.policy import Policy
+from calibrary.registry.slug import match_key
+
+__all__ = ["FileCalibration", "Subject", "Subjects", "find_subjects", "sha256_of"]
+
+NAMES_SHOWN: Final = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileCalibration:
+    """One camera of a calibration file.
+
+    Attributes:
+        name: of the file, below the payload's folder.
+        sha256: of its bytes.
+        calibration: at the size of the camera's images.
+    """
+
+    name: str
+    sha256: str
+    calibration: Calibration
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """One camera of the payload.
+
+    Attributes:
+        key: which; the serial number is a hash, the firmware is not in it.
+        firmware: as all its images write it.
+        camera: what its images say; None where it has none.
+        frames: of a board.
+        files: calibrations for it.
+    """
+
+    key: CameraKey
+    firmware: str | None = None
+    camera: Camera | None = None
+    frames: tuple[Path, ...] = ()
+    files: tuple[FileCalibration, ...] = ()
+
+    @property
+    def examples(self) -> tuple[str, ...]:
+        """One image of each of its states, as names below the payload's folder."""
+        states = self.camera.states if self.camera is not None else ()
+        return tuple(sorted(min(state.names) for state in states))
+
+    @property
+    def size(self) -> ImageSize:
+        """(width, height) px of its images, or of its calibration."""
+        assert self.key.image_size is not None  # noqa: S101  every subject has one
+        return self.key.image_size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subjects:
+    """The cameras, and what could not be told whose it is.
+
+    Attributes:
+        found: in a fixed order.
+        aside: files and images that are of none of them, each with why.
+        nameless: sizes of cameras that could be taken on board if somebody said make and model.
+    """
+
+    found: tuple[Subject, ...]
+    aside: tuple[Rejected, ...]
+    nameless: tuple[ImageSize, ...] = ()
+
+
+@dataclass(slots=True)
+class _Sorting:
+    subjects: list[Subject] = field(default_factory=list)
+    aside: list[Rejected] = field(default_factory=list)
+    nameless: list[ImageSize] = field(default_factory=list)
+
+
+def find_subjects(
+    payload: Payload,
+    policy: Policy,
+    said: Callable[[CameraKey], CameraKey],
+    *,
+    image_size: ImageSize | None = None,
+) -> Subjects:
+    """Tell the cameras of a payload apart.
+
+    Args:
+        payload: sorted.
+        policy: what K is held against.
+        said: puts what was said of a camera in the place of what is known; asked of cameras without a name only.
+        image_size: of calibration files that do not say theirs.
+    """
+    knowledge = Knowledge.load(None)
+    sorting = _Sorting()
+    groups = _named(sort_cameras(payload.states, knowledge), payload, said, sorting)
+    sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
+    for key, states in groups.items():
+        camera = judge(key, states, policy=policy, sensor=sensor)
+        firmware = {state.metadata.software for state in states}
+        sorting.subjects.append(
+            Subject(
+                key=key,
+                firmware=firmware.pop() if len(firmware) == 1 else None,
+                camera=camera,
+                frames=tuple(payload.folder / name for name in camera.names if name in payload.frames),
+            )
+        )
+    _hand_out_files(payload, sorting, said, image_size)
+    return Subjects(
+        found=tuple(sorting.subjects),
+        aside=tuple(sorting.aside),
+        nameless=tuple(dict.fromkeys(sorting.nameless)),
+    )
+
+
+def sha256_of(path: Path) -> str:
+    """Of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _named(
+    groups: dict[CameraKey, tuple[State, ...]],
+    payload: Payload,
+    said: Callable[[CameraKey], CameraKey],
+    sorting: _Sorting,
+) -> dict[CameraKey, tuple[State, ...]]:
+    """The cameras that have a name, their own or one that was said; frames of a board are told by their size."""
+    named = {key: states for key, states in groups.items() if _has_name(key)}
+    for key, states in groups.items():
+        if _has_name(key):
+            continue
+        names = [name for state in states for name in state.names]
+        alike = [other for other in named if other.image_size == key.image_size]
+        if len(alike) == 1 and payload.frames.issuperset(names):
+            named[alike[0]] = (*named[alike[0]], *states)
+            continue
+        told = said(key)
+        if _has_name(told):
+            named[told] = (*named.get(told, ()), *states)
+            continue
+        if key.image_size is not None:
+            sorting.nameless.append(key.image_size)
+        sorting.aside += [Rejected(name, "names no make and model; say --make and --model") for name in names]
+    return named
+
+
+def _has_name(key: CameraKey) -> bool:
+    return bool((key.make or "").strip() and (key.model or "").strip())
+
+
+def _hand_out_files(
+    payload: Payload,
+    sorting: _Sorting,
+    said: Callable[[CameraKey], CameraKey],
+    image_size: ImageSize | None,
+) -> None:
+    from_images = len(sorting.subjects)
+    for path, _ in payload.files:
+        name = path.relative_to(payload.folder).as_posix()
+        sizes = {subject.size for subject in sorting.subjects}
+        size = image_size or (sizes.pop() if len(sizes) == 1 else None)
+        try:
+            calibrations = _read(path, size)
+            sha256 = sha256_of(path)
+        except MissingTagError as error:
+            way_out = "" if "--image-size" in error.message else "; say --image-size WxH"
+            sorting.aside.append(Rejected(name, f"{error.message}{way_out}"))
+            continue
+        except InputError as error:
+            sorting.aside.append(Rejected(name, error.message))
+            continue
+        for at, calibration in enumerate(calibrations, start=1):
+            label = name if len(calibrations) == 1 else f"{name}, camera {at}"
+            one = FileCalibration(name=label, sha256=sha256, calibration=calibration)
+            _hand_out(one, sorting, said, from_images)
+
+
+def _read(path: Path, size: ImageSize | None) -> list[Calibration]:
+    """A size that a file states itself counts; one that it lacks is the images'."""
+    try:
+        return parsers.read(path, max_bytes=LARGEST_CALIBRATION)
+    except MissingTagError:
+        if size is None:
+            raise
+        return parsers.read(path, image_size=size, max_bytes=LARGEST_CALIBRATION)
+
+
+def _hand_out(
+    one: FileCalibration, sorting: _Sorting, said: Callable[[CameraKey], CameraKey], from_images: int
+) -> None:
+    fitting = [at for at, subject in enumerate(sorting.subjects) if _fits(one.calibration, subject.key)]
+    if len(fitting) > 1:
+        same = [at for at in fitting if _is_sub_camera(one.calibration, sorting.subjects[at].key)]
+        fitting = same if len(same) == 1 else fitting
+    if len(fitting) == 1:
+        subject = sorting.subjects[fitting[0]]
+        scaled = replace(one, calibration=one.calibration.scaled(subject.size))
+        sorting.subjects[fitting[0]] = replace(subject, files=(*subject.files, scaled))
+        return
+    key = replace(one.calibration.camera, image_size=one.calibration.intrinsics.image_size)
+    if len(fitting) > 1:
+        names = ", ".join(str(sorting.subjects[at].key) for at in fitting[:NAMES_SHOWN])
+        why = f"does not say which of {len(fitting)} cameras it is of: {names}; put it beside that one's images alone"
+        sorting.aside.append(Rejected(one.name, why))
+        return
+    if from_images:
+        kept = ", ".join(str(subject.key) for subject in sorting.subjects[:NAMES_SHOWN])
+        sorting.aside.append(Rejected(one.name, f"is of {key}, and the images are of {kept}"))
+        return
+    told = said(key)
+    if _has_name(told):
+        named = replace(told, firmware=None)
+        sorting.subjects.append(Subject(key=named, firmware=told.firmware, files=(one,)))
+    else:
+        sorting.nameless.append(one.calibration.intrinsics.image_size)
+        sorting.aside.append(Rejected(one.name, "names no make and model; say --make and --model"))
+
+
+def _fits(calibration: Calibration, key: CameraKey) -> bool:
+    """Whether a file's camera can be this one: the same frame, and no other model, unit or sub-camera named."""
+    camera = calibration.camera
+    if key.image_size is None or not same_aspect(calibration.intrinsics.image_size, key.image_size):
+        return False
+    if camera.model is not None and key.model is not None and match_key(camera.model) != match_key(key.model):
+        return False
+    if camera.serial is not None and key.serial is not None and camera.serial != key.serial:
+        return False
+    sub = camera.sub_camera
+    return sub is None or sub.isdecimal() or key.sub_camera is None or _is_sub_camera(calibration, key)
+
+
+def _is_sub_camera(calibration: Calibration, key: CameraKey) -> bool:
+    stated = calibration.camera.sub_camera
+    return (
+        stated is not None
+        and key.sub_camera is not None
+        and normalise_sub_camera(stated) == normalise_sub_camera(key.sub_camera)
+    )

@@ -1,0 +1,166 @@
+"""A whole site from a registry at a commit: the same bytes from the same commit, on however many processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+from calibrary.errors import InputError
+from calibrary.jobs.site.addresses import INDEX
+from calibrary.jobs.site.listing import listing
+from calibrary.jobs.site.place import MARKER, replaced
+from calibrary.jobs.site.work import Card, Job, Task, write_entries
+from calibrary.keep.keeper import Keeper
+from calibrary.policy import Policy
+from calibrary.registry.history import changed, history
+from calibrary.workers import end_with_parent
+
+__all__ = ["Progress", "Site", "build", "build_into"]
+
+Progress = Callable[[int, int], None]
+"""Told how many of how many entries are done."""
+
+CHUNK = 6
+WORTH_A_POOL = 24
+"""Below this many entries starting workers costs more than it saves."""
+
+MOST_NEWS = 200
+"""Commits since an earlier site; after more of them looking at each costs more than it saves."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """A site that was built.
+
+    Attributes:
+        root: its folder.
+        commit: that it shows.
+        policy: whose limits it was judged by.
+        cards: a row of its list each.
+    """
+
+    root: Path
+    commit: str
+    policy: Policy
+    cards: tuple[Card, ...]
+
+
+def build(registry: Path, out: Path, *, workers: int | None = None, progress: Progress | None = None) -> Site:
+    """Put the site of a registry, as it is now, into a folder; an earlier site there is replaced as a whole.
+
+    Args:
+        registry: its folder.
+        out: where the site goes: a new or empty folder, or an earlier site.
+        workers: processes; by default one for each processor.
+        progress: told how far it is.
+
+    Raises:
+        InputError: ``out`` holds something else, or cannot be written; it is as it was.
+        RegistryError: the registry cannot be read.
+    """
+    with replaced(out) as folder:
+        site = build_into(folder, registry, workers=workers, progress=progress)
+    return replace(site, root=out)
+
+
+def build_into(
+    folder: Path,
+    registry: Path,
+    *,
+    former: Site | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Site:
+    """Write a site into an empty folder.
+
+    Args:
+        folder: the empty one.
+        registry: its folder.
+        former: an earlier site of this registry by this process, whose pages are taken over where they are
+            still true.
+        workers: processes; by default one for each processor.
+        progress: told how far it is.
+
+    Raises:
+        InputError: it cannot be written.
+        RegistryError: the registry cannot be read.
+    """
+    keeper = Keeper.open(registry)
+    snapshot = keeper.registry.snapshot()
+    job = Job(
+        registry=registry.resolve(),
+        commit=snapshot.commit,
+        policy=keeper.charter.policy,
+        root=folder,
+        made_by=f"Made by calibrary {version('calibrary')}.",
+        former=former.root if former is not None else None,
+    )
+    known = _still_true(keeper, former, job) if former is not None else {}
+    tasks = [Task(path=path, oid=oid, former=known.get(path)) for path, oid in sorted(snapshot.paths.items())]
+    chunks = [tasks[start : start + CHUNK] for start in range(0, len(tasks), CHUNK)]
+    count = (os.cpu_count() or 1) if workers is None else workers
+    if len(tasks) - len(known) < WORTH_A_POOL:
+        count = 1
+    cards: list[Card] = []
+    for some in _mapped(partial(write_entries, job=job), chunks, count):
+        cards += some
+        if progress is not None:
+            progress(len(cards), len(tasks))
+    newest = keeper.registry.history(None, snapshot.commit, most=1)
+    on = f" of {newest[0].committed:%Y-%m-%d}" if newest else ""
+    made_by = f"Made by calibrary {version('calibrary')} from commit {snapshot.commit[:12]}{on}."
+    try:
+        (folder / INDEX).write_bytes(listing(cards, job.policy, made_by).encode())
+        (folder / MARKER).write_text(f"{snapshot.commit}\n", encoding="ascii")
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror or error}", source=str(folder)) from None
+    return Site(root=folder, commit=snapshot.commit, policy=job.policy, cards=tuple(cards))
+
+
+def _still_true(keeper: Keeper, former: Site, job: Job) -> dict[str, Card]:
+    """The cards of entries that no commit since the earlier site has touched, by path."""
+    if former.policy != job.policy:
+        return {}
+    store = keeper.registry.store
+    is_ancestor = store.run("merge-base", "--is-ancestor", former.commit, job.commit, good=(0, 1)).code == 0
+    news = history(store, None, f"{former.commit}..{job.commit}", most=MOST_NEWS) if is_ancestor else ()
+    if not is_ancestor or len(news) == MOST_NEWS:
+        return {}
+    touched = {
+        file.path
+        for commit in news
+        for parent in (commit.parents or (None,))
+        for file in changed(store, parent, commit.commit)
+    }
+    return {card.path: card for card in former.cards if card.path not in touched}
+
+
+def _mapped(
+    write: Callable[[Sequence[Task]], list[Card]], chunks: Sequence[Sequence[Task]], workers: int
+) -> Iterator[list[Card]]:
+    if workers <= 1 or len(chunks) <= 1:
+        yield from map(write, chunks)
+        return
+    # A forked worker would inherit the threads of whoever draws the progress bar.
+    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+    context = multiprocessing.get_context(method)
+    if method == "forkserver":
+        context.set_forkserver_preload([__name__])
+    with ProcessPoolExecutor(
+        min(workers, len(chunks)), mp_context=context, initializer=end_with_parent
+    ) as pool:
+        try:
+            yield from pool.map(write, chunks)
+        except BrokenProcessPool:
+            raise InputError(
+                "a process that makes pages was ended from outside, as when memory runs out; use --workers 1"
+            ) from None
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)

@@ -1,0 +1,292 @@
+"""The page of one camera: its K, its lens, how far both are known, where they are from, and what they were before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from calibrary.calib.projection_difference import pixel_grid, projection_uncertainty
+from calibrary.calibration import Calibration, Covariance
+from calibrary.errors import CalibraryError
+from calibrary.jobs.diff.priors import PRIORS, spread_of
+from calibrary.jobs.site.addresses import INDEX, Place, way
+from calibrary.jobs.site.changes import story
+from calibrary.jobs.site.downloads import Download
+from calibrary.jobs.site.past import Step
+from calibrary.jobs.site.words import STATUSES, signed, stds_of
+from calibrary.keep.story import Chapter
+from calibrary.pages import (
+    Badge,
+    Block,
+    Bullets,
+    Code,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Link,
+    Note,
+    Page,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+)
+from calibrary.pages.plots import Axis, displacement
+from calibrary.pages.plots.canvas import number
+from calibrary.pages.plots.drawn import amount_map, arrow_map
+from calibrary.registry.entry import UNSTATED, Entry, Status
+
+__all__ = ["camera_page"]
+
+K_NAMES = ("fx", "fy", "cx", "cy")
+GRID = (17, 13)
+MOST_SOURCES = 60
+WHOLE = ("mrcal", "opencv_storage", "keyed_text")
+"""Formats that lose nothing of most lenses."""
+
+STRONG = 0.7
+"""A correlation worth a word."""
+
+
+def camera_page(
+    entry: Entry,
+    *,
+    id_: str,
+    place: Place,
+    chapters: Sequence[Chapter],
+    changes: Sequence[Step],
+    files: Sequence[Download],
+    made_by: str,
+) -> Page:
+    """Everything that a registry knows of one camera.
+
+    Args:
+        entry: as it is now.
+        id_: its longest KEY.
+        place: where the page lies.
+        chapters: its revisions, newest first.
+        changes: of its calibration, newest first.
+        files: to download.
+        made_by: for the foot.
+    """
+    calibration = entry.calibration
+    newest = chapters[0].revision if chapters else None
+    lead = f"Grade: {calibration.grade.value}, {_origin(calibration)}."
+    if newest is not None:
+        lead += f" Last changed on {newest.authored:%Y-%m-%d} by {newest.author.name}."
+    return Page(
+        title=str(calibration.camera),
+        badge=Badge(entry.status.value, STATUSES[entry.status]),
+        lead=lead,
+        sections=(
+            Section(title="K", blocks=tuple(_k(entry, id_, place))),
+            Section(title="Lens", blocks=tuple(_lens(calibration))),
+            Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration))),
+            Section(title="Where it is from", blocks=tuple(_provenance(entry))),
+            Section(title="History", blocks=tuple(story(id_, place, chapters, changes))),
+            Section(title="Download", blocks=tuple(_downloads(place, files))),
+        ),
+        made_by=made_by,
+    )
+
+
+def _k(entry: Entry, id_: str, place: Place) -> Iterator[Block]:
+    calibration = entry.calibration
+    K, std = calibration.intrinsics, stds_of(calibration)
+    yield Link("All cameras", way(place.page, INDEX))
+    if entry.status is not Status.APPROVED or entry.reason:
+        words = {
+            Status.DRAFT: "A draft: nobody answers for it yet.",
+            Status.RETIRED: "Retired: not used any more.",
+        }
+        text = words.get(entry.status, "")
+        told = " ".join(part for part in (text, entry.reason) if part)
+        if told:
+            yield Note(text=told, tone=STATUSES[entry.status])
+    values = [
+        (name, f"{getattr(K, name):.3f}" + (f" ± {std[name]:.2g}" if name in std else "") + " px")
+        for name in K_NAMES
+    ]
+    skew = [("skew", f"{K.skew:.6g} px")] if K.skew else []
+    yield KeyValues((*values, *skew, ("image", "{} × {} px".format(*K.image_size))))
+    rows = ",\n ".join("[" + ", ".join(repr(float(value)) for value in row) + "]" for row in K.matrix)
+    yield Code(text=f"[{rows}]", label="K, counted from the outer corner of the first pixel")
+    yield "Pixels are counted from the outer corner of the top-left one; OpenCV's cx and cy are half a pixel less."
+    yield from _coefficients(calibration, std)
+    yield Code(text=f"calibrary registry show {id_}", label="The command that shows this entry")
+
+
+def _coefficients(calibration: Calibration, std: dict[str, float]) -> Iterator[Block]:
+    lens = calibration.distortion
+    if lens is None:
+        yield "Its distortion is unknown, which is not the same as none."
+        return
+    if not lens.coefficients:
+        yield "The image is free of distortion."
+        return
+    yield Table(
+        caption=f"Distortion, {lens.model} model",
+        columns=(Column("coefficient"), Column("value", numeric=True), Column("σ", numeric=True)),
+        rows=tuple(
+            (name, signed(f"{value:.8g}"), f"{std[name]:.2g}" if name in std else "–")
+            for name, value in lens.coefficients.items()
+        ),
+    )
+
+
+def _lens(calibration: Calibration) -> Iterator[Block]:
+    if calibration.distortion is None:
+        yield "Nothing is known of it, so there is nothing to draw."
+        return
+    if not calibration.distortion.coefficients:
+        yield "Where a pinhole would show a point is where this image shows it."
+        return
+    size = calibration.intrinsics.image_size
+    points = pixel_grid(size, GRID if size[0] >= size[1] else GRID[::-1])
+    moved = displacement(calibration, points.reshape(-1, 2)).reshape(points.shape)
+    axis = Axis("displacement by the lens", "px")
+    arrows = arrow_map(
+        points,
+        moved,
+        size,
+        axis=axis,
+        caption="From where a pinhole would see a point to where this lens shows it.",
+    )
+    amounts = amount_map(
+        points,
+        np.hypot(moved[..., 0], moved[..., 1]),
+        size,
+        axis=axis,
+        caption="How far the lens moves each part of the image.",
+    )
+    yield SideBySide((arrows, amounts))
+
+
+def _uncertainty(calibration: Calibration) -> Iterator[Block]:
+    quality = calibration.quality
+    if quality is not None:
+        stated = (
+            ("rms reprojection error", quality.rms_px, "{:.3g} px"),
+            ("views", quality.views, "{}"),
+            ("points", quality.points, "{}"),
+            ("coverage of the frame", quality.coverage, "{:.0%}"),
+            ("κ²", quality.kappa2, "{:.3g}"),
+        )
+        items = tuple((name, form.format(value)) for name, value, form in stated if value is not None)
+        if items:
+            yield KeyValues(items)
+    # What a lens is worth by its grade takes longer to find than all the rest of the page, and nobody asks here.
+    spread = spread_of(calibration) if stds_of(calibration) else None
+    if spread is None or not spread.is_measured:
+        prior, K = PRIORS[calibration.grade], calibration.intrinsics
+        yield Note(
+            text=f"It states no uncertainty. A K of grade {calibration.grade.value} is usually worth "
+            f"± {number(prior.focal * K.fx)} px of fx and ± {number(prior.centre * K.image_size[0])} px of the "
+            "principal point."
+        )
+        return
+    yield f"1 σ: {spread.source}."
+    drawn = _spread_map(calibration, spread.covariance)
+    if drawn is not None:
+        yield drawn
+    if quality is not None and quality.covariance is not None:
+        told = _strongest(quality.covariance)
+        yield Bullets(told) if told else "No two of its numbers are strongly correlated."
+
+
+def _spread_map(calibration: Calibration, covariance: Covariance) -> Figure | None:
+    try:
+        found = projection_uncertainty(calibration, covariance, shape=GRID)
+    except (CalibraryError, np.linalg.LinAlgError):
+        return None
+    return amount_map(
+        found.pixels,
+        found.std_px,
+        calibration.intrinsics.image_size,
+        axis=Axis("1 σ of what is seen at infinity", "px"),
+        caption="How far a direction may be from where K and lens put it, the camera free to turn: 1 σ in px. "
+        "A calibration knows least where nothing was observed.",
+    )
+
+
+def _strongest(covariance: Covariance) -> tuple[str, ...]:
+    sigma = np.sqrt(np.diag(covariance.matrix))
+    with np.errstate(all="ignore"):
+        rho = covariance.matrix / np.outer(sigma, sigma)
+    pairs = [
+        (abs(rho[row, column]), row, column)
+        for row in range(len(sigma))
+        for column in range(row)
+        if math.isfinite(rho[row, column]) and abs(rho[row, column]) >= STRONG
+    ]
+    return tuple(
+        signed(
+            f"{covariance.names[column]} moves with {covariance.names[row]}: correlation {rho[row, column]:+.2f}"
+        )
+        for _, row, column in sorted(pairs, reverse=True)[:5]
+    )
+
+
+def _provenance(entry: Entry) -> Iterator[Block]:
+    calibration = entry.calibration
+    made, camera = calibration.provenance, calibration.camera
+    stated = (
+        ("made from", (made.source or made.kind) if made != UNSTATED else "not stated"),
+        ("tag", made.tag),
+        ("made on", made.date),
+        ("made with", made.tool),
+        ("made by", made.operator),
+        ("made at firmware", made.firmware),
+        ("focus", made.focus),
+        ("of firmware", str(entry.firmware) if entry.firmware is not None else None),
+        ("valid", str(entry.validity) if entry.validity is not None else None),
+        ("tolerance", f"± {entry.tolerance:.2%} of fx" if entry.tolerance is not None else None),
+        ("serial number", f"hash {camera.serial}" if camera.serial is not None else None),
+        ("supersedes", entry.supersedes),
+        ("also called", ", ".join(f"{alias.make} {alias.model}" for alias in entry.aliases) or None),
+        ("brought to the frame by", made.adaptation),
+        ("sha256 of the source", made.sha256),
+    )
+    yield KeyValues(tuple((name, value) for name, value in stated if value))
+    if made.assumptions:
+        yield Note(text=f"Assumed: {'; '.join(made.assumptions)}.", tone=Tone.CAUTION)
+    if entry.notes:
+        yield Bullets(tuple(entry.notes))
+    if made.sources:
+        shown = made.sources[:MOST_SOURCES]
+        more = (f"and {len(made.sources) - len(shown)} more",) if len(made.sources) > len(shown) else ()
+        files = Bullets((*(f"{file.name}, sha256 {file.sha256}" for file in shown), *more))
+        yield Details(summary=f"The {len(made.sources)} files behind it", blocks=(files,))
+
+
+def _downloads(place: Place, files: Sequence[Download]) -> Iterator[Block]:
+    held = [file for file in files if file.name is not None]
+    yield Table(
+        caption="The calibration in every format that holds it; each file was read back and compared",
+        columns=(Column("format"), Column("file"), Column("what it holds"), Column("what it leaves out")),
+        rows=tuple(
+            (file.title, Link(file.name, way(place.page, place.file(file.name))), file.remark, file.left_out)
+            for file in held
+            if file.name is not None
+        ),
+    )
+    without = tuple(f"{file.title}: {file.remark}" for file in files if file.name is None)
+    if not without:
+        return
+    yield Details(summary=f"{len(without)} formats that do not hold it", blocks=(Bullets(without),))
+    best = next((file.name for file in held if file.format in WHOLE), None)
+    if best is not None:
+        yield Code(
+            text=f"calibrary convert {best} OUT --to FORMAT --max-error-px 0.2",
+            label="The command that fits another lens model, from a file of this table",
+        )
+
+
+def _origin(calibration: Calibration) -> str:
+    made = calibration.provenance
+    if made == UNSTATED:
+        return "of unstated origin"
+    return f"from {made.tag or made.kind}" + (f" of {made.source}" if made.source is not None else "")

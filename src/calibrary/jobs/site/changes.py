@@ -1,0 +1,218 @@
+"""What became of a camera's calibration: the chapter of its page that tells it, and a page for each change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+from calibrary.jobs.diff.comparison import Comparison
+from calibrary.jobs.diff.page import badge_of, comparison_sections
+from calibrary.jobs.site.addresses import Place, way
+from calibrary.jobs.site.past import MOST_COMPARED, Step
+from calibrary.jobs.site.words import STATUSES, signed, stds_of
+from calibrary.keep.fields import differences
+from calibrary.keep.story import Chapter
+from calibrary.pages import (
+    Badge,
+    Block,
+    Cell,
+    Code,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Link,
+    Note,
+    Page,
+    Section,
+    Table,
+    Tone,
+)
+from calibrary.pages.plots import Axis, Series
+from calibrary.pages.plots.history import history
+from calibrary.registry.entry import Entry
+
+__all__ = ["step_page", "story"]
+
+MOST_REVISIONS = 200
+"""Rows of the history; the log tells of all."""
+
+ALTITUDE_M = 100.0
+
+
+def step_page(step: Step, *, id_: str, place: Place, made_by: str) -> Page:
+    """One change of an entry's calibration, compared.
+
+    Args:
+        step: the change.
+        id_: the entry's longest KEY.
+        place: where its page lies.
+        made_by: for the foot.
+    """
+    before, after = step.before, step.after
+    labels = (_label(id_, before), _label(id_, after))
+    back = Link(f"All of {id_}", way(place.step(step.name), place.page))
+    reason = after.reason or after.revision.subject
+    done = Section(
+        title="What was done",
+        blocks=(
+            KeyValues(
+                (
+                    ("on", f"{after.revision.authored:%Y-%m-%d}"),
+                    ("by", after.revision.author.name),
+                    ("why", reason),
+                    ("firmware", f"{before.firmware or 'not stated'} → {after.firmware or 'not stated'}"),
+                )
+            ),
+            Details(summary="Every field that changed", blocks=(_fields(after, before),)),
+            back,
+        ),
+    )
+    if step.comparison is None:
+        found: tuple[Section, ...] = (
+            Section(title="Verdict", blocks=(Note(text=step.why_not or "", tone=Tone.CAUTION),)),
+        )
+        badge = Badge("not compared", Tone.CAUTION)
+    else:
+        found = comparison_sections(step.comparison, labels, ALTITUDE_M)
+        badge = badge_of(step.comparison)
+    camera = after.entry.calibration.camera if after.entry is not None else id_
+    return Page(
+        title=f"Change of {camera}",
+        badge=badge,
+        lead=f"A is what the registry said on {before.revision.authored:%Y-%m-%d}, B on "
+        f"{after.revision.authored:%Y-%m-%d}.",
+        sections=(*found, done),
+        made_by=made_by,
+    )
+
+
+def story(id_: str, place: Place, chapters: Sequence[Chapter], changes: Sequence[Step]) -> Iterator[Block]:
+    """A camera's history as the chart of its numbers and the table of its revisions.
+
+    Args:
+        id_: the entry's longest KEY.
+        place: where its page lies.
+        chapters: its revisions, newest first.
+        changes: those of its calibration, newest first.
+    """
+    told = [chapter for chapter in reversed(chapters) if chapter.entry is not None]
+    if not told:
+        yield "There is no history to tell."
+        return
+    if len(told) > 1:
+        yield _chart(told)
+    by_commit = {step.after.revision.commit: step for step in changes}
+    titles = (
+        "date",
+        "by",
+        "status",
+        "grade",
+        "firmware",
+        "fx (px)",
+        "Δ fx",
+        "Δ cx",
+        "Δ cy",
+        "what changed",
+        "why",
+    )
+    numeric = {"fx (px)", "Δ fx", "Δ cx", "Δ cy"}
+    yield Table(
+        caption="Every revision, newest first",
+        columns=tuple(Column(title, numeric=title in numeric) for title in titles),
+        rows=tuple(_row(chapter, by_commit, place) for chapter in chapters[:MOST_REVISIONS]),
+    )
+    if len(chapters) > MOST_REVISIONS:
+        yield Code(
+            text=f"calibrary registry log {id_}",
+            label=f"The command that tells of all {len(chapters)} revisions",
+        )
+    if len(changes) == MOST_COMPARED:
+        yield f"The newest {MOST_COMPARED} changes are compared here; calibrary diff compares any two."
+
+
+def _chart(told: Sequence[Chapter]) -> Figure:
+    """Of fx, cx and cy; what is of another frame size than today's is a gap."""
+    entries = [chapter.entry for chapter in told if chapter.entry is not None]
+    size = entries[-1].calibration.intrinsics.image_size
+    same = [entry.calibration.intrinsics.image_size == size for entry in entries]
+
+    def value(entry: Entry, name: str) -> float:
+        return float(getattr(entry.calibration.intrinsics, name))
+
+    series = [
+        Series(
+            axis=Axis(name, "px"),
+            values=[value(entry, name) if ok else math.nan for entry, ok in zip(entries, same, strict=True)],
+            std=[stds_of(entry.calibration).get(name, math.nan) for entry in entries],
+        )
+        for name in ("fx", "cx", "cy")
+    ]
+    marks = [
+        (at, f"firmware {chapter.firmware}")
+        for at, chapter in enumerate(told)
+        if at > 0 and chapter.firmware is not None and chapter.firmware != told[at - 1].firmware
+    ]
+    gap = "" if all(same) else " Revisions of another frame size are left out."
+    return history(
+        series,
+        labels=[f"{chapter.revision.authored:%Y-%m-%d}" for chapter in told],
+        marks=marks,
+        caption=f"fx, cx and cy over the revisions, with ± 1 σ where it is stated; dashed: a new firmware.{gap}",
+    )
+
+
+def _row(chapter: Chapter, by_commit: dict[str, Step], place: Place) -> tuple[Cell, ...]:
+    entry, delta, revision = chapter.entry, chapter.delta, chapter.revision
+    gone = "removed" if revision.oid is None else "unreadable"
+    change = partial(_delta, delta)
+    step = by_commit.get(revision.commit)
+    return (
+        f"{revision.authored:%Y-%m-%d %H:%M}",
+        revision.author.name,
+        Badge(entry.status.value, STATUSES[entry.status]) if entry is not None else Badge(gone, Tone.NEUTRAL),
+        entry.calibration.grade.value if entry is not None else "–",
+        chapter.firmware or "–",
+        f"{entry.calibration.intrinsics.fx:.3f}" if entry is not None else "–",
+        change("fx"),
+        change("cx"),
+        change("cy"),
+        _what(chapter, step, place),
+        chapter.reason or revision.subject,
+    )
+
+
+def _what(chapter: Chapter, step: Step | None, place: Place) -> Cell:
+    """The way to the comparison, or what else was changed."""
+    if step is not None:
+        found: Comparison | None = step.comparison
+        verdict = found.verdict.value if found is not None else "not compared"
+        return Link(f"{verdict}: {step.name.replace('-', ' → ')}", way(place.page, place.step(step.name)))
+    if chapter.entry is None:
+        return "–"
+    if chapter.before is None:
+        return "its first"
+    names = [change.name for change in differences(chapter.before, chapter.entry)]
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "") or "nothing"
+
+
+def _fields(after: Chapter, before: Chapter) -> Table:
+    changes = differences(before.entry, after.entry) if after.entry is not None else ()
+    return Table(
+        caption="Every field of the entry that says something else",
+        columns=(Column("field"), Column("before"), Column("after")),
+        rows=tuple((change.name, _said(change.before), _said(change.after)) for change in changes),
+    )
+
+
+def _delta(delta: dict[str, float] | None, name: str) -> str:
+    return signed(f"{delta[name]:+.3f}") if delta is not None and delta[name] else "–"
+
+
+def _said(value: object) -> str:
+    return "–" if value is None else str(value)
+
+
+def _label(id_: str, chapter: Chapter) -> str:
+    return f"{id_}@{chapter.revision.commit[:10]}"

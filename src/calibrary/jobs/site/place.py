@@ -1,0 +1,90 @@
+"""Where a site is put: built beside its place, then moved there whole, and never over what somebody else made."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from calibrary.errors import InputError
+from calibrary.jobs.site.addresses import INDEX
+
+__all__ = ["MARKER", "check_out", "replaced"]
+
+MARKER = ".calibrary-site"
+"""The file by which a folder is known to be a site of ours."""
+
+OURS = frozenset({MARKER, INDEX, "cameras", "changes", "files"})
+
+
+def check_out(out: Path) -> Path:
+    """The folder itself, links followed, if a site may be put there.
+
+    Raises:
+        InputError: it holds something else, or there is no folder to put it in.
+    """
+    place = Path(out).resolve()
+    if not place.parent.is_dir():
+        raise InputError("there is no such folder; make it first", source=str(out.parent))
+    if not place.exists():
+        return place
+    if not place.is_dir():
+        raise InputError("is a file, wanted a folder for the site", source=str(out))
+    try:
+        found = {item.name for item in place.iterdir()}
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=str(out)) from None
+    if found and MARKER not in found:
+        raise InputError(
+            f"is no site of calibrary's (it has no {MARKER}) and is not empty; name a folder of its own",
+            source=str(out),
+        )
+    if foreign := sorted(found - OURS):
+        raise InputError(
+            f"holds {', '.join(foreign[:5])} beside the site, which replacing it would remove; move that elsewhere",
+            source=str(out),
+        )
+    return place
+
+
+@contextmanager
+def replaced(out: Path) -> Iterator[Path]:
+    """A new folder that takes the place of ``out`` when all went well, and is removed when not.
+
+    A reader sees the old site or the new one; for the moment between two renames, none.
+
+    Raises:
+        InputError: as for :func:`check_out`, or it cannot be written.
+    """
+    place = check_out(out)
+    try:
+        beside = Path(tempfile.mkdtemp(prefix=f".{place.name}.", dir=place.parent))
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror or error}", source=str(place.parent)) from None
+    building, former = beside / "new", beside / "former"
+    try:
+        building.mkdir()
+        yield building
+        # Somebody may have put something there while the pages were made.
+        check_out(place)
+        _swap(building, place, former)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _swap(building: Path, place: Path, former: Path) -> None:
+    try:
+        if place.exists():
+            place.rename(former)
+        try:
+            building.rename(place)
+        except OSError:
+            if former.exists():
+                former.rename(place)
+            raise
+    except OSError as error:
+        raise InputError(
+            f"cannot be replaced: {error.strerror or error}; it is as it was", source=str(place)
+        ) from None

@@ -1,0 +1,252 @@
+"""A site shown on this machine to this machine alone, and built anew when the registry moves on.
+
+It listens on 127.0.0.1. A page of the web could still have a browser ask there under a name of its own choosing
+(DNS rebinding), so a request has to name the very host and port that the server was announced by. Nothing is
+changed by any request, and nothing is read but the files of the site.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import shutil
+import socketserver
+import tempfile
+import threading
+from collections.abc import Callable
+from functools import partial
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+from urllib.parse import unquote, urlsplit
+
+from calibrary.errors import CalibraryError, InputError
+from calibrary.jobs.site.addresses import INDEX
+from calibrary.jobs.site.building import Progress, Site, build_into
+from calibrary.keep.keeper import Keeper
+
+__all__ = ["LOOPBACK", "Server"]
+
+LOOPBACK: Final = "127.0.0.1"
+LOOK_EVERY_S: Final = 2.0
+PATIENCE_S: Final = 10.0
+"""For a client to say what it wants."""
+
+TYPES: Final = {".html": "text/html; charset=utf-8"}
+HEADERS: Final = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Frame-Options": "DENY",
+    "Cache-Control": "no-store",
+}
+PAGE_POLICY: Final = "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+FILE_POLICY: Final = "default-src 'none'; frame-ancestors 'none'; sandbox"
+
+
+class Server:
+    """Shows a registry's site until it is closed.
+
+    Attributes:
+        url: where.
+    """
+
+    def __init__(
+        self,
+        registry: Path,
+        *,
+        port: int = 0,
+        workers: int | None = None,
+        progress: Progress | None = None,
+        told: Callable[[str], None] | None = None,
+    ) -> None:
+        """Build the site and open the port.
+
+        Args:
+            registry: its folder.
+            port: 0 for any that is free.
+            workers: processes that build it.
+            progress: told how far the first build is.
+            told: what happens later: that it was built anew, or why not.
+
+        Raises:
+            InputError: the port is taken.
+            RegistryError: the registry cannot be read.
+        """
+        self._registry = registry
+        self._workers = workers
+        self._told = told or (lambda _: None)
+        self._ended = threading.Event()
+        self._beside = Path(tempfile.mkdtemp(prefix="calibrary-site-"))
+        try:
+            # The port first: it is the quicker to fail.
+            self._http = _open(port, self._file)
+            self._site = self._built(None, progress)
+        except BaseException:
+            shutil.rmtree(self._beside, ignore_errors=True)
+            raise
+        self.url: Final = f"http://{LOOPBACK}:{self._http.server_port}/"
+        self._watcher = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Server:
+        self._watcher.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        self._http.server_close()
+        if self._watcher.is_alive():
+            self._watcher.join()
+        shutil.rmtree(self._beside, ignore_errors=True)
+
+    def run(self) -> None:
+        """Answer until :meth:`stop` is called or the process is interrupted."""
+        self._http.serve_forever(poll_interval=0.2)
+
+    def stop(self) -> None:
+        """End :meth:`run` from another thread."""
+        self._http.shutdown()
+
+    def look(self) -> bool:
+        """Build the site anew if the registry has moved on; whether it has.
+
+        Raises:
+            RegistryError: it cannot be read; the site stays as it was.
+        """
+        former = self._site
+        if Keeper.open(self._registry).registry.commit() == former.commit:
+            return False
+        self._site = self._built(former, None)
+        # A request that is being answered has its file open; the next one finds the new site.
+        shutil.rmtree(former.root, ignore_errors=True)
+        return True
+
+    def _built(self, former: Site | None, progress: Progress | None) -> Site:
+        folder = Path(tempfile.mkdtemp(dir=self._beside))
+        try:
+            return build_into(folder, self._registry, former=former, workers=self._workers, progress=progress)
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+
+    def _watch(self) -> None:
+        said = ""
+        while not self._ended.wait(LOOK_EVERY_S):
+            try:
+                if self.look():
+                    said = ""
+                    self._told(f"built anew at {self._site.commit[:12]}")
+            except CalibraryError as error:
+                if str(error) != said:
+                    said = str(error)
+                    self._told(f"not built anew: {said}")
+
+    def _file(self, address: str) -> Path | None:
+        """The site's file at an address; None where there is none, or it would lie outside."""
+        try:
+            path = unquote(urlsplit(address).path, errors="strict")
+        except (UnicodeDecodeError, ValueError):
+            return None
+        if not path.startswith("/") or "\\" in path or not path.isprintable():
+            return None
+        names = path[1:].split("/")
+        if any(name in {"", ".", ".."} or name.startswith(".") for name in names[:-1]) or names[
+            -1
+        ].startswith("."):
+            return None
+        if not names[-1]:
+            names[-1] = INDEX
+        root = self._site.root
+        found = root / posixpath.join(*names)
+        return found if found.is_file() and found.resolve().is_relative_to(root.resolve()) else None
+
+
+class _Listener(ThreadingHTTPServer):
+    """Answers each client in a thread of its own."""
+
+    daemon_threads = True
+
+    def server_bind(self) -> None:
+        # The base class asks the network for this machine's name, and waits for an answer.
+        socketserver.TCPServer.server_bind(self)
+        self.server_name, self.server_port = LOOPBACK, int(self.server_address[1])
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say nothing where the base class prints a traceback: a client that hung up is no event."""
+
+
+def _open(port: int, file: Callable[[str], Path | None]) -> ThreadingHTTPServer:
+    try:
+        return _Listener((LOOPBACK, port), partial(_Handler, file))
+    except (OSError, OverflowError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(
+            f"cannot be listened on: {reason}; name another, or leave it out for any that is free",
+            source=f"port {port}",
+        ) from None
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers GET and HEAD."""
+
+    server_version = "calibrary"
+    sys_version = ""
+    timeout = PATIENCE_S
+    protocol_version = "HTTP/1.1"
+
+    def __init__(self, file: Callable[[str], Path | None], *arguments: object) -> None:
+        self._file = file
+        super().__init__(*arguments)  # type: ignore[arg-type]  # as the server hands them over
+
+    def do_GET(self) -> None:
+        self._answer(body=True)
+
+    def do_HEAD(self) -> None:
+        self._answer(body=False)
+
+    def _answer(self, *, body: bool) -> None:
+        if not self._is_for_us():
+            self._refuse(HTTPStatus.MISDIRECTED_REQUEST, body=body)
+            return
+        found = self._file(self.path)
+        try:
+            data = found.read_bytes() if found is not None else None
+        except OSError:
+            data = None
+        if found is None or data is None:
+            self._refuse(HTTPStatus.NOT_FOUND, body=body)
+            return
+        is_page = found.suffix == ".html"
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", TYPES.get(found.suffix, "application/octet-stream"))
+        self.send_header("Content-Security-Policy", PAGE_POLICY if is_page else FILE_POLICY)
+        if not is_page:
+            self.send_header("Content-Disposition", "attachment")
+        self._end(data, body=body)
+
+    def _is_for_us(self) -> bool:
+        hosts = self.headers.get_all("Host", [])
+        port = self.connection.getsockname()[1]
+        named = {f"{name}:{port}" for name in (LOOPBACK, "localhost")}
+        return len(hosts) == 1 and hosts[0].strip().lower() in named
+
+    def _refuse(self, status: HTTPStatus, *, body: bool) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", "text/plain; charset=utf-8")
+        self.send_header("Content-Security-Policy", FILE_POLICY)
+        self._end(f"{status.value} {status.phrase}\n".encode(), body=body)
+
+    def _end(self, data: bytes, *, body: bool) -> None:
+        for name, value in HEADERS.items():
+            self.send_header(name, value)
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        if body:
+            self.wfile.write(data)
+
+    def log_message(self, format: str, *arguments: object) -> None:  # noqa: A002  the base class's name
+        """Say nothing: the library never prints."""

@@ -1,0 +1,243 @@
+"""One entry's share of a site: its pages and files written, and the row of the list that leads to them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from calibrary.errors import InputError
+from calibrary.jobs.diff.page import badge_of
+from calibrary.jobs.site.addresses import Place
+from calibrary.jobs.site.camera_page import camera_page
+from calibrary.jobs.site.changes import step_page
+from calibrary.jobs.site.downloads import Download, downloads
+from calibrary.jobs.site.past import Step, past, steps
+from calibrary.jobs.site.words import stds_of
+from calibrary.keep.keeper import Keeper
+from calibrary.keep.names import id_of
+from calibrary.keep.story import Chapter
+from calibrary.pages import Page, Tone, render_page
+from calibrary.policy import Policy
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_yaml import parse_entry
+
+__all__ = ["Card", "Job", "Task", "entry_files", "write_entries"]
+
+ENTRY_FORMAT = "calibrary entry"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Card:
+    """What the list says of an entry.
+
+    Attributes:
+        path: of its file in the registry.
+        id: its longest KEY.
+        page: the address of its page; None where the entry cannot be read.
+        problem: why it cannot.
+        make, model, grade, lens, firmware, made_on: as the entry says them.
+        status: None where the entry cannot be read.
+        fx, std_fx: px.
+        uncertainty: which kind it states.
+        revisions: how many there are.
+        verdict: of the newest change of the calibration, and how bad that is.
+        files: addresses of all that was written.
+    """
+
+    path: str
+    id: str
+    page: str | None = None
+    problem: str | None = None
+    make: str = ""
+    model: str = ""
+    status: Status | None = None
+    grade: str = ""
+    lens: str = ""
+    firmware: str = ""
+    made_on: str = ""
+    fx: float | None = None
+    std_fx: float | None = None
+    uncertainty: str = ""
+    revisions: int = 0
+    verdict: tuple[str, Tone] | None = None
+    files: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """What all entries of one site have in common.
+
+    Attributes:
+        registry: its folder.
+        commit: at which it is shown.
+        policy: whose limits tell a drift.
+        root: the folder that the site is written into.
+        made_by: for the foot of each page.
+        former: the folder of an earlier site by this very program, to take over what is still true.
+    """
+
+    registry: Path
+    commit: str
+    policy: Policy
+    root: Path
+    made_by: str
+    former: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """One entry.
+
+    Attributes:
+        path: of its file.
+        oid: of its content.
+        former: its card in the earlier site, where that is still true.
+    """
+
+    path: str
+    oid: str
+    former: Card | None = None
+
+
+def write_entries(tasks: Sequence[Task], *, job: Job) -> list[Card]:
+    """Write what belongs to some entries.
+
+    Raises:
+        RegistryError: the registry's history cannot be read.
+        InputError: the disk is full, or may not be written to.
+    """
+    keeper = _keeper(job.registry)
+    try:
+        return [_write_entry(task, job, keeper) for task in tasks]
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror or error}", source=str(job.root)) from None
+
+
+@cache
+def _keeper(place: Path) -> Keeper:
+    """Opened once in each process."""
+    return Keeper.open(place)
+
+
+def _write_entry(task: Task, job: Job, keeper: Keeper) -> Card:
+    former = task.former
+    if former is not None and job.former is not None:
+        for address in former.files:
+            _take_over(job.former / address, job.root / address)
+        return former
+    revisions = keeper.registry.history(task.path, job.commit)
+    data = keeper.registry.store.blob(task.oid)
+    id_ = id_of(task.path)
+    try:
+        entry = parse_entry(data, task.path)
+    except InputError as error:
+        return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
+    place = Place.of(task.path, proper=entry.path == task.path)
+    chapters = past(keeper, revisions)
+    # Any finite number may stand in an entry, and what overflows on the way to a page is shown as unknown.
+    with np.errstate(all="ignore"):
+        changes = steps(chapters, job.policy)
+        content = entry_files(
+            entry, data=data, id_=id_, place=place, chapters=chapters, changes=changes, made_by=job.made_by
+        )
+    for address, written in content.items():
+        where = job.root / address
+        where.parent.mkdir(parents=True, exist_ok=True)
+        where.write_bytes(written)
+    return _card(entry, task.path, place, chapters, changes, tuple(content))
+
+
+def entry_files(
+    entry: Entry,
+    *,
+    data: bytes,
+    id_: str,
+    place: Place,
+    chapters: Sequence[Chapter],
+    changes: Sequence[Step],
+    made_by: str,
+) -> dict[str, bytes]:
+    """All that a site holds of an entry, by address: its page, its downloads, a page for each change.
+
+    Args:
+        entry: as it is now.
+        data: its file.
+        id_: its longest KEY.
+        place: where its pages lie.
+        chapters: its revisions, newest first.
+        changes: of its calibration, newest first.
+        made_by: for the foot of each page.
+    """
+    files = [*downloads(entry), _own_file(entry, data)]
+    page = camera_page(
+        entry, id_=id_, place=place, chapters=chapters, changes=changes, files=files, made_by=made_by
+    )
+    content = {place.page: _html(page)}
+    content |= {place.file(file.name): file.data for file in files if file.name is not None}
+    for step in changes:
+        content[place.step(step.name)] = _html(step_page(step, id_=id_, place=place, made_by=made_by))
+    return content
+
+
+def _card(
+    entry: Entry,
+    path: str,
+    place: Place,
+    chapters: Sequence[Chapter],
+    changes: Sequence[Step],
+    files: tuple[str, ...],
+) -> Card:
+    calibration = entry.calibration
+    std, lens, quality = stds_of(calibration), calibration.distortion, calibration.quality
+    newest = changes[0] if changes else None
+    verdict: tuple[str, Tone] | None = None
+    if newest is not None:
+        found = badge_of(newest.comparison) if newest.comparison is not None else None
+        verdict = (found.text, found.tone) if found is not None else ("not compared", Tone.CAUTION)
+    return Card(
+        path=path,
+        id=id_of(path),
+        page=place.page,
+        make=calibration.camera.make or "",
+        model=calibration.camera.model or "",
+        status=entry.status,
+        grade=calibration.grade.value,
+        lens=lens.model if lens is not None else "unknown",
+        firmware=(calibration.provenance.firmware or "") or (str(entry.firmware) if entry.firmware else ""),
+        made_on=(calibration.provenance.date or "")[:10],
+        fx=calibration.intrinsics.fx,
+        std_fx=std.get("fx"),
+        uncertainty="covariance"
+        if quality is not None and quality.covariance is not None
+        else ("σ" if std else "none"),
+        revisions=len(chapters),
+        verdict=verdict,
+        files=files,
+    )
+
+
+def _own_file(entry: Entry, data: bytes) -> Download:
+    name = f"{Path(entry.path).stem}-entry.yaml"
+    remark = "exact"
+    return Download(
+        format="entry", title=ENTRY_FORMAT, name=name, data=data, remark=remark, left_out="nothing"
+    )
+
+
+def _html(page: Page) -> bytes:
+    return render_page(page).encode()
+
+
+def _take_over(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(OSError):
+        os.link(source, target)
+        return
+    shutil.copyfile(source, target)

@@ -1,0 +1,107 @@
+"""Which frames are meant, and what they agree on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from calibrary.calibration import CameraKey
+from calibrary.errors import InputError
+from calibrary.jobs.calibrate_board.frames import find_frames, told_by
+from calibrary.synthetic import (
+    ExifTags,
+    Namespace,
+    XmpDescription,
+    XmpPacket,
+    attributes,
+    write_jpeg,
+)
+from tests.jobs.calibrate_board.boards import FIRMWARE, MAKE, MODEL, exif
+
+CRS = Namespace("crs", "http://ns.adobe.com/camera-raw-settings/1.0/")
+DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
+
+
+def as_is(key: CameraKey) -> CameraKey:
+    return key
+
+
+def shot(path: Path, tags: ExifTags | None = None, xmp: XmpPacket | None = None) -> Path:
+    return write_jpeg(path, (64, 64), exif=tags or exif(), xmp=xmp)
+
+
+def test_files_folders_and_patterns_are_taken_once_and_in_order(tmp_path: Path) -> None:
+    b, a = shot(tmp_path / "set/b.jpg"), shot(tmp_path / "set/a.jpg")
+    (tmp_path / "set/notes.txt").write_text("no image")
+    shot(tmp_path / "set/.hidden.jpg")
+    assert find_frames([str(b), str(tmp_path / "set"), str(tmp_path / "set/*.jpg")]) == (b, a)
+
+
+@pytest.mark.parametrize(
+    ("operand", "said"),
+    [("missing.jpg", "no such file"), ("*.png", "fits no file"), ("empty", "without images")],
+)
+def test_a_word_that_means_no_frame_is_named(tmp_path: Path, operand: str, said: str) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=said):
+        find_frames([str(tmp_path / operand)])
+
+
+def test_camera_focus_and_firmware_are_what_the_frames_say(tmp_path: Path) -> None:
+    setting = told_by([shot(tmp_path / "a.jpg"), shot(tmp_path / "b.jpg")], as_is).setting
+    assert setting is not None
+    assert (setting.camera.make, setting.camera.model) == (MAKE, MODEL)
+    assert (setting.camera.firmware, setting.focus, setting.image_size) == (FIRMWARE, "1.5 m", (64, 64))
+    assert setting.camera.serial is not None
+    assert "A123" not in setting.camera.serial
+
+
+def test_what_is_said_of_focus_stands_above_what_the_frames_say(tmp_path: Path) -> None:
+    paths = [
+        shot(tmp_path / "a.jpg", exif(focus_m=(15, 10))),
+        shot(tmp_path / "b.jpg", exif(focus_m=(16, 10))),
+    ]
+    setting = told_by(paths, as_is, focus="locked at infinity").setting
+    assert setting is not None
+    assert setting.focus == "locked at infinity"
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        (exif(model="Board Two"), "of 2 cameras"),
+        (exif(firmware="02.00"), "firmware 02.00"),
+        (exif(focus_m=(16, 10)), "of 2 focus settings"),
+        (exif(focus_m=None), "a focus they do not tell"),
+    ],
+)
+def test_frames_that_differ_are_told_apart_in_one_line(tmp_path: Path, other: ExifTags, said: str) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        told_by([shot(tmp_path / "a.jpg"), shot(tmp_path / "b.jpg", other)], as_is)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_frame_that_an_editor_bent_is_refused(tmp_path: Path) -> None:
+    applied = attributes(CRS, AlreadyApplied="True", LensProfileEnable="1")
+    edited = shot(tmp_path / "a.jpg", xmp=XmpPacket(descriptions=(XmpDescription(items=applied),)))
+    with pytest.raises(InputError, match="lens profile"):
+        told_by([edited], as_is)
+
+
+def test_a_frame_that_the_camera_straightened_is_a_mode_of_its_own(tmp_path: Path) -> None:
+    straight = XmpPacket(descriptions=(XmpDescription(items=attributes(DJI, DewarpFlag="1")),))
+    setting = told_by([shot(tmp_path / "a.jpg", xmp=straight)], as_is).setting
+    assert setting is not None
+    assert setting.camera.capture_mode == "dewarped"
+
+
+def test_a_frame_that_was_made_smaller_is_noted(tmp_path: Path) -> None:
+    tags = ExifTags(make=MAKE, model=MODEL, pixel_size=(640, 640))
+    told = told_by([shot(tmp_path / "a.jpg", tags)], as_is)
+    assert "640×640" in told.notes[0]
+
+
+def test_files_that_cannot_be_read_are_left_to_the_search(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(b"nothing")
+    assert told_by([tmp_path / "a.jpg"], as_is).setting is None

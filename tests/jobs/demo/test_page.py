@@ -1,0 +1,22 @@
+"""The page of the demonstration flight lets nothing private out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from calibrary.jobs.demo import DemoImage
+from calibrary.jobs.extract.hand_off import Solver
+from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.extract.page import outcome_page
+from calibrary.jobs.extract.run import Request, run
+from calibrary.pages import render_page
+
+
+def test_nothing_private_is_in_the_page(flight: tuple[Path, list[DemoImage]], tmp_path: Path) -> None:
+    folder, images = flight
+    outcome = run(Request(image_dir=folder, recursive=True))
+    page = render_page(outcome_page(outcome, plan(outcome, tmp_path / "K_matrix.npy", Solver.NONE)))
+    private = {text for image in images for text in image.private}
+    assert len(private) > 20
+    assert [text for text in private if text in page] == []
+    assert len(page) < 400_000

@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calibrary.calibration import Calibration
+from calibrary.errors import FrameError
+from calibrary.jobs.diff.frames import common_frame
+from tests.jobs.diff.cameras import camera, changed
+
+
+def same(a: Calibration, b: Calibration) -> None:
+    assert a.intrinsics.image_size == b.intrinsics.image_size
+    np.testing.assert_allclose(a.intrinsics.matrix, b.intrinsics.matrix, rtol=1e-12)
+
+
+def test_equal_frames_are_left_alone() -> None:
+    assert common_frame(camera(), camera()).steps == ()
+
+
+@pytest.mark.parametrize(
+    ("later", "steps"),
+    [
+        (camera(size=(2736, 1824)), ("A scaled 5472×3648 → 2736×1824",)),
+        (camera().cropped((0, 285, 5472, 3078)), ("A cropped 5472×3648 → 5472×3078 about its centre",)),
+        (camera().cropped((816, 544, 3840, 2560)), ("A cropped 5472×3648 → 3840×2560 about its centre",)),
+        (
+            camera().cropped((0, 285, 5472, 3078)).scaled((3840, 2160)),
+            ("A cropped 5472×3648 → 5472×3078 about its centre", "scaled to 3840×2160"),
+        ),
+    ],
+)
+def test_one_camera_is_itself_again_in_the_frame_of_its_mode(
+    later: Calibration, steps: tuple[str, ...]
+) -> None:
+    frame = common_frame(camera(), later)
+    assert frame.steps == steps
+    same(frame.a, frame.b)
+    back = common_frame(later, camera())
+    assert back.steps == (steps[0].replace("A", "B", 1), *steps[1:])
+    same(back.a, back.b)
+
+
+def test_a_frame_turned_by_90_degrees_is_refused() -> None:
+    turned = changed(camera(), image_size=(3648, 5472))  # type: ignore[arg-type]  # a size
+    with pytest.raises(FrameError, match="turned by 90°"):
+        common_frame(camera(), turned)
+
+
+def test_a_frame_that_cannot_be_a_part_of_the_other_is_refused() -> None:
+    with pytest.raises(FrameError, match="holds no"):
+        common_frame(changed(camera(), image_size=(4000, 1000)), changed(camera(), image_size=(1500, 1600)))  # type: ignore[arg-type]  # sizes

@@ -1,0 +1,124 @@
+"""Comparisons as pages: the same verdict, reasons and numbers as everywhere else."""
+
+from __future__ import annotations
+
+import html
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from calibrary.distortion import NoDistortion
+from calibrary.jobs.diff.comparison import Comparison, compare
+from calibrary.jobs.diff.fleet import Change
+from calibrary.jobs.diff.page import comparison_page, fleet_page
+from calibrary.pages import Figure, Page, SideBySide, Tone, render_page
+from tests.jobs.diff.cameras import camera, changed
+from tests.jobs.diff.test_comparison import measured, with_focal
+from tests.pages.gallery import HOSTILE
+from tests.registry.entries import an_entry
+
+
+def page_of(comparison: Comparison, altitude_m: float = 100.0) -> Page:
+    return comparison_page(comparison, ("a.xml", "b.xml"), altitude_m)
+
+
+def text(page: Page) -> str:
+    body = render_page(page).partition("<body>")[2]
+    return html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body)))
+
+
+def maps(page: Page) -> list[Figure]:
+    rows = [block for section in page.sections for block in section.blocks if isinstance(block, SideBySide)]
+    return [block for row in rows for block in row.blocks if isinstance(block, Figure)]
+
+
+def test_a_drift_is_shown_with_its_numbers() -> None:
+    comparison = compare(measured(camera(), kappa2=2.0), measured(with_focal(0.001), kappa2=2.0))
+    page = page_of(comparison, altitude_m=80.0)
+    told = text(page)
+    assert page.badge is not None
+    assert (page.badge.text, page.badge.tone) == ("drift", Tone.BAD)
+    for part in ("+0.100%", "+3.679", "80 m", "+8 cm", "× κ² = 2", "a.xml", "b.xml"):
+        assert part in told
+    for reason in comparison.reasons:
+        assert reason[1:] in told
+
+
+def test_what_is_within_noise_is_good() -> None:
+    page = page_of(compare(measured(camera()), measured(with_focal(1e-6))))
+    assert page.badge is not None
+    assert (page.badge.text, page.badge.tone) == ("within noise", Tone.GOOD)
+
+
+def test_the_maps_show_the_difference_its_significance_and_its_uncertainty() -> None:
+    comparison = compare(measured(camera()), measured(with_focal(0.001)))
+    arrows, z, sigma = maps(page_of(comparison))
+    numbers = comparison.numbers
+    assert numbers is not None
+    assert numbers.difference.std_px is not None
+    assert "Arrows of difference of the projections" in arrows.alt
+    assert "σ" in z.alt
+    inside = numbers.difference.region[::2, ::2]
+    worst = float(numbers.difference.std_px[::2, ::2][inside].max())
+    assert f"to {worst:.3g}"[:6] in sigma.alt
+    assert np.mean(inside) < 1
+    assert "Grey: outside the region that is judged." in arrows.caption
+
+
+def test_a_change_of_kind_is_named() -> None:
+    comparison = compare(camera(), camera(distortion=NoDistortion()))
+    told = text(page_of(comparison))
+    assert "structural: dewarp switched on" in told
+    assert f"Dewarp switched on: {comparison.structural[0].reason}" in told
+
+
+def test_frames_that_nothing_brings_together_have_no_numbers() -> None:
+    portrait = replace(
+        camera(), intrinsics=replace(camera().intrinsics, image_size=(3648, 5472), cx=1824, cy=2736)
+    )
+    page = page_of(compare(camera(), portrait))
+    assert [section.title for section in page.sections] == ["Verdict", "Where both are from"]
+    assert "portrait" in text(page)
+
+
+def test_a_k_alone_is_said_to_be_one() -> None:
+    told = text(page_of(compare(camera(), camera(distortion=None))))
+    assert "The distortion of one of the two is unknown; only K was compared." in told
+
+
+def test_hostile_labels_and_sources_are_text() -> None:
+    one = camera()
+    hostile = replace(
+        one, provenance=replace(one.provenance, source=HOSTILE[0], operator=HOSTILE[2], tool=HOSTILE[3])
+    )
+    page = comparison_page(compare(hostile, changed(one, fx=3700.0)), (HOSTILE[0], HOSTILE[1]), 100.0)
+    raw = render_page(page)
+    assert "<script" not in raw
+    assert "<img" not in raw
+    assert "\u202e" not in raw
+
+
+def test_a_fleet_is_a_table_that_leads_to_each_comparison() -> None:
+    before, after = an_entry(), an_entry(fx=3680.0)
+    changes = (
+        Change(
+            id="dji/x", before=before, after=after, comparison=compare(before.calibration, after.calibration)
+        ),
+        Change(id="dji/broken", before=before, after=after, why_not="the frames were turned"),
+        Change(id="dji/new", before=None, after=after, why_not="new"),
+    )
+    page = fleet_page(changes, "The fleet since v1", 100.0)
+    raw, told = render_page(page), text(page)
+    assert set(re.findall(r'<a href="#(entry-\d)"', raw)) == set(re.findall(r'<h2 id="(entry-\d)"', raw))
+    assert "3 entries changed" in told
+    assert "The frames were turned." in told
+    assert page.badge is not None
+    assert page.badge.tone is Tone.BAD
+
+
+def test_a_fleet_in_which_nothing_changed_says_so() -> None:
+    page = fleet_page((), "The fleet since v1", 100.0)
+    assert "No entry differs." in text(page)
+    assert page.badge is not None
+    assert page.badge.tone is Tone.GOOD

@@ -1,0 +1,216 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calibrary.calibration import Calibration, Covariance, Grade, Intrinsics, Quality
+from calibrary.distortion import BrownConrady, NoDistortion
+from calibrary.jobs.diff.structure import Kind, signatures
+from tests.jobs.diff.cameras import LENS, camera, changed
+
+
+def kinds(a: Calibration, b: Calibration) -> set[Kind]:
+    return {structural.kind for structural in signatures(a, b)}
+
+
+@pytest.mark.parametrize(
+    "drift", [{}, {"fx": 3682.6, "fy": 3681.8}, {"cx": 2733.1}, {"cx": 2732.0, "cy": 1846.9}, {"fx": 3690.0}]
+)
+def test_a_camera_that_drifted_is_of_the_same_kind(drift: dict[str, float]) -> None:
+    assert kinds(camera(), changed(camera(), **drift)) == set()
+
+
+def test_a_frame_of_half_the_size_was_resampled() -> None:
+    assert kinds(camera(), camera(size=(2736, 1824))) == {Kind.RESIZE}
+
+
+@pytest.mark.parametrize("box", [(0, 285, 5472, 3078), (816, 544, 3840, 2560)])
+def test_a_smaller_frame_with_the_same_focal_length_was_cropped(box: tuple[int, int, int, int]) -> None:
+    assert kinds(camera(), camera().cropped(box)) == {Kind.CROP}
+
+
+def test_a_crop_that_was_resampled_as_well_is_a_crop() -> None:
+    assert kinds(camera(), camera().cropped((0, 285, 5472, 3078)).scaled((3840, 2160))) == {Kind.CROP}
+
+
+def test_a_later_frame_that_shows_more_of_the_sensor_is_a_crop_of_the_earlier() -> None:
+    assert kinds(camera().cropped((0, 285, 5472, 3078)), camera()) == {Kind.CROP}
+
+
+def test_another_part_of_the_sensor_in_a_frame_of_the_same_size_is_a_crop() -> None:
+    assert kinds(camera(), changed(camera(), fx=3678.9 * 1.16, fy=3678.1 * 1.16)) == {Kind.CROP}
+
+
+def test_a_frame_on_end_is_a_portrait_and_nothing_else() -> None:
+    turned = changed(camera(), image_size=(3648, 5472), cx=1846.8, cy=2731.5)  # type: ignore[arg-type]  # a size
+    assert kinds(camera(), turned) == {Kind.PORTRAIT}
+
+
+@pytest.mark.parametrize("lens", [NoDistortion(), BrownConrady(k1=1e-7, k2=0, p1=0, p2=0, k3=0)])
+def test_a_lens_whose_distortion_is_gone_is_corrected_in_the_camera(
+    lens: NoDistortion | BrownConrady,
+) -> None:
+    assert kinds(camera(), camera(distortion=lens)) == {Kind.DEWARP_ON}
+    assert kinds(camera(distortion=lens), camera()) == {Kind.DEWARP_OFF}
+
+
+def test_a_distortion_nobody_knows_is_not_a_distortion_that_is_gone() -> None:
+    assert kinds(camera(), camera(distortion=None)) == set()
+
+
+def test_a_principal_point_half_a_pixel_off_both_ways_is_counted_from_elsewhere() -> None:
+    assert kinds(camera(), changed(camera(), cx=2731.0, cy=1846.3)) == {Kind.HALF_PIXEL}
+
+
+def test_half_a_pixel_one_way_only_is_no_convention() -> None:
+    assert kinds(camera(), changed(camera(), cx=2731.0)) == set()
+    assert kinds(camera(), changed(camera(), cx=2731.0, cy=1847.3)) == set()
+
+
+def test_tangential_terms_that_changed_places_are_named() -> None:
+    assert kinds(camera(), camera(distortion=replace(LENS, p1=LENS.p2, p2=LENS.p1))) == {Kind.TANGENTIAL_SWAP}
+
+
+def test_radial_terms_with_their_signs_turned_are_named() -> None:
+    assert kinds(camera(), camera(distortion=replace(LENS, k1=0.27, k2=-0.05))) == {Kind.DIRECTION}
+
+
+@pytest.mark.parametrize("focal35_mm", [24.0, 25.0])
+def test_a_35_mm_equivalent_taken_for_the_focal_length_is_recognised(focal35_mm: float) -> None:
+    leaked = focal35_mm / 8.8
+    assert kinds(camera(), changed(camera(), fx=3678.9 * leaked, fy=3678.1 * leaked)) == {
+        Kind.EQUIVALENT_LEAK
+    }
+
+
+def test_the_earlier_one_may_be_the_one_that_leaked() -> None:
+    leaked = changed(camera(focal_mm=24.0), fx=3678.9 * 24 / 8.8, fy=3678.1 * 24 / 8.8)
+    assert kinds(leaked, camera()) == {Kind.EQUIVALENT_LEAK}
+
+
+def test_pixels_that_are_square_no_more_were_transcoded() -> None:
+    assert kinds(camera(), changed(camera(), fy=3678.1 * 4 / 3)) == {Kind.STRETCH}
+
+
+def test_the_reason_holds_the_numbers() -> None:
+    (structural,) = signatures(camera(), camera(size=(2736, 1824)))
+    assert (
+        structural.reason == "5472×3648 became 2736×1824 and fx went with it, × 0.5: the frame was resampled"
+    )
+
+
+STD = {"fx": 0.4, "fy": 0.4, "cx": 0.3, "cy": 0.3, "k1": 2e-4, "k2": 6e-4, "p1": 8e-6, "p2": 8e-6, "k3": 6e-4}
+
+
+def measured(calibration: Calibration, seed: int, poorer: float = 1.0) -> Calibration:
+    """As a board would show it: with noise, and the standard deviations of it."""
+    std = {name: poorer * value for name, value in STD.items()}
+    error = dict(zip(std, np.random.default_rng(seed).normal(0, list(std.values())), strict=True))
+    K, lens = calibration.intrinsics, calibration.distortion
+    values = (
+        dict.fromkeys(LENS.names(), 0.0)
+        if lens is None or isinstance(lens, NoDistortion)
+        else lens.coefficients
+    )
+    return replace(
+        changed(calibration, **{name: getattr(K, name) + error[name] for name in ("fx", "fy", "cx", "cy")}),
+        distortion=BrownConrady(**{name: value + error[name] for name, value in values.items()}),
+        quality=Quality(
+            std=std, covariance=Covariance.from_matrix(tuple(std), np.diag(np.square(list(std.values()))))
+        ),
+    )
+
+
+seeds = st.integers(0, 2**31)
+
+
+@settings(max_examples=150, deadline=None)
+@given(seeds, seeds, st.sampled_from([1.0, 3.0]))
+def test_noise_is_no_change_of_kind(first: int, second: int, poorer: float) -> None:
+    if first != second:
+        assert kinds(measured(camera(), first, poorer), measured(camera(), second, poorer)) == set()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 400), st.floats(-0.004, 0.004), st.floats(-30, 30), st.floats(-30, 30))
+def test_a_drift_of_any_direction_is_no_change_of_kind(seed: int, focal: float, dx: float, dy: float) -> None:
+    K = camera().intrinsics
+    moved = changed(camera(), fx=K.fx * (1 + focal), fy=K.fy * (1 + focal), cx=K.cx + dx, cy=K.cy + dy)
+    assert kinds(measured(camera(), seed), measured(moved, seed + 1000)) == set()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_corrected_lens_is_recognised_through_the_noise_of_its_calibration(seed: int) -> None:
+    corrected = measured(camera(distortion=NoDistortion()), seed)
+    assert kinds(measured(camera(), seed + 100), corrected) == {Kind.DEWARP_ON}
+    assert kinds(corrected, measured(camera(), seed + 100)) == {Kind.DEWARP_OFF}
+
+
+@pytest.mark.parametrize("poorer", [1.0, 10.0])
+def test_swapped_tangential_terms_are_recognised_as_far_as_they_are_known(poorer: float) -> None:
+    other = camera(distortion=replace(LENS, p1=LENS.p2, p2=LENS.p1))
+    assert kinds(measured(camera(), 1, poorer), measured(other, 2, poorer)) == {Kind.TANGENTIAL_SWAP}
+
+
+def test_tangential_terms_no_better_known_than_their_difference_are_not_swapped() -> None:
+    weak = replace(LENS, p1=2e-5, p2=-2e-5)
+    other = replace(weak, p1=-2e-5, p2=2e-5)
+    known = {"p1": 4e-5, "p2": 4e-5}
+    a, b = (replace(camera(distortion=lens), quality=Quality(std=known)) for lens in (weak, other))
+    nudged = replace(b, distortion=replace(other, p1=-1.9e-5))
+    assert kinds(a, nudged) == set()
+
+
+def test_a_turned_frame_swaps_its_tangential_terms_by_right() -> None:
+    K = camera().intrinsics
+    turned = replace(
+        camera(distortion=replace(LENS, p1=0.0, p2=LENS.p1)),
+        intrinsics=Intrinsics(fx=K.fy, fy=K.fx, cx=3648 - K.cy, cy=K.cx, image_size=(3648, 5472)),
+    )
+    assert kinds(camera(distortion=replace(LENS, p2=0.0)), turned) == {Kind.PORTRAIT}
+
+
+def test_half_a_pixel_between_two_solves_is_a_coincidence() -> None:
+    assert kinds(camera(), changed(camera(), fx=3679.1, fy=3678.3, cx=2731.0, cy=1846.3)) == set()
+
+
+def test_a_frame_squeezed_into_another_shape_was_transcoded() -> None:
+    K = camera().intrinsics
+    x, y = 3840 / 5472, 2160 / 3648
+    squeezed = Intrinsics(fx=K.fx * x, fy=K.fy * y, cx=K.cx * x, cy=K.cy * y, image_size=(3840, 2160))
+    assert kinds(camera(), replace(camera(), intrinsics=squeezed)) == {Kind.STRETCH}
+
+
+def test_a_frame_of_another_shape_is_a_crop_though_correcting_it_moved_the_focal_length() -> None:
+    wide = camera().cropped((0, 285, 5472, 3078)).scaled((3840, 2160))
+    K = wide.intrinsics
+    assert kinds(camera(), changed(wide, fx=K.fx * 0.97, fy=K.fy * 0.97)) == {Kind.CROP}
+
+
+@pytest.mark.parametrize(("grade", "focal"), [(Grade.DERIVED, 1.03), (Grade.PRIOR, 0.92)])
+def test_a_focal_length_from_tags_is_no_crop_for_being_as_far_off_as_tags_are(
+    grade: Grade, focal: float
+) -> None:
+    K = camera().intrinsics
+    tagged = replace(changed(camera(), fx=K.fx * focal, fy=K.fy * focal), grade=grade, distortion=None)
+    assert kinds(camera(), tagged) == set()
+    assert kinds(camera(), tagged.scaled((2736, 1824))) == {Kind.RESIZE}
+
+
+@given(
+    st.floats(3.0, 20.0), st.sampled_from([(13.2, 8.8), (6.3, 4.7), (17.3, 13.0), (9.6, 7.2)]), st.booleans()
+)
+def test_a_35_mm_equivalent_is_recognised_however_it_was_rounded(
+    focal_mm: float, sensor_mm: tuple[float, float], by_width: bool
+) -> None:
+    width, height = 5472, round(5472 * sensor_mm[1] / sensor_mm[0])
+    fx = focal_mm / sensor_mm[0] * width
+    K = Intrinsics(fx=fx, fy=fx, cx=width / 2, cy=height / 2, image_size=(width, height))
+    true = replace(camera(focal_mm=focal_mm), intrinsics=K, distortion=None)
+    factor = 36 / sensor_mm[0] if by_width else float(np.hypot(36, 24) / np.hypot(*sensor_mm))
+    leaked = fx * round(focal_mm * factor) / focal_mm
+    assert Kind.EQUIVALENT_LEAK in kinds(true, changed(true, fx=leaked, fy=leaked))

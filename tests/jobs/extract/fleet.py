@@ -1,0 +1,81 @@
+"""Images, folders and registries for the gate, and short ways to send them through it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, judge, sort_cameras
+from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
+from calibrary.jobs.extract.run import Request, run
+from calibrary.policy import FLEET, Policy
+from calibrary.registry.catalogue import Catalogue
+from calibrary.synthetic import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
+from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2
+
+DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
+DEWARP = "2019-03-05;3660.5,3655.25,-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
+P4R: dict[str, Any] = {"make": "DJI", "model": "FC6310R", "focal_mm": (88, 10)}
+"""What a Phantom 4 RTK writes into EXIF; ``dewarp=DEWARP`` adds this unit's calibration."""
+NOBODY: dict[str, Any] = {"make": "Example", "model": "One", "focal_mm": (132, 10)}
+"""A camera in no catalogue, whose focal length over the default sensor is 1.0 W, within the band."""
+
+KNOWLEDGE = Knowledge(catalogue=Catalogue([P4_RTK, M3T_WIDE, M3T_THERMAL, PHANTOM_3, SKYDIO_2]))
+ASSUMED = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
+
+
+def picture(
+    path: Path, size: tuple[int, int] = (5472, 3648), *, dewarp: str | None = None, **tags: Any
+) -> Path:
+    """A JPEG with these EXIF tags; names with a colon in them, ``drone_dji:…``, are XMP."""
+    xmp = {name.partition(":")[2]: tags.pop(name) for name in list(tags) if ":" in name}
+    if dewarp is not None:
+        xmp["DewarpData"] = dewarp
+    packet = XmpPacket(descriptions=(XmpDescription(items=attributes(DJI, **xmp)),)) if xmp else None
+    return write_jpeg(path, size, exif=ExifTags(**tags) if tags else None, xmp=packet)
+
+
+def gate(directory: Path, **request: Any) -> Outcome:
+    """The gate's outcome for a folder."""
+    return run(Request(image_dir=directory, **request))
+
+
+def only(outcome: Outcome) -> CameraOutcome:
+    """The one camera of a run."""
+    [camera] = outcome.cameras
+    return camera
+
+
+def judged(
+    states: Mapping[ImageMetadata, Sequence[str]], *, policy: Policy = FLEET, sensor: Sensor = ASSUMED
+) -> list[Camera]:
+    """Cameras of images that need no file."""
+    groups = sort_cameras(states, KNOWLEDGE)
+    return [judge(key, group, policy=policy, sensor=sensor) for key, group in groups.items()]
+
+
+def matrix(path: Path, fx: float, cx: float = 2736.0, cy: float = 1824.0, *, fy: float | None = None) -> Path:
+    """A K in a .npy file."""
+    np.save(path, np.array([[fx, 0, cx], [0, fx if fy is None else fy, cy], [0, 0, 1.0]]))
+    return path
+
+
+def entry(registry: Path, name: str, *, fx: float = 3661.25, **fields: Any) -> Path:
+    """A registry entry of a Phantom 4 RTK; ``fields`` with None are left out of its camera."""
+    status = fields.pop("status", "approved")
+    width, height = fields.pop("image_size", (5472, 3648))
+    camera = {"make": "DJI", "model": "FC6310R"} | fields
+    stated = "".join(f"  {key}: {value}\n" for key, value in camera.items() if value is not None)
+    path = registry / "cameras" / f"{name}.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(
+        f"schema: calibrary/entry-1\nstatus: {status}\ncamera:\n{stated}  image_size: [{width}, {height}]\n"
+        f"intrinsics: {{pixel_origin: corner, fx: {fx}, fy: {fx}, cx: {width / 2}, cy: {height / 2}}}\n"
+        "distortion: {model: brown, k1: -0.26, k2: 0.11, p1: 0.0, p2: 0.0, k3: -0.03}\ngrade: calibrated\n"
+    )
+    return path

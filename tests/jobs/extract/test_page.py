@@ -1,0 +1,164 @@
+"""The run as a page: the same verdicts, reasons and numbers as everywhere else, those that need somebody first."""
+
+from __future__ import annotations
+
+import html
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calibrary.jobs.extract import page as page_module
+from calibrary.jobs.extract.gather import Rejected
+from calibrary.jobs.extract.hand_off import Solver
+from calibrary.jobs.extract.outcome import Outcome
+from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.extract.page import outcome_page
+from calibrary.pages import Badge, Details, Figure, Link, Note, Page, Section, SideBySide, Table, render_page
+from calibrary.validation import Verdict
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """Valid, unproven, rejected with numbers, rejected without, a stand-in, and a corrupt file."""
+    folder = tmp_path_factory.mktemp("run")
+    flight = folder / "flight"
+    picture(flight / "valid.jpg", **P4R, dewarp=DEWARP, focal_35mm=24, body_serial="SECRET-4711")
+    picture(flight / "unproven.jpg", **NOBODY, focal_35mm=36)
+    picture(flight / "implausible.jpg", make="Example", model="Far", focal_mm=(600, 10))
+    picture(flight / "stripped.jpg")
+    picture(flight / "stand-in.jpg", (4000, 3000), make="DJI", model="FC330", focal_mm=(0, 0), focal_35mm=20)
+    (flight / "corrupt.jpg").write_bytes(b"\xff\xd8\xff")
+    return gate(flight, fallback_k=matrix(folder / "fc330.npy", 2290.0, 2000.0, 1500.0))
+
+
+@pytest.fixture(scope="module")
+def page(outcome: Outcome, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return made(outcome, tmp_path_factory.mktemp("out"))
+
+
+def made(outcome: Outcome, folder: Path) -> Page:
+    return outcome_page(outcome, plan(outcome, folder / "K_matrix.npy", Solver.NONE))
+
+
+def text(page: Page) -> str:
+    """What a reader sees."""
+    body = render_page(page).partition("<body>")[2]
+    return html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body)))
+
+
+def section(page: Page, word: str) -> Section:
+    [found] = [section for section in page.sections if word in section.title]
+    return found
+
+
+def overview(page: Page) -> Table:
+    [table] = [block for block in section(page, "Overview").blocks if isinstance(block, Table)]
+    return table
+
+
+def test_the_cameras_that_need_somebody_stand_first(page: Page) -> None:
+    verdicts = [row[1].text for row in overview(page).rows if isinstance(row[1], Badge)]
+    assert verdicts == sorted(verdicts, key=[*map(str, reversed(Verdict))].index)
+    assert len(set(verdicts)) == 3
+
+
+def test_every_camera_of_the_overview_leads_to_its_section(page: Page) -> None:
+    targets = [row[0].target for row in overview(page).rows if isinstance(row[0], Link)]
+    anchors = re.findall(r'<h2 id="([^"]+)"', render_page(page))
+    assert len(targets) == 5
+    assert {target.removeprefix("#") for target in targets} <= set(anchors)
+
+
+def test_every_reason_and_every_way_out_is_told(outcome: Outcome, page: Page) -> None:
+    told = text(page)
+    for camera in outcome.cameras:
+        failures = camera.report.failures if camera.report is not None else ()
+        for sentence in (camera.reason, camera.advice, *(finding.message for finding in failures)):
+            assert sentence is None or re.sub(r"\s+", " ", sentence) in told
+
+
+def test_a_valid_camera_has_its_k_its_distortion_and_its_lens(page: Page) -> None:
+    shown = section(page, "FC6310R")
+    told = text(replace(page, sections=(shown,)))
+    for number in ("3660.50 px", "3655.25 px", "2731.50 px", "1846.75 px", "−0.268", "0.112"):
+        assert number in told
+    [plots] = [block for block in shown.blocks if isinstance(block, SideBySide)]
+    beginnings = [plot.alt[:6] for plot in plots.blocks if isinstance(plot, Figure)]
+    assert beginnings == ["fx by ", "Arrows", "Radial"]
+
+
+def test_the_evidence_is_shown_side_by_side(outcome: Outcome, page: Page) -> None:
+    [camera] = [c for c in outcome.cameras if c.camera.key.model == "FC6310R"]
+    [plots] = [block for block in section(page, "FC6310R").blocks if isinstance(block, SideBySide)]
+    evidence = plots.blocks[0]
+    assert isinstance(evidence, Figure)
+    for witness in camera.camera.evidence.witnesses:
+        assert f"{witness.tag} {witness.intrinsics.fx:.1f} px" in evidence.alt
+    assert "DewarpData 3660.5 px, used" in evidence.alt
+    assert "Expected by the catalogue" in evidence.alt
+
+
+def test_numbers_that_were_rejected_are_not_shown_as_a_k(page: Page) -> None:
+    shown = section(page, "Far")
+    [folded] = [b for b in shown.blocks if isinstance(b, Details) and "rejected" in b.summary]
+    rest = replace(
+        shown, blocks=tuple(b for b in shown.blocks if b is not folded and not isinstance(b, SideBySide))
+    )
+    rejected = "24872.73 px"
+    assert rejected in text(replace(page, sections=(replace(shown, blocks=(folded,)),)))
+    assert rejected not in text(replace(page, sections=(rest,)))
+    [row] = [row for row in overview(page).rows if isinstance(row[0], Link) and "Far" in row[0].text]
+    assert row[3:] == ("–", "–", "–", "–")
+
+
+def test_what_stands_in_is_told_with_all_that_was_tried(page: Page) -> None:
+    told = text(replace(page, sections=(section(page, "FC330"),)))
+    assert "fc330.npy is used; the images alone give no valid K" in told
+    assert "fallback-k taken fc330.npy" in told
+
+
+def test_images_that_were_set_aside_are_listed_with_the_reason(outcome: Outcome, page: Page) -> None:
+    told = text(replace(page, sections=(section(page, "set aside"),)))
+    assert f"corrupt.jpg {outcome.rejected[0].reason}" in told
+
+
+def test_no_serial_number_and_no_folder_is_in_it(page: Page, tmp_path: Path) -> None:
+    rendered = render_page(page)
+    assert "SECRET" not in rendered
+    assert str(tmp_path.parent.parent) not in rendered
+
+
+def test_what_else_is_to_be_said_of_the_run_is_a_note(outcome: Outcome, tmp_path: Path) -> None:
+    (tmp_path / "K_matrix.gone.npy").write_bytes(b"")
+    notes = [b.text for b in section(made(outcome, tmp_path), "Overview").blocks if isinstance(b, Note)]
+    assert "K_matrix.gone.npy is of an earlier run, not of this one; remove it" in notes
+
+
+def test_a_run_without_a_fault_says_so(tmp_path: Path) -> None:
+    picture(tmp_path / "flight/a.jpg", **P4R, dewarp=DEWARP)
+    page = made(gate(tmp_path / "flight"), tmp_path)
+    assert page.badge == Badge("every K is valid", page_module.VERDICTS[Verdict.VALID])
+    assert page.lead.startswith("1 valid, judged by the fleet policy.")
+
+
+def test_a_run_of_very_many_cameras_stays_a_page(
+    outcome: Outcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_module, "MOST_CAMERAS", 3)
+    monkeypatch.setattr(page_module, "MOST_DRAWN", 2)
+    monkeypatch.setattr(page_module, "MOST_NAMES", 4)
+    torn = tuple(Rejected(f"{n}.jpg", "torn") for n in range(9))
+    page = made(replace(outcome, rejected=torn), tmp_path)
+    assert len(overview(page).rows) == 3
+    drawn = [any(isinstance(block, SideBySide) for block in s.blocks) for s in page.sections[1:4]]
+    assert drawn.count(True) <= 2
+    told = text(page)
+    assert "2 more cameras are in the report only." in told
+    assert "5 more are listed in the report." in told
+
+
+def test_the_same_run_gives_the_same_bytes(outcome: Outcome, page: Page, tmp_path: Path) -> None:
+    assert render_page(made(outcome, tmp_path)) == render_page(page)

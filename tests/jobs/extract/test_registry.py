@@ -1,0 +1,223 @@
+"""The fleet's registry: which entry answers for a camera, and which may not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibrary.cli.main import main
+from calibrary.errors import RegistryError
+from calibrary.jobs.extract.outcome import CameraOutcome
+from calibrary.registry.pins import Lock, lock_yaml, pin_of
+from calibrary.validation import Verdict
+from tests.jobs.extract.fleet import DEWARP, P4R, entry, gate, only, picture
+
+STRIPPED: dict[str, Any] = {"make": "DJI", "model": "FC6310R"}
+
+
+def served(folder: Path, **tags: Any) -> CameraOutcome:
+    """What the registry beside the flight makes of one image without a focal length."""
+    picture(folder / "flight/a.jpg", **(STRIPPED | tags))
+    return only(gate(folder / "flight", registry=folder / "registry"))
+
+
+def fx(camera: CameraOutcome) -> float | None:
+    return camera.calibration.intrinsics.fx if camera.calibration is not None else None
+
+
+@pytest.mark.parametrize("status", ["approved", "held"])
+def test_an_entry_somebody_answers_for_is_used(tmp_path: Path, status: str) -> None:
+    entry(tmp_path / "registry", "dji/fc6310r", status=status)
+    assert fx(served(tmp_path)) == 3661.25
+
+
+@pytest.mark.parametrize("status", ["draft", "retired"])
+def test_an_entry_nobody_answers_for_is_not(tmp_path: Path, status: str) -> None:
+    entry(tmp_path / "registry", "dji/fc6310r", status=status)
+    camera = served(tmp_path)
+    assert camera.verdict is Verdict.REJECTED
+    assert camera.fallback is not None
+    assert "no approved entry" in camera.fallback.steps[-1].why
+
+
+def test_a_retired_entry_makes_room_for_its_successor(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/old", status="retired", fx=3600.0)
+    entry(tmp_path / "registry", "dji/new")
+    assert fx(served(tmp_path)) == 3661.25
+
+
+def test_two_entries_that_fit_alike_are_an_error_that_names_both(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/one")
+    entry(tmp_path / "registry", "dji/two")
+    with pytest.raises(RegistryError, match=r"cameras/dji/one\.yaml, cameras/dji/two\.yaml"):
+        served(tmp_path)
+
+
+def test_the_entry_of_this_unit_wins_over_that_of_its_model(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/model", fx=3661.25)
+    serial = served(tmp_path, body_serial="4711").camera.key.serial
+    entry(tmp_path / "registry", "dji/unit", fx=3655.5, serial=serial)
+    assert fx(served(tmp_path, body_serial="4711")) == 3655.5
+    assert fx(served(tmp_path, body_serial="4712")) == 3661.25
+
+
+def test_an_entry_of_one_firmware_serves_no_other(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/model", fx=3661.25)
+    entry(tmp_path / "registry", "dji/firmware", fx=3655.5, firmware='"01.09"')
+    assert fx(served(tmp_path, software="01.09")) == 3655.5
+    assert fx(served(tmp_path, software="01.10")) == 3661.25
+    assert fx(served(tmp_path)) == 3661.25
+
+
+def test_a_camera_with_two_firmwares_is_not_served_by_the_entry_of_one(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/firmware", firmware='"01.09"')
+    picture(tmp_path / "flight/b.jpg", **STRIPPED, software="01.10")
+    camera = served(tmp_path, software="01.09")
+    assert camera.calibration is None
+    assert camera.fallback is not None
+    assert "firmware" in camera.fallback.steps[-1].why
+
+
+@pytest.mark.parametrize(
+    "stated", [{"model": "FC6310S"}, {"make": "Hasselblad"}, {"sub_camera": "thermal"}, {"lens": "other"}]
+)
+def test_what_an_entry_states_must_be_so(tmp_path: Path, stated: dict[str, Any]) -> None:
+    entry(tmp_path / "registry", "dji/other", **stated)
+    assert fx(served(tmp_path)) is None
+
+
+def test_letter_case_does_not_matter(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/other", make="dji", model="fc6310r")
+    assert fx(served(tmp_path)) == 3661.25
+
+
+def test_an_entry_is_scaled_to_the_image(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/half", fx=1830.5, image_size=(2736, 1824))
+    assert fx(served(tmp_path)) == 3661.0
+
+
+def test_a_zoomed_frame_is_another_camera_unless_the_entry_says_it(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/plain")
+    assert fx(served(tmp_path, digital_zoom=(2, 1))) is None
+    entry(tmp_path / "registry", "dji/zoomed", fx=7300.0, capture_mode='"zoom 2×"')
+    assert fx(served(tmp_path, digital_zoom=(2, 1))) == 7300.0
+
+
+def test_a_good_k_of_the_images_is_measured_against_the_entry(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/unit", fx=3661.25)
+    picture(tmp_path / "flight/a.jpg", **P4R)
+    camera = only(gate(tmp_path / "flight", registry=tmp_path / "registry"))
+    assert (camera.verdict, camera.fallback) == (Verdict.VALID, None)
+    entry(tmp_path / "registry", "dji/unit", fx=3900.0)
+    camera = only(gate(tmp_path / "flight", registry=tmp_path / "registry"))
+    assert camera.camera.reason is not None
+    assert "registry" in camera.camera.reason
+
+
+def test_no_registry_is_an_error_and_not_an_empty_one(tmp_path: Path) -> None:
+    with pytest.raises(RegistryError, match="cameras"):
+        served(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("found", "place"),
+    [("status: approved", "line"), ("fx: 3661.25, ", "fx"), ("schema: calibrary/entry-1", "schema")],
+)
+def test_a_broken_entry_is_named(tmp_path: Path, found: str, place: str) -> None:
+    path = entry(tmp_path / "registry", "dji/unit")
+    path.write_text(path.read_text().replace(found, "", 1))
+    with pytest.raises(RegistryError, match=rf"cameras/dji/unit\.yaml.*{place}"):
+        served(tmp_path)
+
+
+class TestTolerance:
+    """An entry may ask for more or less than the policy's 3 % of whatever claims to be its camera."""
+
+    @pytest.mark.parametrize(
+        ("tolerance", "fx", "valid"),
+        [(None, 3740.0, True), (0.01, 3740.0, False), (None, 3900.0, False), (0.08, 3900.0, True)],
+    )
+    def test_the_entrys_own_comes_before_the_policys(
+        self, tmp_path: Path, tolerance: float | None, fx: float, valid: bool
+    ) -> None:
+        path = entry(tmp_path / "registry", "dji/unit", fx=fx)
+        if tolerance is not None:
+            path.write_text(path.read_text() + f"tolerance: {tolerance}\n")
+        picture(tmp_path / "flight/a.jpg", **P4R, dewarp=DEWARP)
+        camera = only(gate(tmp_path / "flight", registry=tmp_path / "registry"))
+        assert (camera.camera.verdict is Verdict.VALID) is valid
+
+
+def test_an_entry_out_of_its_days_is_not_used_and_said_to_be_near(tmp_path: Path) -> None:
+    path = entry(tmp_path / "registry", "dji/unit")
+    path.write_text(path.read_text() + "validity: {until: 2020-01-01}\n")
+    fallback = served(tmp_path).fallback
+    assert fallback is not None
+    assert fallback.calibration is None
+    assert "cameras/dji/unit.yaml is none: it is valid until 2020-01-01, not on" in fallback.steps[-1].why
+
+
+def test_what_was_taken_says_why(tmp_path: Path) -> None:
+    entry(tmp_path / "registry", "dji/half", fx=1830.5, image_size=(2736, 1824))
+    fallback = served(tmp_path).fallback
+    assert fallback is not None
+    assert fallback.steps[-1].why.endswith(
+        "cameras/dji/half.yaml is of this model; scaled 2736×1824 → 5472×3648"
+    )
+
+
+def test_a_digest_that_does_not_fit_stops_the_run(tmp_path: Path) -> None:
+    path = entry(tmp_path / "registry", "dji/unit")
+    path.write_text(path.read_text() + f'digest: "sha256:{"0" * 64}"\n')
+    with pytest.raises(RegistryError, match=r"cameras/dji/unit\.yaml: digest"):
+        served(tmp_path)
+
+
+class TestLocked:
+    """With a lock a run rests on the entries that are pinned, as they were, or does not run."""
+
+    @staticmethod
+    def locked(folder: Path) -> CameraOutcome:
+        picture(folder / "flight/a.jpg", **STRIPPED)
+        return only(gate(folder / "flight", registry=folder / "registry", lock=folder / "calibrary.lock"))
+
+    @staticmethod
+    def lock(folder: Path, *paths: Path) -> None:
+        pins = (pin_of(path.relative_to(folder / "registry").as_posix(), path.read_bytes()) for path in paths)
+        (folder / "calibrary.lock").write_bytes(lock_yaml(Lock(pins=tuple(pins))))
+
+    def test_what_is_pinned_is_used_and_nothing_newer(self, tmp_path: Path) -> None:
+        self.lock(tmp_path, entry(tmp_path / "registry", "dji/model"))
+        entry(tmp_path / "registry", "dji/newer", fx=3700.0, sub_camera="rgb")
+        assert fx(self.locked(tmp_path)) == 3661.25
+
+    def test_a_pinned_entry_that_changed_stops_the_run(self, tmp_path: Path) -> None:
+        self.lock(tmp_path, entry(tmp_path / "registry", "dji/model"))
+        entry(tmp_path / "registry", "dji/model", fx=3700.0)
+        with pytest.raises(RegistryError, match=r"drifted from .*calibrary\.lock: cameras/dji/model\.yaml"):
+            self.locked(tmp_path)
+
+    def test_a_pinned_entry_that_is_gone_stops_the_run(self, tmp_path: Path) -> None:
+        path = entry(tmp_path / "registry", "dji/model")
+        self.lock(tmp_path, path)
+        path.unlink()
+        with pytest.raises(RegistryError, match="no longer in the registry"):
+            self.locked(tmp_path)
+
+    def test_the_command_says_so_in_one_line(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        self.lock(tmp_path, entry(tmp_path / "registry", "dji/model"))
+        picture(tmp_path / "flight/a.jpg", **STRIPPED)
+        monkeypatch.chdir(tmp_path)
+        command = ["extract", "--image-dir", "flight", "--registry", "registry", "--locked", "--dry-run"]
+        assert main(command) == 0
+        entry(tmp_path / "registry", "dji/model", fx=3700.0)
+        assert main(command) == 4
+        assert capsys.readouterr().err.count("has drifted from calibrary.lock") == 1
+
+    def test_a_lock_without_its_registry_is_not_understood(self) -> None:
+        with pytest.raises(SystemExit, match="2"):
+            main(["extract", "--locked"])

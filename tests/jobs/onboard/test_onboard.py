@@ -1,0 +1,301 @@
+"""``calibrary onboard``: what came with a payload, sorted, heard, and proposed."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibrary.cli.main import main
+from calibrary.keep.keeper import Keeper
+from calibrary.registry.entry import Entry, Status
+from tests.calib.photographs import saved
+from tests.cli.registry.fleets import add, commit_of, held, run, xml
+from tests.jobs.extract.fleet import picture
+from tests.jobs.onboard.payloads import document, onboard, phantom, survey
+from tests.registry.stores import git
+
+BRANCH = "onboard/example-survey_one"
+UNIT = ("--for", "unit")
+ENTRY = "example/survey_one"
+
+
+def drafted(fleet: Path, branch: str = BRANCH) -> list[Entry]:
+    """The entries on a branch."""
+    return [one.entry for one in Keeper.open(fleet).entries(branch)]
+
+
+def branches(fleet: Path) -> list[str]:
+    return git(fleet, "branch", "--format=%(refname:short)").split()
+
+
+@pytest.fixture
+def payload(tmp_path: Path) -> Path:
+    return survey(tmp_path / "payload")
+
+
+def test_a_folder_is_sorted_whatever_lies_where(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = document(capsys, payload, *UNIT)["sorted"]
+    assert (found["images"], found["board_frames"], found["calibration_files"]) == (2, 0, 1)
+    assert [one["file"] for one in found["aside"]] == ["papers/invoice.txt"]
+    assert fleet.exists()
+
+
+def test_the_best_grade_is_proposed_and_everybody_is_shown_beside_it(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    [camera] = document(capsys, payload, *UNIT)["cameras"]
+    told = {one["name"]: (one["who"], one["chosen"], one["agrees"]) for one in camera["witnesses"]}
+    assert told == {
+        "papers/camera.xml": ("file", True, None),
+        "EXIF FocalLength × FocalPlaneResolution": ("tags", False, True),
+        "EXIF FocalLengthIn35mmFilm": ("tags", False, True),
+    }
+    assert camera["decision"] == "draft proposed"
+    assert camera["entry"]["calibration"]["grade"] == "adjusted"
+    assert fleet.exists()
+
+
+def test_the_draft_waits_on_a_branch_and_the_main_one_is_left_alone(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = commit_of(fleet)
+    code, _, told = onboard(capsys, payload, *UNIT, "--yes")
+    assert (code, commit_of(fleet)) == (0, before)
+    [entry] = drafted(fleet)
+    assert (entry.status, entry.calibration.intrinsics.fx) == (Status.DRAFT, 968.0)
+    assert list(Keeper.open(fleet).entries()) == []
+    assert git(fleet, "status", "--porcelain") == ""
+    assert f"calibrary registry approve {entry.id} --from {BRANCH}" in told
+
+
+def test_approving_from_the_branch_puts_it_to_use(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    onboard(capsys, payload, *UNIT, "--yes")
+    [entry] = drafted(fleet)
+    code, _, _ = run(capsys, "approve", entry.id, "--from", BRANCH, "--reason", "looked at")
+    assert code == 0
+    found = held(fleet, entry.id).entry
+    assert (found.status, found.reason) == (Status.APPROVED, "looked at")
+    assert found.calibration.intrinsics == entry.calibration.intrinsics
+    before = commit_of(fleet)
+    code, _, told = run(capsys, "approve", entry.id, "--from", BRANCH)
+    assert (code, commit_of(fleet), "approved already" in told) == (0, before, True)
+
+
+def test_what_somebody_pinned_is_not_replaced_from_a_branch(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    onboard(capsys, payload, *UNIT, "--yes")
+    [entry] = drafted(fleet)
+    run(capsys, "approve", entry.id, "--from", BRANCH)
+    run(capsys, "hold", entry.id, "--reason", "under test")
+    code, _, told = run(capsys, "approve", entry.id, "--from", BRANCH)
+    assert (code, "a person pinned it" in told) == (4, True)
+
+
+def test_running_it_twice_changes_nothing(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    onboard(capsys, payload, *UNIT, "--yes")
+    tip = git(fleet, "rev-parse", BRANCH)
+    found = document(capsys, payload, *UNIT)
+    assert (found["cameras"][0]["decision"], found["branches"]) == ("nothing new", {})
+    assert git(fleet, "rev-parse", BRANCH) == tip
+    [entry] = drafted(fleet)
+    run(capsys, "approve", entry.id, "--from", BRANCH)
+    [camera] = document(capsys, payload, *UNIT)["cameras"]
+    assert (camera["decision"], camera["entry"]["status"]) == ("nothing new", "approved")
+    assert git(fleet, "rev-parse", BRANCH) == tip
+
+
+def test_another_source_is_another_draft(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    onboard(capsys, payload, *UNIT, "--yes")
+    xml(payload / "papers" / "camera.xml", 969.5, (1280, 960), 4.5)
+    assert onboard(capsys, payload, *UNIT, "--yes")[0] == 0
+    assert git(fleet, "rev-list", "--count", f"main..{BRANCH}") == "2"
+    assert drafted(fleet)[0].calibration.intrinsics.fx == 969.5
+
+
+def test_the_hash_of_every_source_is_in_the_entry_and_in_the_commit(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    [camera] = document(capsys, payload, *UNIT)["cameras"]
+    [entry] = drafted(fleet)
+    block = entry.extensions["x-onboarding"]
+    assert isinstance(block, dict)
+    assert block["sources"] == camera["sources"]
+    told = git(fleet, "log", "-1", "--format=%B", BRANCH)
+    assert all(source["sha256"] in told for source in camera["sources"])
+    assert str(entry.calibration.provenance.sha256) in told
+
+
+def test_witnesses_that_disagree_with_nothing_to_decide_are_refused(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, page = survey(tmp_path / "payload", 1300.0), tmp_path / "page.html"
+    code, _, told = onboard(capsys, folder, *UNIT, "--yes", page=page)
+    assert (code, branches(fleet)) == (1, ["main"])
+    assert "nothing confirms it" in told
+    assert "--trust file or --trust tags" in told
+    assert "refused" in page.read_text()
+
+
+def test_a_person_may_say_whom_to_believe_and_it_is_kept(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = survey(tmp_path / "payload", 1300.0)
+    assert onboard(capsys, folder, *UNIT, "--yes", "--trust", "file")[0] == 0
+    [entry] = drafted(fleet)
+    assert entry.calibration.intrinsics.fx == 1300.0
+    assert any("is not believed" in note for note in entry.notes)
+
+
+def test_a_sensor_that_nobody_stated_gives_no_k(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "flight").mkdir()
+    picture(tmp_path / "flight" / "a.jpg", make="Example", model="Two", focal_mm=(132, 10))
+    code, _, told = onboard(capsys, tmp_path / "flight", "--yes")
+    assert (code, branches(fleet)) == (1, ["main"])
+    assert "a sensor size that nobody stated" in told
+
+
+def test_a_k_that_breaks_the_policy_is_refused(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    xml(payload / "papers" / "camera.xml", 968.0, (1280, 960), 120.0)
+    code, _, told = onboard(capsys, payload, *UNIT, "--yes")
+    assert (code, branches(fleet)) == (1, ["main"])
+    assert "principal point" in told
+
+
+def test_every_camera_of_a_payload_is_taken_on_one_branch(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    M3T: dict[str, Any] = {"make": "DJI", "model": "M3T", "body_serial": "1581F5EXAMPLE"}
+    (tmp_path / "flight").mkdir()
+    wide = {**M3T, "focal_mm": (44, 10), "drone_dji:ImageSource": "WideCamera"}
+    thermal = {**M3T, "focal_mm": (91, 10), "drone_dji:ImageSource": "InfraredCamera"}
+    picture(tmp_path / "flight" / "W.jpg", (8000, 6000), **wide)
+    picture(tmp_path / "flight" / "T.jpg", (640, 512), **thermal)
+    assert onboard(capsys, tmp_path / "flight", "--yes")[0] == 0
+    cameras = {one.calibration.camera.sub_camera: one for one in drafted(fleet, "onboard/dji-m3t")}
+    assert cameras.keys() == {"wide", "thermal"}
+    assert git(fleet, "rev-list", "--count", "main..onboard/dji-m3t") == "1"
+    # Focal length over pitch is every unit's, so nobody is asked whose it is.
+    assert {one.calibration.camera.serial for one in cameras.values()} == {None}
+
+
+def test_only_the_cameras_that_are_meant_are_taken(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    phantom(payload / "other")
+    found = document(capsys, payload, *UNIT, "--only", "survey")
+    assert [one["camera"]["model"] for one in found["cameras"]] == ["Survey One"]
+    code, _, told = onboard(capsys, payload, *UNIT, "--yes", "--only", "nothing")
+    assert (code, "DJI FC6310R" in told) == (3, True)
+    assert fleet.exists()
+
+
+def test_one_refused_camera_keeps_all_from_being_written(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    phantom(payload / "other", dewarp=None, focal_mm=(44, 10))
+    assert onboard(capsys, payload, *UNIT, "--yes")[0] == 1
+    assert branches(fleet) == ["main"]
+
+
+@pytest.mark.usefixtures("fleet")
+def test_machines_are_told_the_flag_of_what_only_a_person_knows(
+    payload: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["onboard", str(payload), "--yes"])
+    assert (ended.value.code, "--for unit" in capsys.readouterr().err) == (2, True)
+    (tmp_path / "boards").mkdir()
+    saved(tmp_path / "boards" / "frames", 3)
+    named = ["--make", "Example", "--model", "Survey One"]
+    with pytest.raises(SystemExit) as ended:
+        main(["onboard", str(tmp_path / "boards"), "--yes", *named])
+    assert (ended.value.code, "--square-mm" in capsys.readouterr().err) == (2, True)
+
+
+@pytest.mark.usefixtures("fleet")
+def test_a_camera_that_nothing_names_is_a_question_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "papers").mkdir()
+    xml(tmp_path / "papers" / "camera.xml", 968.0, (1280, 960))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(["onboard", "papers", "--yes"])
+    assert (ended.value.code, "--make NAME --model NAME" in capsys.readouterr().err) == (2, True)
+    found = document(capsys, tmp_path / "papers", "--make", "Example", "--model", "Survey One")
+    assert found["cameras"][0]["decision"] == "draft proposed"
+
+
+def test_a_person_is_asked_on_a_terminal(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    monkeypatch.setattr("sys.stdin", Terminal("unit\nyes\n"))
+    code, _, told = onboard(capsys, payload)
+    assert (code, "[unit/model]" in told) == (0, True)
+    assert drafted(fleet)[0].calibration.camera.serial is not None
+    monkeypatch.setattr("sys.stdin", Terminal("model\nno\n"))
+    code, _, told = onboard(capsys, payload)
+    assert (code, "nothing was written into the registry" in told) == (0, True)
+
+
+def test_entries_of_the_same_model_are_held_beside_it(
+    fleet: Path, payload: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = ("--make", "Example", "--model", "Survey One")
+    add(xml(tmp_path / "old.xml", 960.0, (1280, 960), 4.5), "--approve", camera=own)
+    [camera] = document(capsys, payload, *UNIT)["cameras"]
+    [relative] = camera["relatives"]
+    assert (relative["id"], relative["own"]) == (f"{ENTRY}/1280x960", False)
+    assert relative["focal_change"] == pytest.approx(968 / 960 - 1)
+    registry = [one for one in camera["witnesses"] if one["who"] == "registry"]
+    assert [one["agrees"] for one in registry] == [True]
+    assert fleet.exists()
+
+
+def test_nothing_private_is_repeated(
+    fleet: Path, payload: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page.html"
+    _, out, err = onboard(capsys, payload, *UNIT, "--yes", "--json", page=page)
+    whole = out + err + page.read_text() + git(fleet, "log", "-p", "--all")
+    assert "EX-0042-77" not in whole
+
+
+@pytest.mark.usefixtures("fleet")
+def test_an_empty_folder_and_a_missing_registry_have_their_codes(
+    payload: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    assert onboard(capsys, tmp_path / "empty", "--yes")[0] == 3
+    assert onboard(capsys, payload, "--yes", "--registry", str(tmp_path / "nowhere"))[0] == 4
+
+
+@pytest.mark.usefixtures("drawn")
+def test_the_page_lies_beside_under_the_cameras_name(
+    fleet: Path, payload: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["onboard", str(payload), *UNIT, "--yes"]) == 0
+    page = (tmp_path / "onboard-example-survey_one.html").read_text()
+    assert "fx by every witness" in page
+    assert fleet.exists()

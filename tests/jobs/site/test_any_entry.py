@@ -1,0 +1,56 @@
+"""Any entry that a registry may hold has a page, whatever its numbers and names are."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import numpy as np
+from hypothesis import given, settings
+
+from calibrary.jobs.site.addresses import Place
+from calibrary.jobs.site.past import steps
+from calibrary.jobs.site.work import entry_files
+from calibrary.keep.story import Chapter
+from calibrary.policy import FLEET
+from calibrary.registry.entry import Entry
+from calibrary.registry.fast_import import Person
+from calibrary.registry.history import Revision
+from tests.registry.entries import entries
+
+SOMEBODY = Person(name="Ada Keeper", email="ada@example.com")
+NOON = datetime(2026, 5, 1, 12, tzinfo=UTC)
+
+
+def chapter(number: int, entry: Entry, before: Entry | None) -> Chapter:
+    revision = Revision(
+        commit=f"{number:040x}",
+        parents=(),
+        path=entry.path,
+        oid=f"{number:040x}",
+        author=SOMEBODY,
+        authored=NOON,
+        committer=SOMEBODY,
+        committed=NOON,
+        message="Calibrate",
+    )
+    return Chapter(revision=revision, entry=entry, before=before)
+
+
+@settings(max_examples=20)
+@given(entries(), entries())
+def test_any_entry_has_a_page(old: Entry, new: Entry) -> None:
+    place = Place.of(new.path, proper=True)
+    chapters = (chapter(2, new, old), chapter(1, old, None))
+    with np.errstate(all="ignore"):
+        content = entry_files(
+            new,
+            data=b"",
+            id_=new.id,
+            place=place,
+            chapters=chapters,
+            changes=steps(chapters, FLEET),
+            made_by="Made by a test.",
+        )
+    pages = [data for address, data in content.items() if address.endswith(".html")]
+    assert pages
+    assert all(page.rstrip().endswith(b"</html>") for page in pages)
