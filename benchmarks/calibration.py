@@ -17,14 +17,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.calibrate import calibrate
 from calibrary.calib.corners_file import write_corners
@@ -41,8 +41,7 @@ from calibrary.calib.solve import solve
 from calibrary.calib.synthesis import Settings, Shutter, observe, poses, render
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
-
-FloatArray: TypeAlias = NDArray[np.float64]
+from calibrary.records import replace
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 LENS = BrownConrady(k1=-0.2687, k2=0.1147, p1=1.5e-4, p2=-4.7e-4, k3=-0.035)

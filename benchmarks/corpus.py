@@ -22,7 +22,6 @@ import os
 import struct
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
@@ -31,6 +30,7 @@ import numpy as np
 from PIL import Image, ImageCms
 
 from calibrary.jobs.demo.cameras import Shot, phantom_4_rtk
+from calibrary.records import replace
 from calibrary.synthetic import ExifTags
 from calibrary.synthetic.jpeg import (
     Segment,

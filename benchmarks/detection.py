@@ -28,6 +28,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.collect import collect
 from calibrary.calib.detect import detect
@@ -37,7 +38,6 @@ from calibrary.calib.synthesis import Settings, poses, render_raw, seen_corners
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
 
-FloatArray = NDArray[np.float64]
 Answer = TypeVar("Answer")
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)

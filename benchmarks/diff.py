@@ -19,16 +19,15 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.calibrate import calibrate
 from calibrary.calib.collect import collect
@@ -42,8 +41,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intr
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.diff.comparison import Comparison, compare
 from calibrary.jobs.diff.structure import Kind
-
-FloatArray: TypeAlias = NDArray[np.float64]
+from calibrary.records import replace
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 LENS = BrownConrady(k1=-0.2687, k2=0.1147, p1=1.5e-4, p2=-4.7e-4, k3=-0.035)

@@ -24,7 +24,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -35,6 +35,7 @@ import yaml
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.parsers.format import Format
+from calibrary.records import replace
 
 sys.path.append(str(Path(__file__).parents[1]))
 

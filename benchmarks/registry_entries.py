@@ -19,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -30,6 +30,7 @@ from calibrary.distortion import BrownConrady
 from calibrary.keep.alias_cache import names_at
 from calibrary.keep.checking import check_all
 from calibrary.keep.shelf import Shelf, open_shelf
+from calibrary.records import replace
 from calibrary.registry.charter import charter_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml

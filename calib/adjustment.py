@@ -8,19 +8,17 @@ Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TypeAlias
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.network import Linear, Network, State, linearise, turned
 from calibrary.errors import CalibrationError
+from calibrary.records import replace
 
 __all__ = ["Adjusted", "Reduced", "adjust", "reduce"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.intp]
 
 MAX_STEPS = 40
 CRAWL = 1e-7

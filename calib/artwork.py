@@ -9,13 +9,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.board import Board, Pattern
 from calibrary.errors import InputError
 
 __all__ = ["Artwork", "Box", "Cells", "Discs", "artwork", "paper", "paper_rim"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-BoolArray: TypeAlias = NDArray[np.bool_]
 Box: TypeAlias = tuple[float, float, float, float]
 """Left, top, right, bottom in mm from the first point."""
 

@@ -7,16 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 
 __all__ = ["DICTIONARIES", "Board", "Pattern", "parse_board"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 LARGEST = 200
 """Corners along a side; nobody prints more, and a typing error must not ask for a million."""

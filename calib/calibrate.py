@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.board import Board
 from calibrary.calib.corners_file import corners_sha256
@@ -41,10 +40,10 @@ from calibrary.calibration import (
     SourceFile,
 )
 from calibrary.errors import CalibrationError, InputError
+from calibrary.records import replace
 
 __all__ = ["calibrate"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 FEWEST_CORNERS: Final = 6
 FLATTEST: Final = 0.02

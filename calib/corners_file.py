@@ -12,22 +12,22 @@ import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.atomic import write_files
 from calibrary.calib.board import Board, Pattern
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calibration import CameraKey
-from calibrary.calibration_json import Json, camera_json
+from calibrary.calibration_json import camera_json
 from calibrary.errors import InputError, ParseError
+from calibrary.records import Json
 from calibrary.schemas import require
 
 __all__ = ["corners_sha256", "decode_corners", "encode_corners", "read_corners", "write_corners"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 SCHEMA: Final = "corners-1"
 MAX_BYTES: Final = 64_000_000

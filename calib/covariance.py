@@ -10,18 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrary.calib.adjustment import Adjusted, reduce
 from calibrary.calibration import Covariance
 from calibrary.errors import CalibrationError
 
 __all__ = ["Identifiability", "identifiability", "lens_condition", "lens_covariance"]
-
-FloatArray: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

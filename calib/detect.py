@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Final
 
 from calibrary.calib.board import Board, Pattern
@@ -14,6 +13,7 @@ from calibrary.calib.found import Found, NotFound
 from calibrary.calib.frames import Gray
 from calibrary.conventions import Origin, canonical_from_file
 from calibrary.errors import InputError
+from calibrary.records import replace
 
 __all__ = ["check_detectable", "detect"]
 

@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
+from calibrary.arrays import FloatArray, IntArray
 
 __all__ = ["Found", "NotFound", "Reason", "Remark"]
-
-FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.intp]
 
 
 class Reason(StrEnum):

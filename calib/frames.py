@@ -10,7 +10,7 @@ import hashlib
 import mmap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from calibrary.calib.image_head import ImageHead, check_complete, read_head
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError, ParseError
+from calibrary.records import replace
 
 __all__ = ["Frame", "Gray", "Setting", "frame_size", "group_frames", "read_frame", "the_one_setting"]
 

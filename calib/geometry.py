@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.network import linearise
 from calibrary.calibration import ImageSize
+from calibrary.records import replace
 
 __all__ = ["Coverage", "Geometry", "coverage", "duplicates", "geometry"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 CELLS: Final = (8, 6)
 """Columns and rows that the frame is divided into."""

@@ -19,18 +19,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, reduce
 from calibrary.calib.network import Linear
 from calibrary.errors import CalibrationError
 
 __all__ = ["SplitHalf", "chi_square", "split_half"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 SPLITS: Final = 101
 FEWEST_VIEWS: Final = 6

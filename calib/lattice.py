@@ -13,6 +13,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.frames import Gray
 
 __all__ = [
@@ -33,8 +34,6 @@ __all__ = [
     "upright",
 ]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-BoolArray: TypeAlias = NDArray[np.bool_]
 Lattice: TypeAlias = NDArray[np.float64]
 
 SAMPLED: Final = np.linspace(0.25, 0.75, 5)

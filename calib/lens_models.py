@@ -11,15 +11,14 @@ from enum import StrEnum
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, Rational
 from calibrary.errors import InputError
 
 __all__ = ["Projected", "Solvable"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 Projected: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """Pixels (…, 2), ∂px/∂parameters (…, 2, n) and ∂px/∂point (…, 2, 3)."""
 

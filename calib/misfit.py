@@ -11,12 +11,13 @@ corners*, which is known without any camera model, is it named as the cause.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, reduce, scaled_solve
 from calibrary.calib.board import Board
 from calibrary.calib.model_choice import f_test
@@ -24,10 +25,10 @@ from calibrary.calib.network import Linear
 from calibrary.calib.observations import Observations
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError
+from calibrary.records import replace
 
 __all__ = ["Shutter", "Stretch", "corner_noise", "rolling_shutter", "stretch"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 FOURTH_DIFFERENCE: Final = (1.0, -4.0, 6.0, -4.0, 1.0)
 """Of five neighbouring corners; perspective and distortion pass through it with next to nothing left."""

@@ -12,11 +12,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from calibrary.calib.adjustment import Adjusted, adjust, reduce
@@ -25,10 +24,10 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import State, linearise
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError
+from calibrary.records import replace
 
 __all__ = ["Candidate", "WarpTest", "as_model", "best_model", "f_test", "has_sound_lens", "warp_test"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 BIC_MARGIN: Final = 10.0
 WARP_LEVEL: Final = 0.01

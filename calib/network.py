@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TypeAlias
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations
 from calibrary.errors import CalibrationError
+from calibrary.records import replace
 
 __all__ = ["Linear", "Network", "State", "linearise", "turned"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 MAX_CELLS = 1_000_000
 """Views × corners of the fullest view; 200 views of a 40 × 30 board are a quarter of it."""

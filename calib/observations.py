@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.board import Board
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError
 
 __all__ = ["ControlPoints", "Observations", "View"]
-
-FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,15 +17,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import Calibration, Covariance, ImageSize
 from calibrary.errors import CalibrationError, InputError
+from calibrary.records import replace
 
 __all__ = [
     "ProjectionDifference",
@@ -35,8 +37,6 @@ __all__ = [
     "projection_uncertainty",
 ]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-BoolArray: TypeAlias = NDArray[np.bool_]
 _PixelsOf: TypeAlias = Callable[[Calibration], FloatArray]
 
 PINHOLE: Final = frozenset({"fx", "fy", "cx", "cy", "skew"})

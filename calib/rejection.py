@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.network import Network, linearise
+from calibrary.records import replace
 
 __all__ = ["Gate", "residual_lengths", "screened", "view_rms"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 NORMAL_MAD: Final = 1.4826
 """Median absolute deviation of a normal distribution to its standard deviation."""

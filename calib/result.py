@@ -6,11 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
+from calibrary.arrays import FloatArray
 from calibrary.calib.kappa import SplitHalf
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import Candidate, WarpTest
@@ -18,11 +15,10 @@ from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import ProjectionDifference, Uncertainty
 from calibrary.calib.verdict import Evidence, Limits, Reason, Verdict
 from calibrary.calibration import Calibration
-from calibrary.calibration_json import Json, calibration_json
+from calibrary.calibration_json import calibration_json
+from calibrary.records import Json
 
 __all__ = ["CalibrationResult", "ViewResult", "Why", "Without", "result_json"]
-
-FloatArray: TypeAlias = NDArray[np.float64]
 
 
 class Why(StrEnum):

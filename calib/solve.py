@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.geometry import duplicates
@@ -31,10 +30,10 @@ from calibrary.calib.rejection import Gate, screened
 from calibrary.calib.start import start
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError
+from calibrary.records import replace
 
 __all__ = ["Solution", "solve"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 ROUNDS: Final = 4
 FEWEST_POSES: Final = 3

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network, State
@@ -23,8 +24,6 @@ from calibrary.errors import CalibrationError
 
 __all__ = ["seed", "start"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.intp]
 
 SEED_FACTOR: Final = 0.8
 FIRST_VIEWS: Final = 24

@@ -13,21 +13,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, ImageSize, Intrinsics
 from calibrary.distortion import Distortion
 from calibrary.distortion.base import blocks, perspective
 from calibrary.errors import FrameError, InputError, UnsupportedModelError
+from calibrary.records import replace
 
 __all__ = ["MAX_ANGLE_DEG", "MAX_SIDE", "Interpolation", "Plan", "Undistorter", "plan"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 Pixels: TypeAlias = NDArray[Any]
 """(H, W) or (H, W, channels), 8 or 16 bits or floating point."""
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, Pattern
 from calibrary.calib.found import Found, Reason, Remark
 from calibrary.calib.frames import Gray
@@ -16,7 +16,6 @@ from calibrary.calib.observations import View
 
 __all__ = ["edge_widths", "judge_repeats", "judge_view"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 BLURRED_PX, USELESS_PX = 8.0, 14.0
 """Width of an edge from which corners get noisier (0.04 px and more), and from which they are no use (0.15 px)."""

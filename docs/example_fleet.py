@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from calibrary.calibration import (
 )
 from calibrary.distortion import BrownConrady
 from calibrary.keep.keeper import Keeper, note_of
+from calibrary.records import replace
 from calibrary.registry.charter import CHARTER, charter_yaml
 from calibrary.registry.creating import create
 from calibrary.registry.entry import Entry, Status

@@ -7,7 +7,6 @@ import re
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from calibrary.calibration import Calibration
 from calibrary.jobs.demo.flight import write_flight
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Capacity, Format
+from calibrary.records import replace
 from fuzz.target import IDENTIFY, IMAGE
 from tests.parsers.cameras import calibrations
 from tests.parsers.samples import FOLDER, exported

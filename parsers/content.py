@@ -12,8 +12,9 @@ import re
 from functools import cached_property
 
 from calibrary.errors import ParseError
-from calibrary.parsers.document import Json, parse_json
+from calibrary.parsers.document import parse_json
 from calibrary.parsers.text import decode
+from calibrary.records import Json
 
 __all__ = ["HEAD_BYTES", "MAX_JSON_BYTES", "Content"]
 

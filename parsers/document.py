@@ -11,15 +11,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from typing import NoReturn, TypeAlias
+from typing import NoReturn
 
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
+from calibrary.records import Json
 
-__all__ = ["Json", "Node", "load_json", "parse_json"]
-
-Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
+__all__ = ["Node", "load_json", "parse_json"]
 
 
 class Node:

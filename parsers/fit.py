@@ -9,21 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.format import Capacity, Fit
 from calibrary.parsers.least_squares import least_squares
+from calibrary.records import replace
 
 __all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "Convertible", "adapt", "compare", "exact", "refit"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 DEFAULT_MAX_ERROR_PX = 0.05
 """Half of what good feature matching resolves: a reconstruction does not see a smaller error."""

@@ -37,7 +37,7 @@ Third parties put the same record under the entry-point group ``calibrary.format
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from pathlib import Path
 from types import MappingProxyType
@@ -48,7 +48,7 @@ from calibrary.distortion import Distortion
 from calibrary.errors import InputError, MissingTagError
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention
-from calibrary.parsers.document import Json
+from calibrary.records import Json, replace
 
 __all__ = [
     "Capacity",

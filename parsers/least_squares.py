@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+
+from calibrary.arrays import FloatArray
 
 __all__ = ["Residuals", "least_squares"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 Residuals: TypeAlias = Callable[[FloatArray], "FloatArray | None"]
 """Distances in px at the given unknowns; None where the function has no value."""
 

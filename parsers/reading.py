@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from calibrary.calibration import Calibration, ImageSize
@@ -20,6 +20,7 @@ from calibrary.parsers.discovery import known_formats
 from calibrary.parsers.document import parse_json
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_companion
+from calibrary.records import replace
 
 __all__ = ["Identity", "identified", "identified_by_head", "read_content", "read_in_place"]
 

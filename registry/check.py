@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, groupby
 from typing import Final
 
 import numpy as np
 
-from calibrary.calibration import CameraKey, FloatArray
+from calibrary.arrays import FloatArray
+from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
+from calibrary.records import replace
 from calibrary.registry.entry import ROOT, SUFFIX, UNSTATED, Entry, folder_of, path_of
 from calibrary.registry.entry_yaml import PARAMETERS, parse_entry
 from calibrary.registry.resolution import answering

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from itertools import combinations_with_replacement
 
 from calibrary.calibration import Calibration, Covariance
-from calibrary.calibration_json import Json
+from calibrary.records import Json
 from calibrary.registry.entry import Sensor
 
 __all__ = ["digest"]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import date
 from enum import StrEnum
 from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey, Provenance
 from calibrary.errors import InputError
+from calibrary.records import replace
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.slug import slug
 from calibrary.strictyaml import YamlValue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date
 from typing import Final
 
@@ -13,6 +13,7 @@ from calibrary.errors import InputError
 from calibrary.evidence.frame import Adapted, adapt
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.known_camera import normalise_sub_camera
+from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.slug import match_key
 

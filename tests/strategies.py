@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import (
     BrownConrady,
@@ -27,8 +27,6 @@ __all__ = [
     "image_sizes",
     "perspective_distortions",
 ]
-
-FloatArray = NDArray[np.float64]
 
 
 def calibration(intrinsics: Intrinsics, distortion: Distortion | None) -> Calibration:

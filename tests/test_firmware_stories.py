@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -19,6 +18,7 @@ from calibrary.jobs.diff.comparison import Verdict, compare
 from calibrary.jobs.diff.structure import Kind
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper
+from calibrary.records import replace
 from calibrary.synthetic import XmpDescription, XmpPacket, elements, write_jpeg
 from calibrary.synthetic.xmp import PIX4D_1
 from tests.calib.solving import Session, camera, shoot

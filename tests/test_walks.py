@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,6 +19,7 @@ from calibrary.calib.synthesis.cameras import Head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.calibration import Grade
 from calibrary.cli.main import main
+from calibrary.records import replace
 from calibrary.registry.entry import Status
 from calibrary.synthetic import ExifTags, write_jpeg
 from calibrary.synthetic.scenery import farmland

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.detectors.refinement import half_window, reduced, refined
 from calibrary.calib.detectors.reliability import reliable
@@ -17,7 +17,6 @@ from calibrary.calib.lattice import goes_on, is_even, overhangs, smallest_spacin
 
 __all__ = ["find_checkerboard"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 LARGEST_SHIFT = 0.5
 """Of the spacing, by which measuring may move a corner; more means it jumped to another."""

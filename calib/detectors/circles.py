@@ -6,22 +6,19 @@ difference is reckoned from the grid's own perspective and taken off; what the l
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.detectors.refinement import reduced
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason, Remark
 from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import Lattice, beyond, homography, is_even, mapped, smallest_spacing, upright
+from calibrary.records import replace
 
 __all__ = ["find_circles"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 WINDOW_SHARE = 0.48
 """Of the spacing, to each side of a disc: almost up to the middle between two."""

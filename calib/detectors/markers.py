@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.board import Board
 from calibrary.calib.detectors.refinement import DETECTION_SIDE, half_window, reduced, refined
 from calibrary.calib.detectors.reliability import FEWEST_POINTS, reliable
@@ -22,8 +22,6 @@ from calibrary.errors import InputError
 
 __all__ = ["check_charuco", "find_aprilgrid", "find_charuco"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.intp]
 
 SIDES: Final = (DETECTION_SIDE, 2 * DETECTION_SIDE)
 """px of the copies in which markers are looked for, the larger one where the smaller shows not all of them."""

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.frames import Gray
 
 __all__ = ["DETECTION_SIDE", "half_window", "reduced", "refined"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 DETECTION_SIDE = 1280
 """px of the longer side. The corners come out the same as from the full image, at a hundredth of the time."""

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.calib.board import Board
 from calibrary.calib.found import Found, NotFound, Reason, Remark
 from calibrary.calib.frames import Gray
@@ -15,9 +14,6 @@ from calibrary.calib.lattice import smoothed
 
 __all__ = ["FEWEST_POINTS", "reliable"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
-BoolArray: TypeAlias = NDArray[np.bool_]
-IntArray: TypeAlias = NDArray[np.intp]
 
 FEWEST_POINTS = 6
 """Four give a plane's pose; below six nothing is left to see an error by."""

@@ -18,8 +18,9 @@ from calibrary.calib.board import Board
 from calibrary.calib.synthesis.cameras import Head
 from calibrary.calib.synthesis.observe import Truth
 from calibrary.calib.synthesis.render import render_raw
-from calibrary.calibration_json import Json, calibration_json
+from calibrary.calibration_json import calibration_json
 from calibrary.errors import InputError
+from calibrary.records import Json
 from calibrary.synthetic import write_jpeg
 
 __all__ = ["TRUTH_NAME", "check_empty", "write_frames"]

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.synthesis.settings import Settings
 from calibrary.calib.synthesis.sheet import Pose, Sheet, Shutter, seen_corners
 from calibrary.calibration import Calibration
+from calibrary.records import replace
 
 __all__ = ["Truth", "observe"]
-
-FloatArray: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.artwork import paper_rim
 from calibrary.calib.board import Board
 from calibrary.calib.synthesis.sheet import Pose, rotation_matrix
@@ -16,7 +16,6 @@ from calibrary.errors import InputError
 
 __all__ = ["poses"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 TRIES = 128
 """Poses drawn at a time; where none of them fits, the board is moved further away."""

@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.artwork import Artwork, Box, artwork, paper, paper_rim
 from calibrary.calib.board import Board
 from calibrary.calib.synthesis.settings import Settings
@@ -21,7 +22,6 @@ from calibrary.distortion import Distortion
 
 __all__ = ["light"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 Light: TypeAlias = NDArray[np.float32]
 Window: TypeAlias = tuple[slice, slice]
 

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calibration import Calibration
 
 __all__ = ["Pose", "Sheet", "Shutter", "rotation_matrix", "seen_corners", "seen_points"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]
 
 ROW_ROUNDS = 12

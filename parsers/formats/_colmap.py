@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import Distortion, FieldOfView
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers.colmap_models import ColmapModel, calibrated, colmap_camera
 from calibrary.parsers.format import ReadContext
+from calibrary.records import replace
 
 __all__ = ["MAX_CAMERAS", "ColmapCamera", "cameras", "records"]
 

@@ -19,8 +19,9 @@ from xml.sax.saxutils import escape
 
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.document import Json, Node, load_json
+from calibrary.parsers.document import Node, load_json
 from calibrary.parsers.xml import parse_xml
+from calibrary.records import Json
 from calibrary.strictyaml import load_yaml
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from typing import TypeAlias
 
 from calibrary.errors import ParseError
 from calibrary.parsers.content import MAX_JSON_BYTES
-from calibrary.parsers.document import Json, Node, load_json
+from calibrary.parsers.document import Node, load_json
 from calibrary.parsers.format import ReadContext
+from calibrary.records import Json
 
 __all__ = ["Writable", "dumped", "extra", "loaded", "restored"]
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
-from dataclasses import replace
 from typing import TypeAlias
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.document import Json, Node
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import ReadContext
 from calibrary.parsers.formats._json_text import Writable, extra, restored
 from calibrary.parsers.opensfm_models import (
@@ -19,6 +18,7 @@ from calibrary.parsers.opensfm_models import (
     opensfm_camera,
     projection_named,
 )
+from calibrary.records import Json, replace
 
 __all__ = [
     "MAX_CAMERAS",

@@ -28,9 +28,10 @@ from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Json, Node
+from calibrary.parsers.document import Node
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Sniff, Sure
+from calibrary.records import Json
 
 __all__ = [
     "CONVENTION",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 
-from calibrary.parsers.document import Json
+from calibrary.records import Json
 
 __all__ = ["decimal", "flow", "scalar"]
 

@@ -25,7 +25,6 @@ in pixels and in mm) and "CC Orientations" of the Reality Modeling API.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
@@ -38,6 +37,7 @@ from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bentley import CONVENTION, perspective_camera
 from calibrary.parsers.xml import parse_xml
+from calibrary.records import replace
 
 if TYPE_CHECKING:
     from lxml.etree import _Element

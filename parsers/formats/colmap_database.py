@@ -24,7 +24,6 @@ import sqlite3
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -38,6 +37,7 @@ from calibrary.parsers.files import read_head
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._colmap import MAX_CAMERAS, ColmapCamera, cameras
+from calibrary.records import replace
 
 __all__ = ["FORMAT"]
 

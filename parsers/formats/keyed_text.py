@@ -25,7 +25,7 @@ Source: none but the sheets; photogrammetric usage and OpenCV's documentation fo
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Quality
 from calibrary.conventions import Origin
@@ -48,6 +48,7 @@ from calibrary.parsers.formats._keyed_options import OPTIONS, ORIGIN, ORIGINS, Y
 from calibrary.parsers.formats._keyed_scale import Scale
 from calibrary.parsers.formats._keyed_sheet import Sheet, as_line, is_apart, matched, sheets
 from calibrary.parsers.formats._keyed_terms import looks_like_a_lens_term, term
+from calibrary.records import replace
 
 __all__ = ["FORMAT"]
 

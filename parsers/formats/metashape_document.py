@@ -30,7 +30,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -44,6 +44,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import agisoft_xml
 from calibrary.parsers.xml import parse_xml
+from calibrary.records import replace
 
 if TYPE_CHECKING:
     from lxml.etree import _Element

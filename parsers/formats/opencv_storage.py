@@ -51,7 +51,7 @@ from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Json, Node, parse_json
+from calibrary.parsers.document import Node, parse_json
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._opencv_keys import (
@@ -63,6 +63,7 @@ from calibrary.parsers.formats._opencv_keys import (
     Keys,
     simplified,
 )
+from calibrary.records import Json
 
 __all__ = ["FORMAT"]
 

@@ -24,7 +24,7 @@ from collections.abc import Iterator, Sequence
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Fisheye624, KannalaBrandt, NoDistortion
 from calibrary.parsers.content import Content
-from calibrary.parsers.document import Json, Node
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._json_text import Writable, dumped, loaded
 from calibrary.parsers.formats._opensfm import (
@@ -38,6 +38,7 @@ from calibrary.parsers.formats._opensfm import (
     written,
 )
 from calibrary.parsers.opensfm_models import CONVENTION
+from calibrary.records import Json
 
 __all__ = ["FORMAT"]
 

@@ -22,10 +22,11 @@ from dataclasses import dataclass
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, FisheyePolynomial, NoDistortion
 from calibrary.parsers.content import Content
-from calibrary.parsers.document import Json, Node
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, WriteContext
 from calibrary.parsers.formats import _opf
 from calibrary.parsers.formats._json_text import loaded
+from calibrary.records import Json
 
 __all__ = ["FORMAT"]
 

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 
 from calibrary.calibration import ASPECT_TOLERANCE, Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
@@ -36,6 +35,7 @@ from calibrary.parsers.convention import Convention, Native, Origin, SizeMm, Uni
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._text_rows import rows_of
+from calibrary.records import replace
 
 __all__ = ["FORMAT"]
 

@@ -16,7 +16,6 @@ Source: R. Hartley and A. Zisserman, "Multiple View Geometry in Computer Vision"
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Tangential
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._short_text import short_text
+from calibrary.records import replace
 
 __all__ = ["FORMAT"]
 

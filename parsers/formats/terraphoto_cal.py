@@ -23,8 +23,6 @@ Source: Terrasolid, "TerraPhoto User Guide", Camera calibration file format.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.conventions import Origin
 from calibrary.errors import ParseError, UnsupportedModelError
@@ -33,6 +31,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Tangential, YAxis
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._short_text import short_text
+from calibrary.records import replace
 
 __all__ = ["FORMAT"]
 

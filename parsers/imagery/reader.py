@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.imagery import heif, jpeg, png, tiff
@@ -16,6 +16,7 @@ from calibrary.parsers.imagery.schemas import SerialRank
 from calibrary.parsers.imagery.source import Source, open_source
 from calibrary.parsers.imagery.xmp import XmpFacts, read_xmp
 from calibrary.parsers.imagery.xmp_exif import mirrored_exif
+from calibrary.records import replace
 
 __all__ = ["read_metadata", "read_source"]
 

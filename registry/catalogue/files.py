@@ -10,8 +10,9 @@ from typing import Final, NotRequired, TypedDict, TypeVar, cast
 
 from calibrary.errors import InputError, ParseError
 from calibrary.known_camera import KnownCamera, Projection
+from calibrary.records import Json
 from calibrary.registry.catalogue.matching import Catalogue
-from calibrary.schemas import Json, require
+from calibrary.schemas import require
 from calibrary.strictyaml import line_of, load_yaml
 
 __all__ = ["load_catalogue", "to_json"]

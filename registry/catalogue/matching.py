@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Final
 
 from calibrary.calibration import ImageSize, same_aspect
 from calibrary.errors import InputError
 from calibrary.known_camera import SUB_CAMERAS, KnownCamera, normalise_sub_camera
+from calibrary.records import replace
 
 __all__ = ["Basis", "Catalogue", "Match", "Outcome"]
 

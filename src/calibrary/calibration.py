@@ -15,17 +15,19 @@ The canonical form, said once:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from calibrary.arrays import FloatArray
 from calibrary.distortion import Distortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
 from calibrary.errors import FrameError, InputError
 from calibrary.quality import Covariance, Quality
+from calibrary.records import replace
 
 __all__ = [
     "Box",
@@ -40,7 +42,6 @@ __all__ = [
     "SourceFile",
 ]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 ImageSize: TypeAlias = tuple[int, int]
 """(width, height) in pixels."""
 Box: TypeAlias = tuple[float, float, int, int]

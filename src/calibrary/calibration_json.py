@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 from calibrary.calibration import Calibration, CameraKey, Covariance, Intrinsics, Provenance, Quality
 from calibrary.distortion import Distortion
+from calibrary.records import Json
 
-__all__ = ["Json", "calibration_json", "camera_json", "distortion_json", "intrinsics_json"]
-
-Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
+__all__ = ["calibration_json", "camera_json", "distortion_json", "intrinsics_json"]
 
 
 def calibration_json(calibration: Calibration) -> dict[str, Json]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import cast
 
 from calibrary.errors import InputError, ParseError
 from calibrary.policy import POLICIES, Policy
+from calibrary.records import replace
 from calibrary.schemas import require
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
@@ -60,4 +61,4 @@ def policy_from(document: Mapping[str, YamlValue]) -> Policy:
     for band in ("focal_over_width", "measured_over_width"):
         if isinstance(values := limits.get(band), list):
             limits[band] = tuple(values)  # type: ignore[assignment]  # the schema says two numbers
-    return replace(base, **limits)  # type: ignore[arg-type]  # checked against the schema
+    return replace(base, **limits)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import accumulate
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
+from calibrary.records import replace
 
 __all__ = ["Covariance", "Quality"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 SYMMETRY = 1e-9
 """How far two mirrored elements may part, in the standard deviations of their row and column."""

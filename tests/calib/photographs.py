@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.synthesis import Pose, Settings, poses, render, seen_corners
 from calibrary.calibration import Calibration
 from tests.calib.staging import BROWN, camera
 
 Gray = NDArray[np.uint8]
-FloatArray = NDArray[np.float64]
 
 SIZE = (640, 480)
 CAMERA: Calibration = camera(SIZE, fx=480.0, distortion=BROWN)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.observations import Observations
 from calibrary.calib.synthesis import Shutter, observe, poses
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion
-
-FloatArray = NDArray[np.float64]
+from calibrary.records import replace
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 BROWN = BrownConrady(k1=-0.2687, k2=0.1147, p1=3e-4, p2=-4e-4, k3=-0.035)

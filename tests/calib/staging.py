@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from calibrary.calib.board import Board
 from calibrary.calib.synthesis import Settings, Truth, poses
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion
-
-FloatArray = NDArray[np.float64]
 
 BROWN = BrownConrady(k1=-0.2687, k2=0.1147, p1=1.5e-5, p2=-4.7e-5, k3=-0.0350)
 BOARD = Board(columns=9, rows=6, square_mm=40)

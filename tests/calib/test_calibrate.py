@@ -1,7 +1,8 @@
+from __future__ import annotations
+
 import json
 import re
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from calibrary.calib.synthesis import Shutter, observe, poses
 from calibrary.calib.verdict import LIMITS, Outcome, Severity
 from calibrary.calibration import CameraKey, Grade, Intrinsics
 from calibrary.errors import CalibrationError, InputError
+from calibrary.records import replace
 from calibrary.schemas import require
 
 from .solving import BOARD, SIZE, Session, camera, moved, shoot

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.collect import Collected, collect, try_board_sizes
 from calibrary.calib.detect import detect
 from calibrary.calib.found import Found, Reason, Remark
@@ -19,7 +19,8 @@ from calibrary.calib.synthesis import Settings
 from calibrary.calib.view_quality import judge_repeats, judge_view
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibrationError, InputError
-from tests.calib.photographs import BOARD, PLAIN, SIZE, FloatArray, encoded, photograph, saved
+from calibrary.records import replace
+from tests.calib.photographs import BOARD, PLAIN, SIZE, encoded, photograph, saved
 
 
 def reasons(collected: Collected) -> list[tuple[str, Reason]]:

@@ -1,6 +1,7 @@
+from __future__ import annotations
+
 import json
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from calibrary.calib.corners_file import decode_corners, encode_corners, read_co
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, ParseError
+from calibrary.records import replace
 
 from .solving import BOARD, Session, shoot
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.board_size import find_board_size
 from calibrary.calib.detect import detect
@@ -15,7 +16,7 @@ from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.synthesis import Settings, poses, render, seen_corners
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import CalibrationError, InputError
-from tests.calib.photographs import BOARD, FloatArray, Gray, photograph
+from tests.calib.photographs import BOARD, Gray, photograph
 from tests.calib.staging import camera
 
 NEEDS_4_14 = pytest.mark.skipif(

@@ -1,5 +1,6 @@
+from __future__ import annotations
+
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from calibrary.calib.synthesis import observe, poses
 from calibrary.calibration import Calibration, Covariance
 from calibrary.distortion import KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import CalibrationError, InputError
+from calibrary.records import replace
 
 from .solving import BOARD, SIZE, Session, camera, shoot
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.synthesis import (
     Pose,
@@ -23,7 +24,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt, NoDistortion
 from calibrary.errors import InputError
 
-from .staging import BOARD, BROWN, FloatArray, camera, truth
+from .staging import BOARD, BROWN, camera, truth
 
 SHARP = Settings(noise=0.0, quality=None)
 FACE_ON = Pose(rotation=(0.0, 0.0, 0.0), translation_mm=(-160.0, -100.0, 500.0))

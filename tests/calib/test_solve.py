@@ -1,4 +1,4 @@
-from dataclasses import replace
+from __future__ import annotations
 
 import cv2
 import numpy as np
@@ -13,6 +13,7 @@ from calibrary.calib.solve import solve
 from calibrary.calib.start import seed, start
 from calibrary.calibration import Intrinsics
 from calibrary.distortion import BrownConrady, KannalaBrandt
+from calibrary.records import replace
 
 from .solving import SIZE, Session, camera, moved, shoot
 

@@ -7,7 +7,6 @@ import json
 import re
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from calibrary.cli.calibrate.solve import MODELS
 from calibrary.cli.main import main
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper
+from calibrary.records import replace
 from calibrary.registry.check import BOARD_BLOCK
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.slug import slug

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ from calibrary.cli.main import main
 from calibrary.errors import InputError, ParseError
 from calibrary.policy import FLEET, SOURCE
 from calibrary.policy_file import read_policy
+from calibrary.records import replace
 from tests.jobs.extract.fleet import NOBODY, P4R, picture
 
 

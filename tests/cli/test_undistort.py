@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from calibrary.calibration import Grade
 from calibrary.cli.main import main
 from calibrary.distortion import NoDistortion
 from calibrary.parsers import files
+from calibrary.records import replace
 from calibrary.schemas import require
 from tests.jobs.extract.fleet import DEWARP, P4R, picture
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
@@ -21,7 +21,6 @@ from calibrary.distortion import (
 )
 from tests.strategies import any_distortions, brown, fisheyes, perspective_distortions
 
-FloatArray = NDArray[np.float64]
 NOTHING = dict.fromkeys(Tilted.names(), 0.0)
 TURN = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pycolmap
 import pytest
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.conventions import Origin, file_from_canonical
 from calibrary.distortion import (
@@ -22,8 +22,6 @@ from calibrary.distortion import (
     Tilted,
 )
 from tests.strategies import calibration, grid
-
-FloatArray = NDArray[np.float64]
 
 SIZE = (5472, 3648)
 K = Intrinsics(fx=3651.13, fy=3648.79, cx=2719.61, cy=1851.37, image_size=SIZE)

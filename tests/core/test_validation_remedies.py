@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
 from calibrary.policy import FLEET, SOURCE
+from calibrary.records import replace
 from calibrary.validation import Circumstances, Expected, Finding, NamedFocal, Severity, Verdict, validate
 
 W, H = 5472, 3648

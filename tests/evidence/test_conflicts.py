@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -12,6 +11,7 @@ from calibrary.evidence.conflict import Cause, Conflict
 from calibrary.evidence.context import Scene
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.evidence.witness import Source
+from calibrary.records import replace
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, micasense, p4_rtk, xmp
 
 

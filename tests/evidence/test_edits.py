@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from calibrary.evidence.edits import edits
+from calibrary.records import replace
 from tests.evidence.scenes import p4_rtk, xmp
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -14,6 +13,7 @@ from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.evidence.witness import Source, Witness
+from calibrary.records import replace
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2, micasense, p4_rtk, xmp
 
 
@@ -178,7 +178,7 @@ def skydio(**over: object) -> ImageMetadata:
         focal_mm=4.7,
         xmp=xmp("drone-skydio", **values),
     )
-    return replace(metadata, **over)  # type: ignore[arg-type]
+    return replace(metadata, **over)
 
 
 def test_skydio_counts_from_the_centre_of_the_first_pixel() -> None:

@@ -1,4 +1,4 @@
-"""Entries, a lock and reports as an earlier calibrary wrote them; later ones read the same numbers, write the same bytes.
+"""Entries, a lock and reports as an earlier calibrary wrote them: the same numbers are read, the same bytes written.
 
 Beside each entry's YAML stands what was read from it: the path, the digest and the JSON form of its calibration. The
 files were written once and are not made anew; a change that breaks one of them breaks the registries that people keep.

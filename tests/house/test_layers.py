@@ -8,7 +8,9 @@ import tomllib
 from tests.house.project import ROOMS, ROOT
 
 CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
-(LAYERS,) = (contract["layers"] for contract in CONTRACTS if contract["type"] == "layers")
+(LAYERS,) = (
+    one["layers"] for one in CONTRACTS if one["type"] == "layers" and one["containers"] == ["calibrary"]
+)
 
 
 def drawn() -> list[set[str]]:

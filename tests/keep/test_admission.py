@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from calibrary.keep.admission import objections, stands_against
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper, note_of
+from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.store import Store

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from calibrary.keep import alias_cache
 from calibrary.keep.alias_cache import names_at, names_kept
 from calibrary.keep.beginning import begin
 from calibrary.keep.shelf import open_shelf
+from calibrary.records import replace
 from calibrary.registry.entry import Alias
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.resolution import scan_aliases

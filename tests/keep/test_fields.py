@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from hypothesis import given, settings
 
 from calibrary.calibration import Quality
 from calibrary.distortion import KannalaBrandt, NoDistortion
 from calibrary.keep.fields import FieldChange, differences, entry_fields
+from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from tests.registry.entries import an_entry, covariance, entries
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.keep.names import find_path, find_paths
+from calibrary.records import replace
 from calibrary.registry import maintenance
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml

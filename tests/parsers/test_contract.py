@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from contextlib import suppress
-from dataclasses import replace
 from functools import cache
 from importlib import import_module
 
@@ -27,6 +26,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, Outcome
 from calibrary.parsers.reading import identified
+from calibrary.records import replace
 from tests.parsers.cameras import SIZE, calibrations, camera, rays
 from tests.parsers.samples import Sample, exported
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +25,7 @@ from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.fit import adapt, compare, exact, refit
 from calibrary.parsers.format import Capacity
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera, distortions
 
 FIVE_TERMS = MetashapeFrame(k1=-0.1131, k2=0.0247, k3=-0.0062, k4=0.0121, p1=8.1e-4, p2=-3.7e-4)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import inf, nextafter
 
 import pytest
@@ -16,6 +15,7 @@ from calibrary.parsers.convention import Convention
 from calibrary.parsers.fit import compare
 from calibrary.parsers.format import Capacity, Format, Outcome, ReadContext, Sniff, Sure, WriteContext
 from calibrary.quality import Covariance
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera
 
 QUALITY = Quality(

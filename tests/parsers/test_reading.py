@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from calibrary.parsers.convention import Convention, Origin
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import companions
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
 Install = Callable[..., None]

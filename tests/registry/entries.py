@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import date
 from typing import Any
 
@@ -20,6 +19,7 @@ from calibrary.calibration import (
     SourceFile,
 )
 from calibrary.distortion import BrownConrady, Distortion
+from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Sensor, Status, Validity
 from calibrary.registry.firmware import FirmwareRange
 from tests.strategies import any_distortions, image_sizes

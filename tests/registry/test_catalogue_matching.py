@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import string
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 from calibrary.known_camera import KnownCamera
+from calibrary.records import replace
 from calibrary.registry.catalogue import Basis, Catalogue, Outcome, load_catalogue
 
 CATALOGUE = load_catalogue()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import date
 
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from calibrary.calibration import Provenance
 from calibrary.policy import FLEET, SOURCE
 from calibrary.quality import Covariance, Quality
+from calibrary.records import replace
 from calibrary.registry.check import CheckReport, check
 from calibrary.registry.entry import UNSTATED, Alias, Entry, Sensor, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ import pytest
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.quality import Covariance, Quality
+from calibrary.records import replace
 from calibrary.registry.digest import digest
 from calibrary.registry.entry import Entry, Sensor, Status
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry

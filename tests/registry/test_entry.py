@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import date
 from typing import Any
 
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 
 from calibrary.calibration import CameraKey, Grade, Provenance
 from calibrary.errors import InputError
+from calibrary.records import replace
 from calibrary.registry.entry import Entry, Sensor, Status, Validity, path_of
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.layout import check_path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from datetime import date
 from typing import Any
 
@@ -12,6 +11,7 @@ import pytest
 from calibrary.calibration import CameraKey, SourceFile
 from calibrary.errors import RegistryError
 from calibrary.quality import Quality
+from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange

@@ -12,7 +12,8 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from calibrary.errors import ParseError
-from calibrary.schemas import Json, load, names, require, validator
+from calibrary.records import Json
+from calibrary.schemas import load, names, require, validator
 from calibrary.schemas.complaints import complaints
 from calibrary.strictyaml import line_of
 

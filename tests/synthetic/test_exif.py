@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from dataclasses import replace
 from typing import Any
 
 import exifread
@@ -13,6 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from calibrary.errors import InputError
+from calibrary.records import replace
 from calibrary.synthetic import TAGS, ByteOrder, ExifField, ExifTags, FieldType, GpsPosition
 from calibrary.synthetic.exif import Directory
 from calibrary.synthetic.jpeg import assemble, exif_segment, flat_scan

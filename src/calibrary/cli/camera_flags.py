@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from calibrary.cli.reading import image_size
+from calibrary.records import replace
 
 if TYPE_CHECKING:
     from calibrary.calibration import CameraKey
@@ -44,7 +44,7 @@ def camera_of(arguments: argparse.Namespace, known: CameraKey) -> CameraKey:
     said: dict[str, str] = {
         name: getattr(arguments, name) for name in TEXTS if getattr(arguments, name) is not None
     }
-    key = replace(known, **said)  # type: ignore[arg-type]  # the texts among its fields
+    key = replace(known, **said)
     if arguments.focal_mm is not None:
         key = replace(key, focal_mm=arguments.focal_mm)
     if arguments.image_size is not None:

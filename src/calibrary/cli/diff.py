@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from calibrary.calibration_json import Json
     from calibrary.jobs.diff.comparison import Comparison, Numbers
     from calibrary.jobs.diff.fleet import Change
     from calibrary.pages import Page
     from calibrary.policy import Policy
+    from calibrary.records import Json
 
 __all__ = ["add_parser"]
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.reading import Answers, add_reading_flags
 from calibrary.errors import CalibraryError
+from calibrary.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from calibrary.calibration import Calibration
-    from calibrary.calibration_json import Json
+    from calibrary.records import Json
 
 __all__ = ["add_parser"]
 

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from calibrary.calibration import ImageSize
-    from calibrary.calibration_json import Json
     from calibrary.cli.undistort_work import Done, Written
+    from calibrary.records import Json
 
 __all__ = ["document", "show"]
 

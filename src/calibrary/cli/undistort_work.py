@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from calibrary.errors import CalibraryError, InputError
+from calibrary.records import replace
 
 if TYPE_CHECKING:
     from calibrary.calib.undistort import Plan, Undistorter

@@ -7,14 +7,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import ClassVar, TypeAlias
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
-
-FloatArray: TypeAlias = NDArray[np.float64]
 
 BLOCK_ROWS = 8_192
 """Rows worked on at a time: a dozen columns of this length stay in a processor's second-level cache."""

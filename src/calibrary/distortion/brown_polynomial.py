@@ -10,7 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from calibrary.distortion.base import Distortion, FloatArray
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion
 from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.distortion.polynomial import Jacobian, PolynomialMap
 from calibrary.errors import InputError

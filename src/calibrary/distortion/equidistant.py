@@ -13,7 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional
 from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.distortion.polynomial import PolynomialMap

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from calibrary.distortion.base import Distortion, FloatArray
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion
 from calibrary.distortion.none import NoDistortion
 from calibrary.distortion.omnidirectional import Omnidirectional, divided, undivided, widest
 

@@ -9,7 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
 from calibrary.distortion.none import NoDistortion
 from calibrary.errors import InputError
 

@@ -25,7 +25,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial import polynomial as poly
 
-from calibrary.distortion.base import FloatArray
+from calibrary.arrays import FloatArray
 from calibrary.distortion.polynomial import PolynomialMap
 from calibrary.distortion.roots import first_positive_root
 

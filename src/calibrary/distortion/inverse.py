@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrary.distortion.base import FloatArray
+from calibrary.arrays import FloatArray
 from calibrary.distortion.polynomial import PolynomialMap
 
 __all__ = ["Inverse"]

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibrary.distortion.base import Distortion, FloatArray, as_rows
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion, as_rows
 from calibrary.distortion.brown_polynomial import BrownPolynomial
 
 __all__ = ["ObservedDistortion"]

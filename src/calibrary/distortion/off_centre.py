@@ -8,7 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from calibrary.distortion.base import Distortion, FloatArray, as_rows
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion, as_rows
 from calibrary.distortion.brown import BrownConrady
 from calibrary.distortion.brown_polynomial import BrownPolynomial
 from calibrary.distortion.metashape import MetashapeFrame

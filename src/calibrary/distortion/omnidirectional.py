@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
 
 __all__ = ["Omnidirectional", "divided", "lifted", "lowered", "undivided", "widest", "widest_lifted"]
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrary.distortion.base import Distortion, FloatArray, as_rows, blocks, finite_pair
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
 from calibrary.distortion.fold import fold_radius
 from calibrary.distortion.inverse import Inverse
 from calibrary.distortion.polynomial import PolynomialMap

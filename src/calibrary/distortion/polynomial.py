@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from calibrary.distortion.base import FloatArray
+from calibrary.arrays import FloatArray
 
 __all__ = ["Jacobian", "PolynomialMap"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike
 
-from calibrary.distortion.base import FloatArray
+from calibrary.arrays import FloatArray
 
 __all__ = ["first_positive_root", "positive_roots"]
 

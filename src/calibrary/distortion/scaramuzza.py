@@ -8,7 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from calibrary.distortion.base import FloatArray, as_rows, blocks, finite_pair
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import as_rows, blocks, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional
 from calibrary.distortion.roots import first_positive_root
 

@@ -8,7 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from calibrary.distortion.base import Distortion, FloatArray
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion
 from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.distortion.polynomial import PolynomialMap
 from calibrary.errors import InputError

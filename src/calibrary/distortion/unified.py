@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from calibrary.distortion.base import Distortion, FloatArray, perspective, unit_rays
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Distortion, perspective, unit_rays
 from calibrary.distortion.brown import BrownConrady
 from calibrary.distortion.omnidirectional import Omnidirectional, lifted, lowered, widest_lifted
 

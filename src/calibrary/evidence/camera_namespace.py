@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion
@@ -23,6 +22,7 @@ from calibrary.errors import InputError
 from calibrary.evidence.context import Finding, Scene, numbers
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.witness import Dropped, Source
+from calibrary.records import replace
 
 __all__ = ["witnesses"]
 

@@ -9,11 +9,12 @@ frame between the two.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from calibrary.calibration import ImageSize, Intrinsics, same_aspect
 from calibrary.errors import FrameError
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.records import replace
 
 __all__ = ["Adapted", "adapt", "exif_contradiction", "files_frame"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -16,6 +16,7 @@ from calibrary.keep.candidates import Candidate, Wish, candidates
 from calibrary.keep.fields import FieldChange, differences
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.keep.operand import Reading
+from calibrary.records import replace
 from calibrary.registry.check import CheckFinding
 from calibrary.registry.digest import digest
 from calibrary.registry.entry import UNSTATED, Entry, Status

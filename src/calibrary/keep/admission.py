@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from calibrary.calibration_json import Json
 from calibrary.keep.keeper import Keeper
+from calibrary.records import Json
 from calibrary.registry.check import CheckFinding, check
 from calibrary.registry.entry import ROOT, SUFFIX, Entry, folder_of
 from calibrary.registry.entry_yaml import entry_yaml

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Final
 
 from calibrary.calibration import CameraKey
-from calibrary.calibration_json import Json, calibration_json, camera_json
+from calibrary.calibration_json import calibration_json, camera_json
 from calibrary.errors import InputError, RegistryError
 from calibrary.keep.identity import image_key
 from calibrary.keep.names import find_path, find_paths, id_of
 from calibrary.keep.shelf import Shelf
 from calibrary.parsers.image_names import is_image
+from calibrary.records import Json, replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.resolution import Near, RegistryIndex, Resolution

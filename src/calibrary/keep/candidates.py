@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +16,7 @@ from calibrary.keep.operand import Reading, entry_file
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import hash_serial, read_metadata
 from calibrary.parsers.imagery.identity import SERIAL_HASH_DIGITS
+from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import FirmwareRange

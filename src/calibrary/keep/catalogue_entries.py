@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.known_camera import KnownCamera, Projection
+from calibrary.records import replace
 from calibrary.registry.catalogue import load_catalogue
 from calibrary.registry.entry import Alias, Entry, Sensor, folder_of
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from calibrary.calibration_json import Json
 from calibrary.errors import InputError, RegistryError
 from calibrary.keep.admission import finding_json
 from calibrary.keep.names import id_of
 from calibrary.keep.shelf import Shelf
 from calibrary.policy import FLEET, Policy
+from calibrary.records import Json
 from calibrary.registry.check import CheckFinding, CheckReport, check
 from calibrary.registry.entry import ROOT, SUFFIX, folder_of
 from calibrary.registry.entry_yaml import parse_entry

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from calibrary.calibration_json import Json, calibration_json
+from calibrary.calibration_json import calibration_json
 from calibrary.keep.keeper import Held
+from calibrary.records import Json
 
 __all__ = ["held_json"]
 

@@ -6,11 +6,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from calibrary.calibration_json import Json
 from calibrary.errors import InputError, RegistryError
 from calibrary.keep.fields import Field, entry_fields
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.names import find_path, id_of
+from calibrary.records import Json
 from calibrary.registry.conflicts import Conflict, EntryConflictError
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry

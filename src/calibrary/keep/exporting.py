@@ -16,11 +16,11 @@ from typing import Final
 
 from calibrary import parsers
 from calibrary.atomic import write_files
-from calibrary.calibration_json import Json
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.keep.keeper import Held
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Fit, Format, Outcome, Verdict
+from calibrary.records import Json
 from calibrary.registry.entry_yaml import entry_yaml
 
 __all__ = ["TABLES", "Export", "Exported", "LeftOut", "export", "exported_json"]

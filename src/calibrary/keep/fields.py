@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from calibrary.calibration_json import Json, calibration_json
+from calibrary.calibration_json import calibration_json
+from calibrary.records import Json
 from calibrary.registry.entry import Entry
 
 __all__ = ["Field", "FieldChange", "change_json", "differences", "entry_fields", "std_of"]

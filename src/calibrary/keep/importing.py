@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
-from calibrary.calibration_json import Json
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.keep.adding import Proposal, Wish, propose
 from calibrary.keep.admission import finding_json, objections
@@ -21,6 +20,7 @@ from calibrary.keep.catalogue_entries import KIND, catalogue_entries
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.keep.operand import Reading
 from calibrary.parsers.image_names import is_image
+from calibrary.records import Json, replace
 from calibrary.registry.check import CheckFinding
 from calibrary.registry.digest import digest
 from calibrary.registry.entry import Entry, Status

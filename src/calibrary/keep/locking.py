@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from calibrary.calibration_json import Json
 from calibrary.errors import InputError, RegistryError
 from calibrary.keep.shelf import Shelf
+from calibrary.records import Json
 from calibrary.registry.entry import Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.folder import entry_paths, read_entry_file

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from calibrary.errors import RegistryError
 from calibrary.keep.admission import objections
 from calibrary.keep.fields import FieldChange, differences
 from calibrary.keep.keeper import Held, Keeper, note_of
+from calibrary.records import replace
 from calibrary.registry.check import CheckFinding
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.writing import Written

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Final
 
-from calibrary.calibration_json import Json
 from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.keep.fields import Field, entry_fields
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.names import find_path
+from calibrary.records import Json
 from calibrary.registry.entry import ROOT, SUFFIX, Entry
 from calibrary.registry.history import Revision
 

@@ -8,7 +8,7 @@ of the JPEG a file was made from.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
+from calibrary.records import replace
 from calibrary.synthetic.exif import ExifTags
 from calibrary.synthetic.structure import ByteOrder, Chunks, Field, FieldType, Ifd, encode
 from calibrary.synthetic.xmp import XmpPacket, escaped

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from calibrary.keep import adding
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.place import default_place
 from calibrary.parsers.imagery import hash_serial
+from calibrary.records import replace
 from calibrary.registry.entry import Alias, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.schemas import require

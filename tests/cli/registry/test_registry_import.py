@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ from calibrary.keep.catalogue_entries import catalogue_entries
 from calibrary.keep.keeper import Keeper
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.policy import FLEET
+from calibrary.records import replace
 from calibrary.registry.catalogue import load_catalogue
 from calibrary.registry.check import check
 from calibrary.registry.entry import Status

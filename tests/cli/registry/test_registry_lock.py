@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import pytest
 
 from calibrary.cli.main import build_parser, main
 from calibrary.cli.registry import lock
+from calibrary.records import replace
 from calibrary.registry.entry import Status
 from calibrary.registry.pins import LOCK_FILE, read_lock
 from tests.cli.registry.fleets import P4R, printed, run

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ import pytest
 from calibrary.errors import RegistryError
 from calibrary.keep import exchanging
 from calibrary.keep.keeper import Keeper
+from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.remotes import Pulled, pull
 from calibrary.registry.store import Store

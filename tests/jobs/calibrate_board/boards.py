@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from calibrary.calib.corners_file import write_corners
+from calibrary.records import replace
 from calibrary.synthetic import ExifField, ExifTags, write_jpeg
 from tests.calib.photographs import SIZE, photograph
 from tests.calib.solving import Session, shoot

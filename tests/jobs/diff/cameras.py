@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion
+from calibrary.records import replace
 
 LENS = BrownConrady(k1=-0.2687, k2=0.1147, p1=0.00081, p2=-0.00012, k3=-0.035)
 
@@ -25,4 +24,4 @@ def camera(
 
 def changed(calibration: Calibration, **numbers: float) -> Calibration:
     """The same with some of K's numbers replaced."""
-    return replace(calibration, intrinsics=replace(calibration.intrinsics, **numbers))  # type: ignore[arg-type]  # K's fields
+    return replace(calibration, intrinsics=replace(calibration.intrinsics, **numbers))

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from calibrary.errors import FrameError
 from calibrary.jobs.diff.comparison import Comparison, Verdict, compare
 from calibrary.jobs.diff.structure import Kind
 from calibrary.policy import FLEET
+from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
 
 NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import re
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from calibrary.jobs.diff.comparison import Comparison, compare
 from calibrary.jobs.diff.fleet import Change
 from calibrary.jobs.diff.page import comparison_page, fleet_page
 from calibrary.pages import Figure, Page, SideBySide, Tone, render_page
+from calibrary.records import replace
 from tests.jobs.diff.cameras import camera, changed
 from tests.jobs.diff.test_comparison import measured, with_focal
 from tests.pages.gallery import HOSTILE

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +8,7 @@ from hypothesis import strategies as st
 from calibrary.calibration import Calibration, Covariance, Grade, Intrinsics, Quality
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.jobs.diff.structure import Kind, signatures
+from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
 
 

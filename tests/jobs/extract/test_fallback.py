@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,6 +16,7 @@ from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.fallback import Fallback, Sources, StepName, fall_back
 from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
 from calibrary.policy import FLEET
+from calibrary.records import replace
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import (
     KNOWLEDGE,

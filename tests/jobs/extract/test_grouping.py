@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import sort_cameras
+from calibrary.records import replace
 from tests.evidence.scenes import micasense, p4_rtk, xmp
 from tests.jobs.extract.fleet import KNOWLEDGE, judged
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.jobs.extract.hand_off import Candidate, Solver, hand_off, seed_command
 from calibrary.jobs.extract.outputs import plan
 from calibrary.parsers.colmap_models import colmap_camera
+from calibrary.records import replace
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 
 SIZE = (5472, 3648)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from calibrary.calibration import Grade
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.policy import FLEET, SOURCE, Policy
+from calibrary.records import replace
 from calibrary.validation import Finding, Severity, Verdict
 from tests.evidence.scenes import p4_rtk
 from tests.jobs.extract.fleet import judged

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from calibrary.jobs.extract.outcome import Outcome
 from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.page import outcome_page
 from calibrary.pages import Badge, Details, Figure, Link, Note, Page, Section, SideBySide, Table, render_page
+from calibrary.records import replace
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from calibrary.calibration import Covariance, Quality
 from calibrary.distortion import BrownConrady, KannalaBrandt
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper, note_of
+from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from tests.registry.entries import FILE, LENS, an_entry
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -21,6 +20,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import MissingTagError, ParseError, UnknownFormatError, UnsupportedModelError
 from calibrary.parsers.format import Outcome
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
 FRAME = {

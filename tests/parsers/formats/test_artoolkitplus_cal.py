@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -12,6 +10,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.records import replace
 from tests.parsers.cameras import camera
 
 CAL = """\

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Quality
 from calibrary.distortion import Australis, BrownConrady, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers.format import Outcome
+from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera
 
 FINAL = {

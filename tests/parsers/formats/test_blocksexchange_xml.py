@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -12,6 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.records import replace
 from tests.parsers.cameras import camera
 
 SIZE = "<ImageDimensions><Width>5456</Width><Height>3632</Height></ImageDimensions>"

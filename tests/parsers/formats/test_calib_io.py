@@ -12,7 +12,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion, Rational, Tilted
 from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
-from calibrary.parsers.document import Json
+from calibrary.records import Json
 from tests.parsers.samples import Sample
 
 NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tauX", "tauY")

@@ -6,7 +6,6 @@ import sqlite3
 import struct
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +31,7 @@ from calibrary.distortion import (
 from calibrary.errors import InputError, ParseError, UnknownFormatError, UnsupportedModelError
 from calibrary.parsers.colmap_models import COLMAP_MODELS, PANORAMAS, colmap_camera
 from calibrary.parsers.format import Outcome
+from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera
 from tests.parsers.samples import Sample
 

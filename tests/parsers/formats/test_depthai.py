@@ -13,7 +13,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational, Tilted
 from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
-from calibrary.parsers.document import Json
+from calibrary.records import Json
 from tests.parsers.samples import Sample
 
 K: list[Json] = [[799.4, 0.0, 652.9], [0.0, 799.1, 382.2], [0.0, 0.0, 1.0]]

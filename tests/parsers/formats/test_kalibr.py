@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -24,6 +22,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers.format import Outcome
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera
 
 Array = NDArray[np.float64]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from calibrary.errors import MissingTagError, ParseError, UnknownFormatError, Un
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Sure
 from calibrary.parsers.formats.keyed_text import sniff
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
 PIXELS = """\

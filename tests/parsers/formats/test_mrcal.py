@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -13,6 +12,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational, ThinPrism
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera
 
 D12 = (-0.0125, 0.0231, -3.7e-4, 8.1e-4, -0.0172, 0.0083, -0.0061, 0.0042, 1.1e-4, -2.3e-5, -7e-5, 1.9e-5)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -25,6 +24,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers.format import Outcome
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
 K_CV = np.array([[3650.1234, 0.0, 2745.31], [0.0, 3648.7651, 1819.87], [0.0, 0.0, 1.0]])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from calibrary.distortion import BrownConrady, Fisheye624, KannalaBrandt, NoDist
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers.format import Outcome
 from calibrary.parsers.opensfm_models import PROJECTIONS, opensfm_camera
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
 Array = NDArray[np.float64]

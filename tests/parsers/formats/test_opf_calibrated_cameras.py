@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -15,6 +14,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import FisheyePolynomial, KannalaBrandt, NoDistortion
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera
 
 PERSPECTIVE = {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -12,6 +10,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera
 
 CAM = """\

@@ -19,7 +19,7 @@ from calibrary.errors import (
     UnknownFormatError,
     UnsupportedModelError,
 )
-from calibrary.parsers.document import Json
+from calibrary.records import Json
 from tests.parsers.samples import Sample
 
 Array = NDArray[np.float64]

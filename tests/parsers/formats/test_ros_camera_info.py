@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational, ThinPrism
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers.format import Outcome
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera
 
 K = (1733.2, 0.0, 971.6, 0.0, 1731.9, 588.3, 0.0, 0.0, 1.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -16,6 +15,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibrary.parsers.document import Json
 from calibrary.parsers.formats._yaml_text import decimal, scalar
+from calibrary.records import Json
 from calibrary.strictyaml import load_yaml
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey, Grade, same_aspect
@@ -14,6 +14,7 @@ from calibrary.jobs.audit.answers import Answer, Use, named
 from calibrary.jobs.audit.findings import Finding, Level, Rule
 from calibrary.jobs.diff.comparison import compare
 from calibrary.policy import Policy
+from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.firmware import compare as compare_versions
 

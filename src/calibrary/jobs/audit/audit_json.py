@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from calibrary.calibration_json import Json, camera_json
+from calibrary.calibration_json import camera_json
 from calibrary.jobs.audit.agreement import gaps
 from calibrary.jobs.audit.answers import Answer
 from calibrary.jobs.audit.findings import Finding, Level
 from calibrary.jobs.audit.run import Audit
 from calibrary.policy import Policy
+from calibrary.records import Json
 
 __all__ = ["audit_json"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -17,6 +17,7 @@ from calibrary.jobs.calibrate_board.solving import Wanted
 from calibrary.keep.adding import Proposal, Wish, propose
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.operand import Reading
+from calibrary.records import replace
 from calibrary.registry.check import BOARD_BLOCK, CheckFinding
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.detectors.refinement import reduced
 from calibrary.calib.frames import read_frame
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["bend", "corners_on_frame"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 PICTURE_SIDE: Final = 640
 """px of the frame's copy; two of them keep a page far below two megabytes."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from calibrary.calib.frames import Setting, group_frames, the_one_setting
@@ -17,6 +17,7 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.calibrate_board.focus import focus_of
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import read_metadata
+from calibrary.records import replace
 from calibrary.registry.catalogue import load_catalogue, match_image
 
 __all__ = ["Told", "find_frames", "told_by"]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.geometry import CELLS
 from calibrary.calib.observations import View
@@ -28,7 +28,6 @@ from calibrary.pages.plots import (
 
 __all__ = ["board_plots", "fit_plots", "frame_plots", "lens_plots", "trust_plots"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 MEAN_CELLS: Final = (16, 12)
 """Columns and rows in which residuals are averaged."""

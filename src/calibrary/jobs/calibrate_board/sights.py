@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from calibrary import parsers
@@ -14,6 +14,7 @@ from calibrary.calib.observations import Observations
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import FrameError, InputError, MissingTagError
 from calibrary.jobs.calibrate_board.frames import Told
+from calibrary.records import replace
 
 __all__ = ["Sights", "read_seed", "saved_sights", "search"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from calibrary.calib.board import Board
@@ -12,6 +12,7 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import Outcome, Severity
 from calibrary.calibration import Intrinsics, Provenance
 from calibrary.jobs.calibrate_board.sights import Sights
+from calibrary.records import replace
 
 __all__ = ["Wanted", "solved"]
 

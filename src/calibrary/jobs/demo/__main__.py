@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from calibrary.jobs.demo.flight import DemoImage, Outcome, write_flight
+from calibrary.records import replace
 
 _COLOURS = {
     Outcome.VALID: "green",

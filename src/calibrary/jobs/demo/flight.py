@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from enum import StrEnum
 from pathlib import Path
@@ -23,6 +23,7 @@ from calibrary.jobs.demo.cameras import (
     phantom_4_rtk,
     rededge_m,
 )
+from calibrary.records import replace
 from calibrary.synthetic import ExifTags, TiffPage, encode_tiff, write_jpeg
 from calibrary.synthetic.scenery import farmland, infrared
 

@@ -15,14 +15,14 @@ length that moved by just the limit would raise the alarm in every second compar
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, chdtri
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.projection_difference import ProjectionDifference, projection_difference
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibrationError, FrameError
@@ -30,10 +30,10 @@ from calibrary.jobs.diff.frames import common_frame
 from calibrary.jobs.diff.priors import Spread, spread_of
 from calibrary.jobs.diff.structure import Kind, Structural, signatures
 from calibrary.policy import FLEET, Policy
+from calibrary.records import replace
 
 __all__ = ["ChiSquare", "Comparison", "Ground", "Numbers", "Parameter", "Verdict", "compare"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 SAME: Final = 1e-9
 """Two numbers this near, relative to the larger, are one number written twice."""

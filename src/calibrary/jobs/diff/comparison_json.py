@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from calibrary.calibration_json import Json, calibration_json
+from calibrary.calibration_json import calibration_json
 from calibrary.jobs.diff.comparison import Comparison, Numbers
+from calibrary.records import Json
 
 __all__ = ["comparison_json"]
 

@@ -7,18 +7,17 @@ trades focal length for height. Distortion is given the spread that moves the co
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, Covariance, Grade
 from calibrary.distortion import Distortion
+from calibrary.records import replace
 
 __all__ = ["PRIORS", "Prior", "Spread", "spread_of"]
-
-FloatArray: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Intrinsics
 from calibrary.errors import FrameError
@@ -17,6 +17,7 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.witness import Source, Witness
 from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.policy import Policy
+from calibrary.records import replace
 from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Verdict, validate
 
 __all__ = ["DEFAULT_SENSOR_MM", "Camera", "Sensor", "State", "circumstances", "judge", "sort_cameras"]

@@ -7,7 +7,7 @@ something refines it; the fleet's registry. Every step leaves a record, whether 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from calibrary.jobs.extract.gather import find_files
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.parsers.image_names import is_image
 from calibrary.policy import Policy
+from calibrary.records import replace
 from calibrary.validation import Report, Verdict, validate
 
 __all__ = [

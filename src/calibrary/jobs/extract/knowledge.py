@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from calibrary.keep.identity import identified
 from calibrary.keep.locking import locked
 from calibrary.keep.shelf import Shelf, open_shelf
 from calibrary.known_camera import KnownCamera
+from calibrary.records import replace
 from calibrary.registry.catalogue import Catalogue, load_catalogue
 from calibrary.registry.resolution import Near, RegistryIndex, Resolution
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from calibrary.calibration import Calibration
-from calibrary.calibration_json import Json
 from calibrary.errors import InputError
 from calibrary.jobs.extract.hand_off import SOLVER_FILES, Candidate, Solver, hand_off, refusal
 from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
 from calibrary.jobs.extract.report import encode, report_json
+from calibrary.records import Json
 from calibrary.validation import Verdict
 
 __all__ = ["STALE", "Outputs", "check_page_place", "check_place", "plan"]

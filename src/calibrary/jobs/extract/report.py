@@ -6,12 +6,13 @@ import json
 from collections.abc import Mapping
 
 from calibrary.calibration import Calibration
-from calibrary.calibration_json import Json, calibration_json, camera_json, distortion_json, intrinsics_json
+from calibrary.calibration_json import calibration_json, camera_json, distortion_json, intrinsics_json
 from calibrary.evidence.collect import Evidence
 from calibrary.evidence.witness import Witness
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
+from calibrary.records import Json
 from calibrary.validation import Report
 
 __all__ = ["encode", "report_json"]

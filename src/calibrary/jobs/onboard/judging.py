@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 from calibrary.calibration import Calibration
@@ -16,6 +16,7 @@ from calibrary.jobs.onboard.subjects import Subject
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.names import id_of
 from calibrary.policy import Policy
+from calibrary.records import replace
 from calibrary.registry.entry import Entry, folder_of
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.validation import Circumstances, NamedFocal, Report, Verdict, validate

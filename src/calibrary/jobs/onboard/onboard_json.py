@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from calibrary.calibration_json import Json, calibration_json, camera_json, intrinsics_json
+from calibrary.calibration_json import calibration_json, camera_json, intrinsics_json
 from calibrary.jobs.onboard.claims import Claim
 from calibrary.jobs.onboard.judging import Hearing, Relative
 from calibrary.jobs.onboard.proposing import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, Onboarding, Outcome
 from calibrary.keep.admission import finding_json
+from calibrary.records import Json
 from calibrary.registry.writing import Written
 from calibrary.validation import Report
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from importlib.metadata import version
@@ -18,6 +17,7 @@ from calibrary.jobs.onboard.claims import EXIF, Kind
 from calibrary.jobs.onboard.judging import Hearing
 from calibrary.jobs.onboard.sorting import Payload
 from calibrary.jobs.onboard.subjects import Subject, sha256_of
+from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.strictyaml import YamlValue
 

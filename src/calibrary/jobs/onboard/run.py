@@ -7,7 +7,6 @@ changed by a person who approves.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import Final
 
 from calibrary.calib.verdict import Outcome as BoardOutcome
@@ -34,6 +33,7 @@ from calibrary.jobs.onboard.subjects import Subject, find_subjects
 from calibrary.keep.admission import stands_against
 from calibrary.keep.candidates import Wish
 from calibrary.keep.keeper import Keeper, note_of
+from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.resolution import Resolution

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +17,7 @@ from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.onboard.sorting import LARGEST_CALIBRATION, Payload
 from calibrary.known_camera import normalise_sub_camera
 from calibrary.policy import Policy
+from calibrary.records import replace
 from calibrary.registry.slug import match_key
 
 __all__ = ["FileCalibration", "Subject", "Subjects", "find_subjects", "sha256_of"]

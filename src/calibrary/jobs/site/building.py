@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -19,6 +19,7 @@ from calibrary.jobs.site.place import MARKER, replaced
 from calibrary.jobs.site.work import Card, Job, Task, write_entries
 from calibrary.keep.keeper import Keeper
 from calibrary.policy import Policy
+from calibrary.records import replace
 from calibrary.registry.history import changed, history
 from calibrary.workers import end_with_parent
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.parsers.fit import exact
+from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.slug import slug
 

@@ -7,11 +7,12 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.pages.palette import Colour
 from calibrary.pages.text import visible
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_POINTS", "Axis", "as_points", "as_values", "draw", "name", "number", "thinned"]
 
-FloatArray: TypeAlias = NDArray[np.float64]
 
 UNITS_PER_INCH = 72
 MOST_POINTS = 2_000

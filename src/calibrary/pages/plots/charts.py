@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.pages.content import Figure
 from calibrary.pages.palette import Colour
-from calibrary.pages.plots.canvas import Axis, FloatArray, as_points, as_values, draw, name, number, thinned
+from calibrary.pages.plots.canvas import Axis, as_points, as_values, draw, name, number, thinned
 from calibrary.quality import Covariance
 
 if TYPE_CHECKING:

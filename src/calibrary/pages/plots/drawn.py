@@ -14,11 +14,12 @@ from html import escape
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 from calibrary.pages.content import Figure
 from calibrary.pages.palette import Colour
-from calibrary.pages.plots.canvas import Axis, FloatArray, name, number
+from calibrary.pages.plots.canvas import Axis, name, number
 
 __all__ = ["amount_map", "arrow_map"]
 

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 from calibrary.pages.content import Figure
 from calibrary.pages.palette import Colour
-from calibrary.pages.plots.canvas import Axis, FloatArray, as_points, draw, frame_axes, number, thinned
+from calibrary.pages.plots.canvas import Axis, as_points, draw, frame_axes, number, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

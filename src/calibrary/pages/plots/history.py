@@ -8,10 +8,11 @@ from html import escape
 
 import numpy as np
 
+from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.pages.content import Figure
 from calibrary.pages.palette import Colour
-from calibrary.pages.plots.canvas import FloatArray, as_values, name
+from calibrary.pages.plots.canvas import as_values, name
 from calibrary.pages.plots.charts import Series
 
 __all__ = ["history"]
