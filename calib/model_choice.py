@@ -170,7 +170,7 @@ def has_sound_lens(adjusted: Adjusted, image_size: ImageSize) -> bool:
     K = adjusted.state.parameters
     observed = np.column_stack([(x.ravel() - K[2]) / K[0], (y.ravel() - K[3]) / K[1]])
     try:
-        rays = state.model.distortion(values).rays(observed)
+        rays = state.model.distortion(values).undistort_to_rays(observed)
     except InputError:
         return False
     return bool(np.isfinite(rays).all())

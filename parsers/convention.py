@@ -41,8 +41,10 @@ class YAxis(Enum):
 class Direction(Enum):
     """Which way the distortion polynomial maps."""
 
-    IDEAL_TO_OBSERVED = "the polynomial takes the ideal point to the observed one, as OpenCV's"
-    OBSERVED_TO_IDEAL = "the polynomial takes the observed point to the ideal one, the inverse of OpenCV's"
+    UNDISTORTED_TO_DISTORTED = "the polynomial takes the undistorted point to the distorted one, as OpenCV's"
+    DISTORTED_TO_UNDISTORTED = (
+        "the polynomial takes the distorted point to the undistorted one, inverse to OpenCV's"
+    )
 
 
 class Tangential(Enum):
@@ -81,7 +83,7 @@ class Convention:
     unit: Unit = Unit.PIXEL
     origin: Origin
     y_axis: YAxis = YAxis.DOWN
-    direction: Direction = Direction.IDEAL_TO_OBSERVED
+    direction: Direction = Direction.UNDISTORTED_TO_DISTORTED
     tangential: Tangential = Tangential.OPENCV
     coefficients: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
@@ -131,7 +133,7 @@ class Convention:
     def tangential_from_file(self, first: float, second: float) -> tuple[float, float]:
         """OpenCV's (p1, p2) from the two terms in the file's order.
 
-        Only for terms that map ideal to observed in x/z, y/z; others are no matter of order and sign.
+        Only for terms that map undistorted to distorted in x/z, y/z; others are no matter of order and sign.
         """
         if self.tangential is Tangential.NONE:
             return 0.0, 0.0

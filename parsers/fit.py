@@ -1,6 +1,6 @@
 """From one distortion model to another with K held fast: in closed form, else by least squares.
 
-A sign flip is never a conversion: an observed → ideal polynomial with its signs turned misses by tens of
+A sign flip is never a conversion: an distorted → undistorted polynomial with its signs turned misses by tens of
 pixels at the corners of an ordinary lens. What has no closed form is fitted to the rays that the image's
 pixels see, and the distance that remains is measured on a finer grid than the one that was fitted.
 """
@@ -92,7 +92,7 @@ def refit(
         except InputError:  # past what the model allows, such as a sensor tilted by 90°
             return None
         with np.errstate(all="ignore"):
-            missed = _pixels(K, model.observe(rays)) - pixels
+            missed = _pixels(K, model.distort_rays(rays)) - pixels
         return missed.ravel() if np.isfinite(missed).all() else None
 
     coefficients = least_squares(residuals, len(target.names()))

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from calibrary.calibration import ImageSize, Intrinsics
-from calibrary.distortion import Distortion, NoDistortion, ObservedBrown
+from calibrary.distortion import Distortion, InverseBrown, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers.convention import Convention, Direction, Native, Origin, Tangential, Unit
 from calibrary.parsers.formats._metric_lens import normalised
@@ -29,7 +29,7 @@ PARAMETERS = ("F", "Xp", "Yp", "Fw", "Fh", *LENS)
 CONVENTION = Convention(
     unit=Unit.MILLIMETRE,
     origin=Origin.CORNER,
-    direction=Direction.OBSERVED_TO_IDEAL,
+    direction=Direction.DISTORTED_TO_UNDISTORTED,
     tangential=Tangential.SWAPPED,
     coefficients=LENS,
     remarks=("Xp and Yp count y down, the lens terms count it up",),
@@ -51,4 +51,4 @@ def optics(values: Mapping[str, float], size: ImageSize, *, source: str) -> tupl
         return K, NoDistortion()
     k1, k2, k3 = normalised([values[key] for key in ("K1", "K2", "K3")], focal)
     # y up here: P2, which stands with OpenCV's p1, changes its sign.
-    return K, ObservedBrown(k1=k1, k2=k2, k3=k3, p1=-values["P2"] * focal, p2=values["P1"] * focal)
+    return K, InverseBrown(k1=k1, k2=k2, k3=k3, p1=-values["P2"] * focal, p2=values["P1"] * focal)

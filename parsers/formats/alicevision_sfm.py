@@ -210,7 +210,7 @@ def _lens(item: Node, version: Version) -> Distortion:
 
 
 def _refuse_undistortion(item: Node) -> None:
-    """A second lens, of 3DEqualizer's models, that takes the observed point to the ideal one."""
+    """A second lens, of 3DEqualizer's models, that takes the distorted point to the undistorted one."""
     kind = _text(item, "undistortionType") if "undistortionType" in item else "none"
     given = _items(item["undistortionParams"]) if "undistortionParams" in item else ()
     if kind != "none" and any(entry.number() for entry in given):

@@ -19,8 +19,8 @@ not in the file; where it was taken from is, and is left out.
     TSAI            OpenCV's k1 k2 p1 p2 k3, the last one optional
     AdjustableTSAI  OpenCV's, with any number of radial terms, and a skew (Alpha, a share of fu)
     FISHEYE, FOV    OpenCV's fisheye; the field-of-view model
-    Photometrix     observed to ideal, in the unit of pitch, about (cu + xp, cv + yp); b1 and b2 are not used
-    BrownConrady    observed to ideal, in the unit of pitch, about (cu + xp, cv + yp), which the rays meet too;
+    Photometrix     distorted to undistorted, in the unit of pitch, about (cu + xp, cv + yp); b1 and b2 are not used
+    BrownConrady    distorted to undistorted, in the unit of pitch, about (cu + xp, cv + yp), which the rays meet too;
                     decentring P1·r² + P2·r⁴ at the angle phi
 
 Sources: Ames Stereo Pipeline, "Pinhole models"; Vision Workbench, ``Camera/PinholeModel.cc`` and
@@ -41,10 +41,10 @@ from calibrary.distortion import (
     BrownConrady,
     Distortion,
     FieldOfView,
+    InverseBrown,
+    InversePolynomial,
     KannalaBrandt,
     NoDistortion,
-    ObservedBrown,
-    ObservedPolynomial,
     OffCentreBrown,
 )
 from calibrary.errors import ParseError, UnsupportedModelError
@@ -63,7 +63,7 @@ CONVENTION = Convention(
     coefficients=("k1", "k2", "k3", "p1", "p2"),
     remarks=(
         "lengths are in the unit of pitch, the size of a pixel",
-        "Photometrix and BrownConrady map the observed point to the ideal one, in the unit of pitch",
+        "Photometrix and BrownConrady map the distorted point to the undistorted one, in the unit of pitch",
     ),
 )
 AXES = ("u_direction", "v_direction", "w_direction")
@@ -289,7 +289,7 @@ def _adjustable(rows: _Rows) -> Distortion:
 def _photometrix(rows: _Rows, focal: float) -> Distortion:
     """The centre moves, the principal point of the rays does not: the program adds the correction to the point."""
     k1, k2, k3 = normalised([rows.number(name) for name in ("k1", "k2", "k3")], focal)
-    return ObservedBrown(
+    return InverseBrown(
         k1=k1,
         k2=k2,
         k3=k3,
@@ -304,12 +304,12 @@ def _brown_conrady(rows: _Rows, focal: float) -> Distortion:
     k1, k2, k3 = normalised([rows.number(name) for name in ("k1", "k2", "k3")], focal)
     phi = rows.number("phi")
     by_r2, by_r4 = normalised((rows.number("p1"), rows.number("p2")), focal, powers=(1, 3))
-    wide = ObservedPolynomial(
+    wide = InversePolynomial(
         k1=k1, k2=k2, k3=k3, k4=0.0, p1=0.0, p2=0.0, p3=0.0, p4=0.0,
         s1=-by_r2 * math.sin(phi), s2=-by_r4 * math.sin(phi),
         s3=by_r2 * math.cos(phi), s4=by_r4 * math.cos(phi),
     )  # fmt: skip
-    return exact(wide, ObservedBrown) or wide
+    return exact(wide, InverseBrown) or wide
 
 
 FORMAT = Format(

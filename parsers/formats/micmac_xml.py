@@ -4,7 +4,7 @@ In the format's own words::
 
     <ExportAPERO>
       <CalibrationInternConique>
-        <KnownConv>eConvApero_DistM2C</KnownConv>      M2C, world to camera: ideal → observed
+        <KnownConv>eConvApero_DistM2C</KnownConv>      M2C, world to camera: undistorted → distorted
         <PP>2736.1 1824.7</PP> <F>3650.1</F> <SzIm>5472 3648</SzIm>
         <CalibDistortion>
           <ModPhgrStd>                                  or <ModRad>, which is its <RadialePart> alone
@@ -19,7 +19,7 @@ Everything is in pixels. With (u, v) = P − CDist and R² = u² + v² the point
     P.x + u·(c1·R² + c2·R⁴ + …) + P1·(R² + 2u²) + 2·P2·u·v + b1·u + b2·v
     P.y + v·(c1·R² + c2·R⁴ + …) + P2·(R² + 2v²) + 2·P1·u·v
 
-``eConvApero_DistM2C``, Tapas's way, takes the ideal point to the observed one; ``eConvApero_DistC2M`` the
+``eConvApero_DistM2C``, Tapas's way, takes the undistorted point to the distorted one; ``eConvApero_DistC2M`` the
 observed one to the ideal. CDist, the centre of the distortion, is PP in a few models only. c3 is of the order
 of 1e-25 and c5 of 1e-40, so numbers are scaled in decimal and no digit of them is lost.
 
@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
-from calibrary.distortion import BrownConrady, Distortion, NoDistortion, ObservedBrown, OffCentreBrown
+from calibrary.distortion import BrownConrady, Distortion, InverseBrown, NoDistortion, OffCentreBrown
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
@@ -56,13 +56,13 @@ CONVENTION = Convention(
     coefficients=("c1", "c2", "c3", "c4", "c5", "P1", "P2", "b1", "b2"),
     remarks=(
         "coefficients are in powers of pixels about CDist, which need not be the principal point",
-        "with eConvApero_DistC2M the polynomial takes the observed point to the ideal one",
+        "with eConvApero_DistC2M the polynomial takes the distorted point to the undistorted one",
     ),
 )
 CAMERA = "CalibrationInternConique"
 ROOTS = ("ExportAPERO", CAMERA)
 M2C, C2M = "eConvApero_DistM2C", "eConvApero_DistC2M"
-MODELS: dict[str, type[OffCentreBrown | ObservedBrown]] = {M2C: OffCentreBrown, C2M: ObservedBrown}
+MODELS: dict[str, type[OffCentreBrown | InverseBrown]] = {M2C: OffCentreBrown, C2M: InverseBrown}
 RADIAL_TERMS = 5
 FRAME_CHANGES = ("ScannedAnalogik", "PixelSzIm", "Homographie")
 """They put another coordinate system between the image and the numbers."""
@@ -118,7 +118,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     [calibration] = calibrations
     native = CONVENTION.native(calibration.intrinsics)
     lens = calibration.distortion or NoDistortion()
-    convention = C2M if isinstance(lens, ObservedBrown) else M2C
+    convention = C2M if isinstance(lens, InverseBrown) else M2C
     full = exact(lens, MODELS[convention])
     assert full is not None  # noqa: S101  CAPACITY lets nothing else through
     width, height = calibration.intrinsics.image_size
@@ -149,7 +149,7 @@ def _camera(root: _Element, source: str) -> _Element:
 
 def _distortion(
     fields: _Fields,
-    kind: type[OffCentreBrown | ObservedBrown],
+    kind: type[OffCentreBrown | InverseBrown],
     focal: Decimal,
     principal_point: tuple[Decimal, ...],
 ) -> Distortion:
@@ -351,5 +351,5 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, OffCentreBrown, BrownConrady, ObservedBrown), two_focals=False),
+    capacity=Capacity(models=(NoDistortion, OffCentreBrown, BrownConrady, InverseBrown), two_focals=False),
 )

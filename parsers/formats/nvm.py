@@ -28,7 +28,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Quality
-from calibrary.distortion import Distortion, NoDistortion, ObservedBrown
+from calibrary.distortion import Distortion, InverseBrown, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
@@ -44,7 +44,7 @@ LONGEST_LINE = 10_000
 MAX_IMAGES = 50_000
 CONVENTION = Convention(
     origin=Origin.IMAGE_CENTRE,
-    direction=Direction.OBSERVED_TO_IDEAL,
+    direction=Direction.DISTORTED_TO_UNDISTORTED,
     tangential=Tangential.NONE,
     coefficients=("r",),
     remarks=(
@@ -99,7 +99,7 @@ def _calibration(camera: _Camera, heading: _Heading, context: ReadContext, *, se
     size = context.size(None)
     f, r = camera.focal, camera.radial
     convention = FIXED if heading.fixed else CONVENTION
-    distortion: Distortion = ObservedBrown(k1=r, k2=0.0, p1=0.0, p2=0.0) if r else NoDistortion()
+    distortion: Distortion = InverseBrown(k1=r, k2=0.0, p1=0.0, p2=0.0) if r else NoDistortion()
     assumptions = () if heading.fixed else ("the principal point is in the middle of the image",)
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=camera.names[0] if several else None),

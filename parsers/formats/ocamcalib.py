@@ -36,7 +36,7 @@ __all__ = ["FORMAT"]
 
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
-    direction=Direction.OBSERVED_TO_IDEAL,
+    direction=Direction.DISTORTED_TO_UNDISTORTED,
     tangential=Tangential.NONE,
     coefficients=("a0", "a1", "a2", "a3", "a4"),
     remarks=(

@@ -30,9 +30,9 @@ from calibrary.distortion import (
     BrownConrady,
     Distortion,
     FieldOfView,
+    InverseBrown,
     KannalaBrandt,
     NoDistortion,
-    ObservedBrown,
 )
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -53,7 +53,7 @@ CONVENTION = Convention(
 )
 INVERSE = Option(
     name="inverse_brown",
-    values=("observed-to-ideal", "ideal-to-observed"),
+    values=("distorted-to-undistorted", "undistorted-to-distorted"),
     meaning="which way Inverse Brown Conrady maps: as it is documented, or as newer versions of rsutil.h use it",
 )
 SHAPE = frozenset({"ppx", "ppy", "fx", "fy"})
@@ -219,14 +219,14 @@ def _inverse_brown(values: Sequence[float], model: Node, context: ReadContext) -
     asked = context.option(INVERSE.name)
     if asked is None:
         model.fail(
-            "Inverse Brown Conrady is documented to map observed to ideal points, newer librealsense inverts the "
-            "same polynomial; say options={'inverse_brown': 'observed-to-ideal'} or 'ideal-to-observed' "
-            "(--set inverse_brown=…)"
+            "Inverse Brown Conrady is documented to map distorted to undistorted points, newer librealsense inverts "
+            "the same polynomial; say options={'inverse_brown': 'distorted-to-undistorted'} or "
+            "'undistorted-to-distorted' (--set inverse_brown=…)"
         )
-    if asked == "ideal-to-observed":
+    if asked == "undistorted-to-distorted":
         return lens(values)
     brown = BrownConrady(**dict(zip(BrownConrady.names(), values, strict=False)))
-    return ObservedBrown(k1=brown.k1, k2=brown.k2, p1=brown.p1, p2=brown.p2, k3=brown.k3)
+    return InverseBrown(k1=brown.k1, k2=brown.k2, p1=brown.p1, p2=brown.p2, k3=brown.k3)
 
 
 def _fisheye(values: Sequence[float], _model: Node, _context: ReadContext) -> Distortion:

@@ -27,7 +27,7 @@ from __future__ import annotations
 import re
 
 from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.distortion import Distortion, ObservedBrown, ObservedPolynomial
+from calibrary.distortion import Distortion, InverseBrown, InversePolynomial
 from calibrary.errors import MissingTagError, ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
@@ -45,7 +45,7 @@ CONVENTION = Convention(
     unit=Unit.MILLIMETRE,
     origin=Origin.IMAGE_CENTRE,
     y_axis=YAxis.UP,
-    direction=Direction.OBSERVED_TO_IDEAL,
+    direction=Direction.DISTORTED_TO_UNDISTORTED,
     tangential=Tangential.SWAPPED,
     coefficients=(*RADIAL, *DECENTRING),
     remarks=("the focal length is CFL / (1 + K0)", "the tangential terms grow by 1 + P3·r² + P4·r⁴"),
@@ -154,10 +154,10 @@ def _distortion(values: dict[str, float], focal: float, scale: float) -> Distort
     k1, k2, k3, k4 = (k / scale for k in normalised([values[name] for name in RADIAL[1:]], focal))
     p1, p2 = CONVENTION.tangential_from_file(values["P1"] * focal / scale, values["P2"] * focal / scale)
     p3, p4 = normalised((values["P3"], values["P4"]), focal)
-    wide = ObservedPolynomial(
+    wide = InversePolynomial(
         k1=k1, k2=k2, k3=k3, k4=k4, p1=p1, p2=p2, p3=p3, p4=p4, s1=0.0, s2=0.0, s3=0.0, s4=0.0
     )
-    return exact(wide, ObservedBrown) or wide
+    return exact(wide, InverseBrown) or wide
 
 
 def _found(pattern: re.Pattern[str], text: str) -> str | None:

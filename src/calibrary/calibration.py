@@ -8,7 +8,7 @@ The canonical form, said once:
   pixel's centre; :mod:`calibrary.conventions` holds the half pixel between the two.
 * Camera frame: x right, y down, z forward, as OpenCV and COLMAP.
 * ``K`` has no place for distortion: :class:`Intrinsics` holds the four numbers of K (and skew), a
-  :class:`~calibrary.distortion.Distortion` stands beside it. ``distort`` maps ideal to observed, as OpenCV.
+  :class:`~calibrary.distortion.Distortion` stands beside it. ``distort`` maps undistorted to distorted, as OpenCV.
 * ``distortion=None`` means *unknown*; :class:`~calibrary.distortion.NoDistortion` means *known to be none*.
 """
 
@@ -288,15 +288,15 @@ class Calibration:
             points: (N, 3), any unit; only the direction matters.
 
         Returns:
-            (N, 2) px. NaN where the camera cannot see the point: behind a perspective camera, or past the
-            radius where the distortion model folds back. Unknown distortion projects as a pinhole.
+            (N, 2) px. NaN where the camera cannot see the point: behind a perspective camera, or beyond the
+            radius up to which the distortion is monotonic. Unknown distortion projects as a pinhole.
         """
         rays = as_rows(points, 3)
-        observe = perspective if self.distortion is None else self.distortion.observe
+        to_distorted = perspective if self.distortion is None else self.distortion.distort_rays
         K = self.intrinsics
         px = np.empty((len(rays), 2))
         for rows in blocks(len(rays), CHUNK_ROWS):
-            x, y = observe(rays[rows]).T
+            x, y = to_distorted(rays[rows]).T
             px[rows, 0] = K.fx * x + (K.skew * y + K.cx)
             px[rows, 1] = K.fy * y + K.cy
         return px
@@ -311,7 +311,7 @@ class Calibration:
             (N, 3) unit vectors in the camera frame; NaN where no direction is seen at that pixel.
         """
         px = as_rows(pixels, 2)
-        cast = unit_rays if self.distortion is None else self.distortion.rays
+        cast = unit_rays if self.distortion is None else self.distortion.undistort_to_rays
         K = self.intrinsics
         rays = np.empty((len(px), 3))
         for rows in blocks(len(px), CHUNK_ROWS):

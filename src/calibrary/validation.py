@@ -348,7 +348,7 @@ def _as_the_camera_wrote_it(_: Calibration, policy: Policy, around: Circumstance
 
 
 def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
-    """Distortion that folds back before the image's corner maps two directions to one pixel."""
+    """Distortion that is not monotonic up to the image's corner maps two directions to one pixel."""
     if c.distortion is None or not policy.distortion_monotonic:
         return
     width, height = c.intrinsics.image_size
@@ -359,9 +359,9 @@ def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> I
         severity=Severity.ERROR if lost else Severity.PASS,
         measured=float(lost),
         limit=0.0,
-        message=f"the distortion folds back before {lost} of 4 image corners"
+        message=f"the distortion is not monotonic out to {lost} of 4 image corners"
         if lost
-        else "the distortion does not fold back inside the image",
+        else "the distortion is monotonic over the whole image",
         remedy="calibrate with the corners of the image covered" if lost else None,
     )
 

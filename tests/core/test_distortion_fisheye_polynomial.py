@@ -38,12 +38,12 @@ def test_it_is_pix4ds_formula_counted_in_radians() -> None:
     p2, p3 = 0.0152646, -0.161096
     lens = FisheyePolynomial(k2=p2 * 2 / math.pi, k3=p3 * (2 / math.pi) ** 2)
     rays = rays_to(1.9)
-    np.testing.assert_allclose(lens.observe(rays), pix4d(p2, p3, rays) * math.pi / 2, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(lens.distort_rays(rays), pix4d(p2, p3, rays) * math.pi / 2, rtol=0, atol=1e-14)
 
 
 def test_without_even_powers_it_is_opencvs_fisheye() -> None:
     rays = rays_to(1.2)[1:]
-    seen = FisheyePolynomial(k2=0.0, k3=-0.031).observe(rays)
+    seen = FisheyePolynomial(k2=0.0, k3=-0.031).distort_rays(rays)
     D = np.array([-0.031, 0.0, 0.0, 0.0])
     by_cv2 = cv2.fisheye.projectPoints(rays[:, None], np.zeros(3), np.zeros(3), np.eye(3), D)[0].reshape(
         -1, 2
@@ -55,7 +55,7 @@ def test_without_even_powers_it_is_opencvs_fisheye() -> None:
 @given(lens=LENSES)
 def test_rays_are_the_exact_inverse_up_to_the_fold(lens: FisheyePolynomial) -> None:
     rays = rays_to(0.98 * min(lens.max_angle_rad(), 3.0))
-    np.testing.assert_allclose(lens.rays(lens.observe(rays)), rays, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(lens.undistort_to_rays(lens.distort_rays(rays)), rays, rtol=0, atol=1e-12)
 
 
 @settings(max_examples=50, deadline=None)
@@ -63,7 +63,7 @@ def test_rays_are_the_exact_inverse_up_to_the_fold(lens: FisheyePolynomial) -> N
 def test_from_the_fold_on_there_is_nothing(lens: FisheyePolynomial) -> None:
     fold = lens.max_angle_rad()
     theta = np.array([0.999 * fold, 1.001 * fold])
-    seen = lens.observe(np.column_stack([np.sin(theta), np.zeros(2), np.cos(theta)]))
+    seen = lens.distort_rays(np.column_stack([np.sin(theta), np.zeros(2), np.cos(theta)]))
     assert np.isfinite(seen[0]).all()
     if fold < math.pi:
         assert np.isnan(seen[1]).all()
@@ -75,8 +75,8 @@ def test_from_the_fold_on_there_is_nothing(lens: FisheyePolynomial) -> None:
 def test_it_sees_behind_itself_but_not_in_x_over_z() -> None:
     lens = FisheyePolynomial(k2=0.01, k3=-0.01)
     behind = np.array([[1.0, 0.0, -0.2]])
-    assert np.isfinite(lens.observe(behind)).all()
-    assert np.isnan(lens.undistort(lens.observe(behind))).all()
+    assert np.isfinite(lens.distort_rays(behind)).all()
+    assert np.isnan(lens.undistort(lens.distort_rays(behind))).all()
     assert lens.valid_radius() == math.inf
 
 

@@ -127,8 +127,8 @@ def test_what_is_not_a_number_stays_none_without_a_warning(lens: Distortion) -> 
 def test_no_points_give_no_points(lens: Distortion) -> None:
     none = np.empty((0, 2))
     assert lens.distort(none).shape == lens.undistort(none).shape == (0, 2)
-    assert lens.rays(none).shape == (0, 3)
-    assert lens.observe(np.empty((0, 3))).shape == (0, 2)
+    assert lens.undistort_to_rays(none).shape == (0, 3)
+    assert lens.distort_rays(np.empty((0, 3))).shape == (0, 2)
 
 
 @settings(max_examples=40)
@@ -148,8 +148,8 @@ def test_points_given_are_left_as_they_were(lens: Distortion, count: int) -> Non
     kept = points.copy(), rays.copy()
     lens.distort(points)
     lens.undistort(points)
-    lens.rays(points)
-    lens.observe(rays)
+    lens.undistort_to_rays(points)
+    lens.distort_rays(rays)
     assert np.array_equal(points, kept[0], equal_nan=True)
     assert np.array_equal(rays, kept[1], equal_nan=True)
 
@@ -167,6 +167,6 @@ def test_absurd_coefficients_neither_warn_nor_hang(kind: type[Distortion], huge:
     assert lens.valid_radius() >= 0
     assert 0 <= lens.max_angle_rad() <= math.pi
     points = np.array([[0.0, 0.1], [1e-3, -2.0], [1e5, 3e5]])
-    ideal = lens.undistort(points)
-    assert not (np.hypot(*ideal.T) > lens.valid_radius()).any()
+    undistorted = lens.undistort(points)
+    assert not (np.hypot(*undistorted.T) > lens.valid_radius()).any()
     lens.distort(points)

@@ -102,14 +102,16 @@ def opensfm(c: dict[str, float], rays: Array) -> Array:
 def test_opensfms_fisheye_follows_its_source_past_ninety_degrees() -> None:
     points = cone(0.99 * OPENSFM.max_angle_rad())
     assert points[:, 2].min() < 0
-    np.testing.assert_allclose(OPENSFM.observe(points), opensfm(OPENSFM.coefficients, points), atol=1e-13)
+    np.testing.assert_allclose(
+        OPENSFM.distort_rays(points), opensfm(OPENSFM.coefficients, points), atol=1e-13
+    )
 
 
 def test_opensfms_and_arias_fisheye_of_the_same_name_are_two_models() -> None:
     swapped = {"p1": ARIA.p1, "p2": ARIA.p0, **{f"k{i + 1}": getattr(ARIA, f"k{i}") for i in range(6)}}
     twin = Fisheye624(**swapped, s0=ARIA.s0, s1=ARIA.s1, s2=ARIA.s2, s3=ARIA.s3)
     points = cone(1.2)
-    missed_px = K.fx * np.abs(twin.observe(points) - ARIA.observe(points)).max()
+    missed_px = K.fx * np.abs(twin.distort_rays(points) - ARIA.distort_rays(points)).max()
     assert 0.05 < missed_px < 5
 
 
@@ -117,7 +119,9 @@ def test_opensfms_and_arias_fisheye_of_the_same_name_are_two_models() -> None:
 @given(lens=LENSES)
 def test_every_ray_comes_back_from_where_it_is_seen(lens: Distortion) -> None:
     seen = cone(0.9 * lens.max_angle_rad())
-    np.testing.assert_allclose(lens.rays(lens.observe(seen)), unit(seen), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        lens.undistort_to_rays(lens.distort_rays(seen)), unit(seen), rtol=0, atol=1e-11
+    )
 
 
 @QUICK
@@ -128,10 +132,12 @@ def test_nothing_is_seen_past_the_widest_angle(lens: Distortion) -> None:
     angle = np.linspace(widest * (1 + 1e-9), math.pi, 20)
     beyond = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
     if widest < math.pi * 0.999:
-        assert np.isnan(lens.observe(beyond)).all()
-    assert np.isnan(lens.observe(np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]]))).all()
-    observed = lens.observe(cone(widest * (1 - 1e-6)))
-    assert np.isfinite(observed).all()
+        assert np.isnan(lens.distort_rays(beyond)).all()
+    assert np.isnan(
+        lens.distort_rays(np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]]))
+    ).all()
+    distorted = lens.distort_rays(cone(widest * (1 - 1e-6)))
+    assert np.isfinite(distorted).all()
 
 
 @QUICK
@@ -143,7 +149,7 @@ def test_the_image_is_one_to_one_up_to_the_widest_angle(lens: Distortion) -> Non
 
     def seen(angle: Array, around: Array) -> Array:
         rays = [np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), np.cos(angle)]
-        return lens.observe(np.stack([c.ravel() for c in rays], axis=1))
+        return lens.distort_rays(np.stack([c.ravel() for c in rays], axis=1))
 
     h = 1e-6
     outward = seen(angle * (1 + h), around) - seen(angle * (1 - h), around)
@@ -168,13 +174,15 @@ def test_a_division_ends_where_its_square_root_does_or_behind_the_camera() -> No
     assert Division(k=0.25).max_angle_rad() == pytest.approx(math.atan(1.0))
     assert Division(k=-0.25).max_angle_rad() == math.pi
     assert Division(k=0.0).max_angle_rad() == pytest.approx(math.pi / 2)
-    assert np.isnan(Division(k=0.25).rays(np.array([[2.0, 0.0], [np.inf, 0.0], [np.nan, 0.0]]))).all()
+    assert np.isnan(
+        Division(k=0.25).undistort_to_rays(np.array([[2.0, 0.0], [np.inf, 0.0], [np.nan, 0.0]]))
+    ).all()
 
 
 def test_a_barrel_by_division_sees_behind_itself() -> None:
     lens = Division(k=-0.25)
     behind = cone(3.1)
-    np.testing.assert_allclose(lens.rays(lens.observe(behind)), unit(behind), atol=1e-12)
+    np.testing.assert_allclose(lens.undistort_to_rays(lens.distort_rays(behind)), unit(behind), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +206,7 @@ def test_a_larger_model_holds_a_smaller_one_exactly_and_gives_it_back(
     larger = exact(lens, same)
     assert larger is not None
     points = cone(1.2)
-    np.testing.assert_allclose(larger.observe(points), lens.observe(points), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(larger.distort_rays(points), lens.distort_rays(points), rtol=0, atol=1e-14)
     assert exact(larger, type(lens)) == lens
 
 

@@ -29,7 +29,7 @@ def test_it_is_the_toolboxs_cam2world_in_units_of_the_focal_length() -> None:
     backwards = a[0] + a[1] * rho + a[2] * rho**2 + a[3] * rho**3 + a[4] * rho**4
     expected = np.column_stack([px, -backwards])
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-    np.testing.assert_allclose(lens.rays(px / f), expected, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(lens.undistort_to_rays(px / f), expected, rtol=0, atol=1e-14)
     assert lens.max_angle_rad() > math.pi / 2
 
 
@@ -39,12 +39,12 @@ def test_observing_is_the_exact_inverse_up_to_the_fold(lens: Scaramuzza) -> None
     theta = np.linspace(0.0, 0.98 * min(lens.max_angle_rad(), 2.8), 300)
     around = np.linspace(0.0, 40.0, 300)
     rays = np.column_stack([np.sin(theta) * np.cos(around), np.sin(theta) * np.sin(around), np.cos(theta)])
-    np.testing.assert_allclose(lens.rays(lens.observe(rays)), rays, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(lens.undistort_to_rays(lens.distort_rays(rays)), rays, rtol=0, atol=1e-12)
 
 
 def test_zeros_are_a_pinhole() -> None:
     rays = np.array([[0.3, -0.2, 1.0], [0.0, 0.0, 2.0], [5.0, 0.0, 1.0]])
-    seen = Scaramuzza(c2=0.0, c3=0.0, c4=0.0).observe(rays)
+    seen = Scaramuzza(c2=0.0, c3=0.0, c4=0.0).distort_rays(rays)
     np.testing.assert_allclose(seen, rays[:, :2] / rays[:, 2:], rtol=1e-14, atol=0)
 
 
@@ -53,12 +53,12 @@ def test_past_the_fold_nothing_is_seen() -> None:
     fold = math.sqrt(2.0)
     assert lens.max_angle_rad() == pytest.approx(math.atan2(fold, 2.0))
     assert lens.valid_radius() == pytest.approx(fold / 2)
-    assert np.isnan(lens.rays(np.array([[fold * 1.01, 0.0]]))).all()
-    assert np.isnan(lens.observe(np.array([[0.8, 0.0, 1.0], [math.nan, 0, 1], [0, 0, -1]]))).all()
+    assert np.isnan(lens.undistort_to_rays(np.array([[fold * 1.01, 0.0]]))).all()
+    assert np.isnan(lens.distort_rays(np.array([[0.8, 0.0, 1.0], [math.nan, 0, 1], [0, 0, -1]]))).all()
 
 
 def test_rays_past_a_right_angle_are_seen() -> None:
     lens = Scaramuzza(c2=-0.5, c3=0.0, c4=0.0)
-    [[x, y]] = lens.observe(np.array([[1.0, 0.0, -0.5]]))
+    [[x, y]] = lens.distort_rays(np.array([[1.0, 0.0, -0.5]]))
     assert x == pytest.approx(2.0, rel=1e-14)  # −s/2 = 1 − s²/2
     assert y == 0.0

@@ -81,14 +81,16 @@ def formula(lens: Distortion, P: Array) -> Array:
 @given(lens=LENSES)
 def test_it_observes_by_its_formula_inside_its_field_of_view(lens: Distortion) -> None:
     seen = rays(lens, 0.98)
-    np.testing.assert_allclose(lens.observe(seen), formula(lens, seen), rtol=1e-10, atol=1e-13)
+    np.testing.assert_allclose(lens.distort_rays(seen), formula(lens, seen), rtol=1e-10, atol=1e-13)
 
 
 @QUICK
 @given(lens=LENSES)
 def test_every_ray_comes_back_from_where_it_is_seen(lens: Distortion) -> None:
     seen = rays(lens, 0.9)
-    np.testing.assert_allclose(lens.rays(lens.observe(seen)), unit(seen), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        lens.undistort_to_rays(lens.distort_rays(seen)), unit(seen), rtol=0, atol=1e-11
+    )
 
 
 @QUICK
@@ -114,8 +116,10 @@ def test_beyond_the_widest_angle_nothing_is_seen(lens: Distortion) -> None:
     angle = np.linspace(widest * (1 + 1e-9), math.pi, 20)
     beyond = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
     if widest < math.pi * 0.999:
-        assert np.isnan(lens.observe(beyond)).all()
-    assert np.isnan(lens.observe(np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]]))).all()
+        assert np.isnan(lens.distort_rays(beyond)).all()
+    assert np.isnan(
+        lens.distort_rays(np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]]))
+    ).all()
 
 
 @QUICK
@@ -125,25 +129,27 @@ def test_what_is_in_front_is_said_in_plane_coordinates_too(lens: Distortion) -> 
     xy = xy[xy[:, 2] > 0.05]
     xy = xy[:, :2] / xy[:, 2:]
     xy = xy[np.hypot(*xy.T) < 0.9 * lens.valid_radius()]
-    observed = lens.distort(xy)
-    np.testing.assert_allclose(observed, lens.observe(np.column_stack([xy, np.ones(len(xy))])))
-    np.testing.assert_allclose(lens.undistort(observed), xy, rtol=0, atol=1e-8)
+    distorted = lens.distort(xy)
+    np.testing.assert_allclose(distorted, lens.distort_rays(np.column_stack([xy, np.ones(len(xy))])))
+    np.testing.assert_allclose(lens.undistort(distorted), xy, rtol=0, atol=1e-8)
 
 
 def test_a_ray_past_ninety_degrees_has_no_plane_coordinates() -> None:
     lens = DoubleSphere(xi=-0.2, alpha=0.6)
     behind = np.array([[1.0, 0.3, -0.2]])
-    observed = lens.observe(behind)
-    assert np.isfinite(observed).all()
-    assert np.isnan(lens.undistort(observed)).all()
+    distorted = lens.distort_rays(behind)
+    assert np.isfinite(distorted).all()
+    assert np.isnan(lens.undistort(distorted)).all()
     assert lens.valid_radius() == math.inf
 
 
 def test_a_pixel_outside_the_image_circle_sees_nothing() -> None:
     lens = ExtendedUnified(alpha=0.6, beta=1.1)
     edge = 1 / math.sqrt((2 * 0.6 - 1) * 1.1)
-    assert np.isfinite(lens.rays(np.array([[0.999 * edge, 0.0]]))).all()
-    assert np.isnan(lens.rays(np.array([[1.001 * edge, 0.0], [np.nan, 0.0], [np.inf, 0.0]]))).all()
+    assert np.isfinite(lens.undistort_to_rays(np.array([[0.999 * edge, 0.0]]))).all()
+    assert np.isnan(
+        lens.undistort_to_rays(np.array([[1.001 * edge, 0.0], [np.nan, 0.0], [np.inf, 0.0]]))
+    ).all()
 
 
 def test_seen_from_outside_the_sphere_its_outline_is_the_edge() -> None:
@@ -160,8 +166,8 @@ def test_seen_from_outside_the_sphere_its_outline_is_the_edge() -> None:
 def test_coefficients_that_make_no_camera_see_nothing(lens: Distortion) -> None:
     assert lens.max_angle_rad() == 0.0
     assert lens.valid_radius() == 0.0
-    assert np.isnan(lens.observe(np.array([[0.0, 0.1, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, -1.0]]))).all()
-    assert np.isnan(lens.rays(np.array([[0.0, 0.0], [0.1, 0.1]]))).all()
+    assert np.isnan(lens.distort_rays(np.array([[0.0, 0.1, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, -1.0]]))).all()
+    assert np.isnan(lens.undistort_to_rays(np.array([[0.0, 0.0], [0.1, 0.1]]))).all()
 
 
 def colmap(model: str, *parameters: float) -> pycolmap.Camera:
@@ -203,10 +209,10 @@ def test_it_projects_as_colmap_does(lens: Distortion, peer: pycolmap.Camera) -> 
 def test_the_field_of_view_model_is_its_formula_and_its_inverse(omega: float) -> None:
     lens = FieldOfView(omega=omega)
     r = np.geomspace(1e-6, 20.0, 60)
-    observed = lens.distort(np.column_stack([0.6 * r, 0.8 * r]))
+    distorted = lens.distort(np.column_stack([0.6 * r, 0.8 * r]))
     expected = np.arctan(2 * r * math.tan(omega / 2)) / omega if abs(omega) > 1e-10 else r
-    np.testing.assert_allclose(np.hypot(*observed.T), expected, rtol=1e-12)
-    back = lens.undistort(observed)
+    np.testing.assert_allclose(np.hypot(*distorted.T), expected, rtol=1e-12)
+    back = lens.undistort(distorted)
     # Towards 90° the image hardly grows any more.
     np.testing.assert_allclose(back, np.column_stack([0.6 * r, 0.8 * r]), rtol=1e-10 * (1 + 2e3 * abs(omega)))
 
@@ -243,7 +249,7 @@ def test_a_special_case_is_another_model_exactly_both_ways(lens: Distortion, sam
     assert exact(lens, type(same)) == same
     assert exact(same, type(lens)) == lens
     seen = rays(same, 0.8)[:300]
-    np.testing.assert_allclose(lens.observe(seen), same.observe(seen), rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(lens.distort_rays(seen), same.distort_rays(seen), rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize(

@@ -260,20 +260,20 @@ class TestTheLens:
         pixels = np.array([[0.0, 0.0], [2000.0, 1000.0]])
         np.testing.assert_allclose(displacement(calibration(None), pixels), 0.0, atol=1e-9)
 
-    def test_folds_where_its_radial_polynomial_turns(self) -> None:
+    def test_is_monotonic_up_to_where_its_radial_polynomial_turns(self) -> None:
         # d/dr of r − 0.3 r³ is zero at r² = 1 / 0.9.
         lens = calibration(BrownConrady(k1=-0.3, k2=0.0, p1=0.0, p2=0.0, k3=0.0))
-        fold = math.degrees(math.atan(math.sqrt(1 / 0.9)))
-        assert f"folds back at {fold:.1f}°, inside the image" in radial_curve(lens).alt
-        assert f"folds back {fold:.1f}°" in words(radial_curve(lens))
+        limit = math.degrees(math.atan(math.sqrt(1 / 0.9)))
+        assert f"not monotonic beyond {limit:.1f}°, inside the image" in radial_curve(lens).alt
+        assert f"not monotonic beyond {limit:.1f}°" in words(radial_curve(lens))
 
-    def test_that_folds_inside_the_image_is_told_so(self) -> None:
+    def test_that_is_not_monotonic_inside_the_image_is_reported(self) -> None:
         lens = calibration(BrownConrady(k1=-0.9, k2=0.0, p1=0.0, p2=0.0, k3=0.0))
         assert "inside the image: nothing is seen in at least one corner" in radial_curve(lens).alt
 
-    def test_that_does_not_fold_is_told_so(self) -> None:
+    def test_that_is_monotonic_everywhere_is_reported(self) -> None:
         lens = calibration(BrownConrady(k1=0.1, k2=0.0, p1=0.0, p2=0.0, k3=0.0))
-        assert radial_curve(lens).alt.endswith("The model does not fold back.")
+        assert radial_curve(lens).alt.endswith("The model is monotonic everywhere.")
 
     def test_that_is_a_fisheye_is_held_against_an_equidistant_one(self) -> None:
         assert "from an equidistant lens" in radial_curve(FISHEYE).alt

@@ -19,11 +19,11 @@ from calibrary.distortion.extended_unified import ExtendedUnified
 from calibrary.distortion.field_of_view import FieldOfView
 from calibrary.distortion.fisheye624 import Fisheye624
 from calibrary.distortion.fisheye_polynomial import FisheyePolynomial
+from calibrary.distortion.inverse_brown import InverseBrown
+from calibrary.distortion.inverse_polynomial import InversePolynomial
 from calibrary.distortion.kannala_brandt import KannalaBrandt
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.distortion.none import NoDistortion
-from calibrary.distortion.observed_brown import ObservedBrown
-from calibrary.distortion.observed_polynomial import ObservedPolynomial
 from calibrary.distortion.off_centre import OffCentreBrown
 from calibrary.distortion.rad_tan_thin_prism_fisheye import RadTanThinPrismFisheye
 from calibrary.distortion.rational import Rational
@@ -45,11 +45,11 @@ __all__ = [
     "FieldOfView",
     "Fisheye624",
     "FisheyePolynomial",
+    "InverseBrown",
+    "InversePolynomial",
     "KannalaBrandt",
     "MetashapeFrame",
     "NoDistortion",
-    "ObservedBrown",
-    "ObservedPolynomial",
     "OffCentreBrown",
     "RadTanThinPrismFisheye",
     "Rational",
@@ -72,7 +72,7 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
             Tilted,
             KannalaBrandt,
             MetashapeFrame,
-            ObservedBrown,
+            InverseBrown,
             OffCentreBrown,
             Unified,
             ExtendedUnified,
@@ -80,7 +80,7 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
             FieldOfView,
             FisheyePolynomial,
             Australis,
-            ObservedPolynomial,
+            InversePolynomial,
             Division,
             Fisheye624,
             RadTanThinPrismFisheye,

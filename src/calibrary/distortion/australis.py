@@ -7,18 +7,18 @@ from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.brown_polynomial import BrownPolynomial
+from calibrary.distortion.inverse_brown import InverseBrown
+from calibrary.distortion.inverse_model import InverseModel
 from calibrary.distortion.none import NoDistortion
-from calibrary.distortion.observed import ObservedDistortion
-from calibrary.distortion.observed_brown import ObservedBrown
 
 __all__ = ["Australis"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Australis(ObservedDistortion):
-    """Observed to ideal: Australis, iWitness, CameraCalibrator, with OpenCV's axes, names and order.
+class Australis(InverseModel):
+    """Distorted to undistorted: Australis, iWitness, CameraCalibrator, with OpenCV's axes, names and order.
 
-    With (x, y) the observed point, y down, and r² = x² + y², the ideal point is::
+    With (x, y) the distorted point, y down, and r² = x² + y², the undistorted point is::
 
         x·(1 + k1·r² + k2·r⁴ + k3·r⁶) + 2·p1·x·y + p2·(r² + 2x²) + b1·x + b2·y
         y·(1 + k1·r² + k2·r⁴ + k3·r⁶) + p1·(r² + 2y²) + 2·p2·x·y
@@ -46,7 +46,7 @@ class Australis(ObservedDistortion):
 
     def equivalents(self) -> tuple[Distortion, ...]:
         """Brown's model, always, and what that is equivalent to."""
-        brown = ObservedBrown(**self.coefficients)
+        brown = InverseBrown(**self.coefficients)
         return (brown, *brown.equivalents())
 
     @classmethod
@@ -54,6 +54,6 @@ class Australis(ObservedDistortion):
         """Brown's model about the principal point, up to r⁶."""
         if isinstance(other, NoDistortion):
             return cls(**dict.fromkeys(cls.names(), 0.0))
-        if not isinstance(other, ObservedBrown) or other.k4 or other.k5 or other.x0 or other.y0:
+        if not isinstance(other, InverseBrown) or other.k4 or other.k5 or other.x0 or other.y0:
             return None
         return cls(**{name: value for name, value in other.coefficients.items() if name in cls.names()})

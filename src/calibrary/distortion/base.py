@@ -21,10 +21,10 @@ BLOCK_ROWS = 8_192
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distortion(ABC):
-    """How a lens departs from a pinhole: a map from ideal to observed normalised coordinates.
+    """How a lens departs from a pinhole: a map from undistorted to distorted normalised coordinates.
 
     A model is a frozen dataclass whose fields are its coefficients, in the order of its source. Normalised
-    coordinates are x/z, y/z: K turns the observed ones into pixels. Arrays are (N, 2) float64 throughout;
+    coordinates are x/z, y/z: K turns the distorted ones into pixels. Arrays are (N, 2) float64 throughout;
     where the model has no answer the row is NaN.
 
     Raises:
@@ -57,29 +57,29 @@ class Distortion(ABC):
 
     @abstractmethod
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Ideal (x/z, y/z) to observed; NaN from :meth:`valid_radius` on."""
+        """Undistorted (x/z, y/z) to distorted; NaN from :meth:`valid_radius` on."""
 
     @abstractmethod
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Observed to ideal (x/z, y/z); NaN where nothing inside :meth:`valid_radius` is seen there."""
+        """Distorted to undistorted (x/z, y/z); NaN where nothing inside :meth:`valid_radius` is seen there."""
 
     @abstractmethod
     def valid_radius(self) -> float:
-        """The largest radius, in ideal normalised coordinates, of a disc on which the model is one-to-one.
+        """The largest radius, in undistorted normalised coordinates, of a disc on which the model is one-to-one.
 
-        At this radius the image folds back over itself; ``inf`` when it never does.
+        The distortion is not monotonic beyond it; ``inf`` when it is monotonic everywhere.
         """
 
     def max_angle_rad(self) -> float:
         """The largest angle from the optical axis, in every direction, up to which the model is one-to-one."""
         return math.atan(self.valid_radius())
 
-    def observe(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) observed coordinates; NaN for what the camera cannot see."""
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN for what the camera cannot see."""
         return self.distort(perspective(as_rows(rays, 3)))
 
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
         return unit_rays(self.undistort(xy))
 
 

@@ -23,7 +23,7 @@ LARGEST_AFFINITY = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrownPolynomial(OpenCVDistortion):
-    """From (x, y) to (x', y'), whichever of the two is the observed one.
+    """From (x, y) to (x', y'), whichever of the two is the distorted one.
 
     With r² = x² + y² and h = r²·(p3 + p4·r²)::
 
@@ -78,7 +78,7 @@ class BrownMap(PolynomialMap):
 
     On a circle of radius r, with complex numbers, the image is ``w = m + a·e + b·e² + g·ē`` (e the unit vector;
     b comes from the tangential terms, g from the affinity). So the determinant still is a trigonometric
-    polynomial of degree two in the direction, which the search for the fold rests on. Two directions s ± d meet
+    polynomial of degree two in the direction, which the search for the limit rests on. Two directions s ± d meet
     where ``a − g·e⁻²ⁱˢ + 2b·cos d·eⁱˢ = 0``, and the tangent vanishes where that holds for d = 0. As long as
     |g| < 0.3·|a| there are always exactly two s for which the first two terms point along b·eⁱˢ, so that a rim
     cannot cross itself before its tangent has vanished: a disc with a positive determinant is one-to-one, as in
@@ -112,7 +112,7 @@ class BrownMap(PolynomialMap):
 
     @property
     def has_prism(self) -> bool:
-        """Whether the fold must be searched for, as with a prism: no closed form holds."""
+        """Whether the limit must be searched for, as with a prism: no closed form holds."""
         return bool(self.s1 or self.s2 or self.s3 or self.s4 or self.has_growth or self.has_affinity)
 
     @property

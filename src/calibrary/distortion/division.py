@@ -20,7 +20,7 @@ __all__ = ["Division"]
 class Division(Omnidirectional):
     """COLMAP ``DIVISION`` and ``SIMPLE_DIVISION``; a barrel has k < 0.
 
-    The observed point (x', y'), r'² = x'² + y'², sees the direction (x', y', 1 + k·r'²). The other way, for the
+    The distorted point (x', y'), r'² = x'² + y'², sees the direction (x', y', 1 + k·r'²). The other way, for the
     ray (X, Y, Z) and R² = X² + Y²::
 
         x' = 2X / (Z + √(Z² − 4k·R²))        y' = 2Y / (Z + √(Z² − 4k·R²))
@@ -35,8 +35,8 @@ class Division(Omnidirectional):
 
     k: float
 
-    def observe(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
         rays = as_rows(rays, 3)
         out = np.empty((len(rays), 2))
         with np.errstate(all="ignore"):
@@ -54,8 +54,8 @@ class Division(Omnidirectional):
                 out[rows, 0], out[rows, 1] = finite_pair(2.0 * x / divisor, 2.0 * y / divisor)
         return out
 
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN from r' = 1/√k on."""
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from r' = 1/√k on."""
         xy = as_rows(xy, 2)
         out = np.empty((len(xy), 3))
         with np.errstate(all="ignore"):

@@ -1,7 +1,8 @@
 """Fisheye models that go on in the plane: each direction first at its angle from the axis, then polynomials.
 
 With θ the angle between the ray (X, Y, Z) and the axis, and R² = X² + Y², the equidistant point is
-θ·(X, Y)/R. What follows maps the plane to itself, so it folds and is inverted as the perspective models are.
+θ·(X, Y)/R. What follows maps the plane to itself: its
+limit and its inverse are found as those of the perspective models.
 """
 
 from __future__ import annotations
@@ -68,25 +69,25 @@ class EquidistantDistortion(Omnidirectional):
         """The maps in their order."""
 
     def max_angle_rad(self) -> float:
-        """The angle at which the first of the maps folds, at most π: straight back has no direction."""
+        """The angle at which the first of the maps reaches its limit, at most π: straight back has no direction."""
         *radial, last = self._stages()
         radius = last.valid_radius()
         for stage in reversed(radial):
-            fold = stage.valid_radius()
-            # Where the later maps reach farther than this one's image, this one's fold comes first.
+            limit = stage.valid_radius()
+            # Where the later maps reach farther than this one's image, this one's limit comes first.
             inner = stage.undistort(np.array([[radius, 0.0]]))[0, 0] if math.isfinite(radius) else math.nan
-            radius = float(inner) if math.isfinite(inner) else fold
+            radius = float(inner) if math.isfinite(inner) else limit
         return min(math.pi, radius)
 
-    def observe(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
         point = _equidistant(as_rows(rays, 3))
         for stage in self._stages():
             point = stage.distort(point)
         return point
 
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
         point = as_rows(xy, 2)
         for stage in reversed(self._stages()):
             point = stage.undistort(point)

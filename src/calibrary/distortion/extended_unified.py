@@ -32,16 +32,16 @@ class ExtendedUnified(Omnidirectional):
     alpha: float
     beta: float
 
-    def observe(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
         return divided(rays, self.alpha, self.beta)
 
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
         return undivided(xy, self.alpha, self.beta)
 
     def max_angle_rad(self) -> float:
-        """The angle at which the image folds, or below alpha = 1/2 runs to infinity."""
+        """The angle at which the image radius stops growing, or below alpha = 1/2 runs to infinity."""
         return widest(self.alpha, self.beta)
 
     def equivalents(self) -> tuple[Distortion, ...]:

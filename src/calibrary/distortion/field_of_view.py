@@ -1,4 +1,4 @@
-"""The field-of-view model: one number, the angle that an ideal fisheye would spread over its image."""
+"""The field-of-view model: one number, the angle that an exact fisheye would spread over its image."""
 
 from __future__ import annotations
 
@@ -51,23 +51,23 @@ class FieldOfView(Distortion):
             )
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Ideal to observed."""
+        """Undistorted to distorted."""
         spread = 2.0 * math.tan(self.omega / 2)
         return self._radially(xy, lambda r: np.arctan(r * spread) / self.omega)
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Observed to ideal; NaN from the image of 90° on."""
+        """Distorted to undistorted; NaN from the image of 90° on."""
         spread = 2.0 * math.tan(self.omega / 2)
 
-        def ideal(r: FloatArray) -> FloatArray:
+        def undistorted(r: FloatArray) -> FloatArray:
             angle = np.abs(r * self.omega)
             angle[~(angle < math.pi / 2)] = math.nan
             return np.tan(angle) / abs(spread)
 
-        return self._radially(xy, ideal)
+        return self._radially(xy, undistorted)
 
     def valid_radius(self) -> float:
-        """Infinite: the arc tangent never folds."""
+        """Infinite: the arc tangent is monotonic everywhere."""
         return math.inf
 
     def equivalents(self) -> tuple[Distortion, ...]:

@@ -50,11 +50,11 @@ class FisheyePolynomial(Omnidirectional):
         """The angle at which θd stops growing, at most π: a ray straight back has no direction in the image."""
         return min(math.pi, first_positive_root((1.0, 2.0 * self.k2, 3.0 * self.k3, 4.0 * self.k4)))
 
-    def observe(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) observed coordinates; NaN from the fold angle on, and straight back."""
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on, and straight back."""
         rays = as_rows(rays, 3)
         out = np.empty((len(rays), 2))
-        fold = self.max_angle_rad()
+        limit = self.max_angle_rad()
         with np.errstate(all="ignore"):
             for rows in blocks(len(rays)):
                 x, y, z = rays[rows].T.copy()
@@ -62,12 +62,12 @@ class FisheyePolynomial(Omnidirectional):
                 theta = np.arctan2(r, z)
                 stretch = self._image(theta) / r
                 stretch[(r == 0) & (z > 0)] = 0.0
-                stretch[~(theta < fold)] = math.nan
+                stretch[~(theta < limit)] = math.nan
                 out[rows, 0], out[rows, 1] = finite_pair(x * stretch, y * stretch)
         return out
 
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN from the image of the fold angle on."""
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from the image of :meth:`max_angle_rad` on."""
         xy = as_rows(xy, 2)
         out = np.empty((len(xy), 3))
         nodes = np.linspace(0.0, self.max_angle_rad(), TABLE_NODES)
@@ -94,7 +94,7 @@ class FisheyePolynomial(Omnidirectional):
         return cls(k2=0.0, k3=other.k1)
 
     def _angle(self, rho: FloatArray, nodes: FloatArray, image: FloatArray) -> FloatArray:
-        """θ such that θd = ``rho``, inside the fold; NaN where there is none.
+        """θ such that θd = ``rho``, below the limiting angle; NaN where there is none.
 
         Newton's method from a tabulated start. A step that would leave the bracket halves it instead.
         """

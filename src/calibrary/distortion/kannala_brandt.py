@@ -34,9 +34,9 @@ class KannalaBrandt(Distortion):
 
     Source: J. Kannala and S. Brandt, "A generic camera model and calibration method for conventional,
     wide-angle, and fish-eye lenses", 2006, in the form of ``cv2.fisheye``. OpenCV and COLMAP take θ as
-    atan(R/Z) and stop at 90°; with atan2 the same coefficients go on to the fold, or to the point behind the
-    camera. :meth:`observe` and :meth:`rays` cover all of it; :meth:`distort` and :meth:`undistort` the part in
-    front, which is all that x/z and y/z can say.
+    atan(R/Z) and stop at 90°; with atan2 the same coefficients go on to the limit, or to the point behind the
+    camera. :meth:`distort_rays` and :meth:`undistort_to_rays` cover all of it; :meth:`distort` and
+    :meth:`undistort` the part in front, which is all that x/z and y/z can say.
     """
 
     model: ClassVar[str] = "kannala-brandt"
@@ -52,34 +52,34 @@ class KannalaBrandt(Distortion):
         return min(math.pi, math.sqrt(first_positive_root(slope_by_square)))
 
     def valid_radius(self) -> float:
-        """The tangent of the fold angle; ``inf`` when the model is one-to-one up to 90° and beyond."""
-        fold = self.max_angle_rad()
-        return math.tan(fold) if fold < math.pi / 2 else math.inf
+        """The tangent of the limiting angle; ``inf`` when the model is one-to-one up to 90° and beyond."""
+        limit = self.max_angle_rad()
+        return math.tan(limit) if limit < math.pi / 2 else math.inf
 
-    def observe(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) observed coordinates; NaN from the fold angle on, and straight back."""
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on, and straight back."""
         rays = as_rows(rays, 3)
         out = np.empty((len(rays), 2))
-        fold = self.max_angle_rad()
+        limit = self.max_angle_rad()
         with np.errstate(all="ignore"):
             for rows in blocks(len(rays)):
                 x, y, z = rays[rows].T.copy()
-                out[rows, 0], out[rows, 1] = self._observed(x, y, z, fold)
+                out[rows, 0], out[rows, 1] = self._distorted(x, y, z, limit)
         return out
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Ideal (x/z, y/z), so less than 90° off the axis, to observed; NaN from :meth:`valid_radius` on."""
+        """Undistorted (x/z, y/z), so less than 90° off the axis, to distorted; NaN from :meth:`valid_radius` on."""
         xy = as_rows(xy, 2)
         out = np.empty_like(xy)
-        fold = self.max_angle_rad()
+        limit = self.max_angle_rad()
         with np.errstate(all="ignore"):
             for rows in blocks(len(xy)):
                 x, y = xy[rows].T.copy()
-                out[rows, 0], out[rows, 1] = self._observed(x, y, np.ones_like(x), fold)
+                out[rows, 0], out[rows, 1] = self._distorted(x, y, np.ones_like(x), limit)
         return out
 
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN from the image of the fold angle on."""
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from the image of :meth:`max_angle_rad` on."""
         xy = as_rows(xy, 2)
         out = np.empty((len(xy), 3))
         angles = self._angles()
@@ -91,7 +91,7 @@ class KannalaBrandt(Distortion):
         return out
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Observed to ideal (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
+        """Distorted to undistorted (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
         xy = as_rows(xy, 2)
         out = np.empty_like(xy)
         angles = self._angles()
@@ -103,25 +103,25 @@ class KannalaBrandt(Distortion):
                 out[rows, 0], out[rows, 1] = x * tangent, y * tangent
         return out
 
-    def _observed(
-        self, x: FloatArray, y: FloatArray, z: FloatArray, fold: float
+    def _distorted(
+        self, x: FloatArray, y: FloatArray, z: FloatArray, limit: float
     ) -> tuple[FloatArray, FloatArray]:
         r = np.hypot(x, y)
         theta = np.arctan2(r, z)
         stretch = self._image(theta) / r
         # On the axis itself the image is the principal point; straight back it would be a whole circle.
         stretch[(r == 0) & (z > 0)] = 0.0
-        stretch[~(theta < fold)] = math.nan
+        stretch[~(theta < limit)] = math.nan
         return finite_pair(x * stretch, y * stretch)
 
     def _angles(self) -> FloatArray:
-        """(2, nodes): angles up to the fold and where they are seen, the start of the inverse."""
+        """(2, nodes): angles up to the limit and where they are seen, the start of the inverse."""
         theta = np.linspace(0.0, self.max_angle_rad(), TABLE_NODES)
         with np.errstate(all="ignore"):
             return np.stack([theta, np.maximum.accumulate(self._image(theta))])
 
     def _polar(self, xy: FloatArray, angles: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """θ of every observed point, and the unit vector towards it in the image."""
+        """θ of every distorted point, and the unit vector towards it in the image."""
         x, y = xy.T.copy()
         rho = np.hypot(x, y)
         theta = self._angle(rho, angles)
@@ -130,16 +130,16 @@ class KannalaBrandt(Distortion):
         return theta, x / rho, y / rho
 
     def _angle(self, rho: FloatArray, angles: FloatArray) -> FloatArray:
-        """θ such that θd = ``rho``, inside the fold; NaN where there is none.
+        """θ such that θd = ``rho``, below the limiting angle; NaN where there is none.
 
         Newton's method from a tabulated start. A step that would leave the bracket halves it instead, so the
-        solution next to the fold, where the slope vanishes, is found as surely as any other.
+        solution next to the limit, where the slope vanishes, is found as surely as any other.
         """
         nodes, image = angles
-        fold = nodes[-1]
+        limit = nodes[-1]
         theta: FloatArray = np.interp(rho, image, nodes)
         theta[~(rho < image[-1])] = math.nan
-        low, high = np.zeros_like(theta), np.full_like(theta, fold)
+        low, high = np.zeros_like(theta), np.full_like(theta, limit)
         moving = np.flatnonzero(theta > 0)
         for _ in range(SOLVER_STEPS):
             at = theta[moving]
@@ -153,7 +153,7 @@ class KannalaBrandt(Distortion):
             moving = moving[~(np.abs(to - at) <= SETTLED * at)]
             if len(moving) == 0:
                 break
-        theta[~(theta < fold)] = math.nan
+        theta[~(theta < limit)] = math.nan
         return theta
 
     def _image(self, theta: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ __all__ = ["NoDistortion"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoDistortion(Distortion):
-    """Observed = ideal. This is a statement; an *unknown* distortion is ``None``, not this."""
+    """Distorted = undistorted. This is a statement; an *unknown* distortion is ``None``, not this."""
 
     model: ClassVar[str] = "none"
 
@@ -29,7 +29,7 @@ class NoDistortion(Distortion):
         return _copied(xy)
 
     def valid_radius(self) -> float:
-        """Infinite: a pinhole never folds."""
+        """Infinite: a pinhole has no limit."""
         return math.inf
 
 

@@ -20,16 +20,16 @@ __all__ = ["OffCentreBrown"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffCentreBrown(Distortion):
-    """Ideal to observed about (x0, y0), with OpenCV's names and order.
+    """Undistorted to distorted about (x0, y0), with OpenCV's names and order.
 
-    With (X, Y) the ideal point, x = X − x0, y = Y − y0 and r² = x² + y²::
+    With (X, Y) the undistorted point, x = X − x0, y = Y − y0 and r² = x² + y²::
 
         x' = x0 + x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + 2·p1·x·y + p2·(r² + 2x²) + b1·x + b2·y
         y' = y0 + y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + p1·(r² + 2y²) + 2·p2·x·y
 
     (x0, y0) is the centre of the distortion in normalised coordinates: (centre − principal point) / focal
-    length. k4 and k5 multiply, where OpenCV's divide. b1 and b2, an affinity and a shear of the *ideal* point,
-    are no part of K, which acts on the observed one.
+    length. k4 and k5 multiply, where OpenCV's divide. b1 and b2, an affinity and a shear of the *undistorted* point,
+    are no part of K, which acts on the distorted one.
 
     Source: MicMac's ``ModRad`` and ``ModPhgrStd``.
 
@@ -56,24 +56,24 @@ class OffCentreBrown(Distortion):
         self._polynomial()
 
     def valid_radius(self) -> float:
-        """The radius of the largest disc around the axis inside the one around (x0, y0) that does not fold."""
+        """The radius of the largest disc around the axis inside the one around (x0, y0) that is mapped one-to-one."""
         return max(self._polynomial().valid_radius() - math.hypot(self.x0, self.y0), 0.0)
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Ideal to observed; NaN from :meth:`valid_radius` on."""
-        ideal = np.array(as_rows(xy, 2))
+        """Undistorted to distorted; NaN from :meth:`valid_radius` on."""
+        undistorted = np.array(as_rows(xy, 2))
         centre = self._centre()
         with np.errstate(all="ignore"):
-            ideal[~(np.hypot(ideal[:, 0], ideal[:, 1]) < self.valid_radius())] = math.nan
-            return self._polynomial().distort(ideal - centre) + centre
+            undistorted[~(np.hypot(undistorted[:, 0], undistorted[:, 1]) < self.valid_radius())] = math.nan
+            return self._polynomial().distort(undistorted - centre) + centre
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Observed to ideal, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""
+        """Distorted to undistorted, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""
         centre = self._centre()
         with np.errstate(all="ignore"):
-            ideal = self._polynomial().undistort(as_rows(xy, 2) - centre) + centre
-            ideal[~(np.hypot(ideal[:, 0], ideal[:, 1]) < self.valid_radius())] = math.nan
-        return ideal
+            undistorted = self._polynomial().undistort(as_rows(xy, 2) - centre) + centre
+            undistorted[~(np.hypot(undistorted[:, 0], undistorted[:, 1]) < self.valid_radius())] = math.nan
+        return undistorted
 
     def equivalents(self) -> tuple[Distortion, ...]:
         """The models about the principal point, where the centre is there and the terms they lack are zero."""

@@ -27,16 +27,16 @@ class Omnidirectional(Distortion):
     """
 
     @abstractmethod
-    def observe(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
 
     @abstractmethod
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
 
     @abstractmethod
     def max_angle_rad(self) -> float:
-        """The angle at which the image folds or runs to infinity; 0 when the coefficients make no camera."""
+        """The angle at which the image radius stops growing or runs to infinity; 0 where there is no camera."""
 
     def valid_radius(self) -> float:
         """The tangent of :meth:`max_angle_rad`; ``inf`` when it reaches 90°."""
@@ -44,13 +44,13 @@ class Omnidirectional(Distortion):
         return math.tan(angle) if angle < math.pi / 2 else math.inf
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Ideal (x/z, y/z), so less than 90° off the axis, to observed; NaN from :meth:`valid_radius` on."""
+        """Undistorted (x/z, y/z), so less than 90° off the axis, to distorted; NaN from :meth:`valid_radius` on."""
         xy = as_rows(xy, 2)
-        return self.observe(np.column_stack([xy, np.ones(len(xy))]))
+        return self.distort_rays(np.column_stack([xy, np.ones(len(xy))]))
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Observed to ideal (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
-        rays = self.rays(xy)
+        """Distorted to undistorted (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
+        rays = self.undistort_to_rays(xy)
         out = np.empty((len(rays), 2))
         with np.errstate(all="ignore"):
             for rows in blocks(len(rays)):

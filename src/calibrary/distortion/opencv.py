@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
-from calibrary.distortion.fold import fold_radius
-from calibrary.distortion.inverse import Inverse
+from calibrary.distortion.inversion import Inversion
 from calibrary.distortion.polynomial import PolynomialMap
+from calibrary.distortion.valid_field import monotonic_radius
 
 __all__ = ["OpenCVDistortion"]
 
@@ -29,16 +29,16 @@ class OpenCVDistortion(Distortion):
         return None
 
     def valid_radius(self) -> float:
-        """The fold of the map, or the radius at which a tilted sensor's horizon comes into view."""
+        """The radius where the map stops being one-to-one or a tilted sensor's horizon comes into view."""
         sensor = self._sensor()
         with np.errstate(all="ignore"):
             if sensor is None:
-                return fold_radius(self._lens())
+                return monotonic_radius(self._lens())
             h1, h2, h0 = sensor[2]
-            return fold_radius(self._lens(), (h1 / h0, h2 / h0))
+            return monotonic_radius(self._lens(), (h1 / h0, h2 / h0))
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Ideal to observed; NaN from :meth:`valid_radius` on."""
+        """Undistorted to distorted; NaN from :meth:`valid_radius` on."""
         xy = as_rows(xy, 2)
         out = np.empty_like(xy)
         lens, sensor, radius = self._lens(), self._sensor(), self.valid_radius()
@@ -54,7 +54,7 @@ class OpenCVDistortion(Distortion):
         return out
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Observed to ideal, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""
+        """Distorted to undistorted, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""
         xy = as_rows(xy, 2)
         out = np.empty_like(xy)
         lens, sensor, radius = self._lens(), self._sensor(), self.valid_radius()
@@ -65,7 +65,7 @@ class OpenCVDistortion(Distortion):
             return (u, v) if upright is None else _through(upright, u, v)
 
         with np.errstate(all="ignore"):
-            inverse = Inverse.of(lens, radius, 2.0 * _largest(xy))
+            inverse = Inversion.of(lens, radius, 2.0 * _largest(xy))
             hard = [np.empty(0, dtype=np.intp)]
             for rows in blocks(len(xy)):
                 out[rows, 0], out[rows, 1], missed = inverse.swift(*image(rows))

@@ -84,7 +84,7 @@ class PolynomialMap:
         )
 
     def in_octave(self, octave: int) -> PolynomialMap:
-        """The same map with ideal and observed radii counted in units of 2**octave."""
+        """The same map with undistorted and distorted radii counted in units of 2**octave."""
         return PolynomialMap(
             **{name: math.ldexp(getattr(self, name), power * octave) for name, power in POWERS.items()}
         )
@@ -95,7 +95,7 @@ class PolynomialMap:
         return r * _horner(self.numerator, r2) / _horner(self.denominator, r2)
 
     def image(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Ideal to observed."""
+        """Undistorted to distorted."""
         r2 = x * x
         r2 += y * y
         gain = _horner(self.numerator, r2)
@@ -115,7 +115,7 @@ class PolynomialMap:
         return u, v
 
     def image_and_jacobian(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Jacobian]:
-        """Ideal to observed, and the four derivatives there."""
+        """Undistorted to distorted, and the four derivatives there."""
         x2, y2 = 2.0 * x, 2.0 * y
         r2 = x * x + y * y
         gain, slope = self._gain_and_slope(r2)

@@ -1,4 +1,4 @@
-"""The positive roots of a polynomial: where a radial model folds or blows up."""
+"""The positive roots of a polynomial: where a radial model stops growing or runs to infinity."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from calibrary.distortion.roots import first_positive_root
 __all__ = ["Scaramuzza"]
 
 FARTHEST = 1e6
-"""Image radii are looked at up to here; a lens that never folds has turned its ray as far as it will by then."""
+"""Image radii are looked at up to here; a lens without a limit has turned its ray as far as it will by then."""
 
 TABLE_NODES = 2048
 
@@ -28,9 +28,9 @@ SOLVER_STEPS = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scaramuzza(Omnidirectional):
-    """OCamCalib's and MATLAB's ``fisheyeIntrinsics``; observed coordinates give the ray in closed form.
+    """OCamCalib's and MATLAB's ``fisheyeIntrinsics``; distorted coordinates give the ray in closed form.
 
-    With (x', y') observed and s = √(x'² + y'²), the ray is::
+    With (x', y') distorted and s = √(x'² + y'²), the ray is::
 
         (X, Y, Z) ∝ (x', y', 1 + c2·s² + c3·s³ + c4·s⁴)
 
@@ -54,8 +54,8 @@ class Scaramuzza(Omnidirectional):
         with np.errstate(all="ignore"):
             return float(np.arctan2(end, self._depth(np.array([end]))[0]))
 
-    def observe(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
         rays = as_rows(rays, 3)
         out = np.empty((len(rays), 2))
         nodes = np.sinh(np.linspace(0.0, math.asinh(self._end()), TABLE_NODES))
@@ -69,8 +69,8 @@ class Scaramuzza(Omnidirectional):
                 out[rows, 0], out[rows, 1] = finite_pair(x * stretch, y * stretch)
         return out
 
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN from where the image turns back."""
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from where the image turns back."""
         xy = as_rows(xy, 2)
         out = np.empty((len(xy), 3))
         end = self._end()
@@ -87,8 +87,8 @@ class Scaramuzza(Omnidirectional):
 
     def _end(self) -> float:
         """The image radius at which the ray's angle, whose slope has the sign of depth − s·depth', is largest."""
-        fold = first_positive_root((1.0, 0.0, -self.c2, -2.0 * self.c3, -3.0 * self.c4))
-        return min(fold, FARTHEST)
+        limit = first_positive_root((1.0, 0.0, -self.c2, -2.0 * self.c3, -3.0 * self.c4))
+        return min(limit, FARTHEST)
 
     def _depth(self, s: FloatArray) -> FloatArray:
         """The ray's component along the axis."""

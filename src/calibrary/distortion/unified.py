@@ -38,16 +38,16 @@ class Unified(Omnidirectional):
     p1: float = 0.0
     p2: float = 0.0
 
-    def observe(self, rays: FloatArray) -> FloatArray:
-        """(N, 3) directions to (N, 2) observed coordinates; NaN from :meth:`max_angle_rad` on."""
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
         return self._plane().distort(perspective(lifted(rays, self.xi)))
 
-    def rays(self, xy: FloatArray) -> FloatArray:
-        """(N, 2) observed coordinates to (N, 3) unit directions; NaN where nothing is seen."""
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
         return lowered(unit_rays(self._plane().undistort(xy)), self.xi)
 
     def max_angle_rad(self) -> float:
-        """The angle at which the terms in the plane fold, or at which the ray runs along the plane."""
+        """The angle at which the terms in the plane reach their limit, or at which the ray runs along the plane."""
         return widest_lifted(math.atan(self._plane().valid_radius()), self.xi)
 
     def equivalents(self) -> tuple[Distortion, ...]:

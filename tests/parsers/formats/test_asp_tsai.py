@@ -11,9 +11,9 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import (
     FieldOfView,
+    InverseBrown,
+    InversePolynomial,
     NoDistortion,
-    ObservedBrown,
-    ObservedPolynomial,
     OffCentreBrown,
 )
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
@@ -112,12 +112,12 @@ def corrected(pixels: NDArray[np.float64], lens: str) -> NDArray[np.float64]:
 @pytest.mark.parametrize(
     ("lens", "rows", "kind"),
     [
-        ("Photometrix", METRIC | {"b1": 0.0, "b2": 0.0}, ObservedBrown),
-        ("BrownConrady", METRIC | {"phi": 0.7}, ObservedPolynomial),
+        ("Photometrix", METRIC | {"b1": 0.0, "b2": 0.0}, InverseBrown),
+        ("BrownConrady", METRIC | {"phi": 0.7}, InversePolynomial),
     ],
 )
 def test_the_metric_models_correct_the_measured_point(
-    lens: str, rows: dict[str, float], kind: type[ObservedBrown]
+    lens: str, rows: dict[str, float], kind: type[InverseBrown]
 ) -> None:
     calibration = read(tsai(lens, rows, fv=FU))
     u, v = np.meshgrid(np.linspace(0, 5472, 15), np.linspace(0, 3648, 15))

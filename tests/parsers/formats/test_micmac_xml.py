@@ -13,9 +13,9 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
+    InverseBrown,
     KannalaBrandt,
     NoDistortion,
-    ObservedBrown,
     OffCentreBrown,
 )
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
@@ -111,7 +111,7 @@ def test_c2m_takes_the_observed_pixel_to_the_ideal_one(
         ([model(centre=PP, fraser={"P1": 1e-8})], M2C, BrownConrady),
         ([model()], M2C, OffCentreBrown),
         ([model(RADIAL, PP)], M2C, OffCentreBrown),
-        ([model(centre=PP)], C2M, ObservedBrown),
+        ([model(centre=PP)], C2M, InverseBrown),
         ([model((), PP)], M2C, NoDistortion),
         (["<ModNoDist/>"], C2M, NoDistortion),
         (["<ModNoDist/>", model(centre=PP)], M2C, BrownConrady),

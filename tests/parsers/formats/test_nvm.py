@@ -7,7 +7,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
-from calibrary.distortion import NoDistortion, ObservedBrown
+from calibrary.distortion import InverseBrown, NoDistortion
 from calibrary.errors import MissingTagError, ParseError
 from tests.parsers.samples import Sample
 
@@ -43,7 +43,7 @@ def test_the_measured_point_is_corrected_by_visualsfms_own_formula() -> None:
     np.testing.assert_allclose(back, pixels, rtol=0, atol=1e-9)
     rays = item.unproject(pixels)
     np.testing.assert_allclose(rays[:, :2] / rays[:, 2:], ideal, rtol=0, atol=1e-13)
-    assert item.distortion == ObservedBrown(k1=0.0811, k2=0, p1=0, p2=0)
+    assert item.distortion == InverseBrown(k1=0.0811, k2=0, p1=0, p2=0)
     assert item.grade is Grade.ADJUSTED
 
 

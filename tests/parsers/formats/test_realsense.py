@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.distortion import BrownConrady, NoDistortion, ObservedBrown
+from calibrary.distortion import BrownConrady, InverseBrown, NoDistortion
 from calibrary.errors import (
     InputError,
     MissingTagError,
@@ -102,14 +102,14 @@ def test_f_theta_is_the_field_of_view_model() -> None:
 def test_inverse_brown_conrady_is_asked_about() -> None:
     with pytest.raises(ParseError, match="inverse_brown"):
         read(stream("Inverse Brown Conrady"))
-    [documented] = read(stream("Inverse Brown Conrady"), inverse_brown="observed-to-ideal")
-    assert documented.distortion == ObservedBrown(k1=-0.055, k2=0.066, p1=-0.0006, p2=0.0004, k3=-0.021)
-    [newer] = read(stream("Inverse Brown Conrady"), inverse_brown="ideal-to-observed")
+    [documented] = read(stream("Inverse Brown Conrady"), inverse_brown="distorted-to-undistorted")
+    assert documented.distortion == InverseBrown(k1=-0.055, k2=0.066, p1=-0.0006, p2=0.0004, k3=-0.021)
+    [newer] = read(stream("Inverse Brown Conrady"), inverse_brown="undistorted-to-distorted")
     assert newer.distortion == BrownConrady(k1=-0.055, k2=0.066, p1=-0.0006, p2=0.0004, k3=-0.021)
 
 
 def test_the_documented_inverse_deprojects_by_librealsenses_closed_form() -> None:
-    [calibration] = read(stream("Inverse Brown Conrady"), inverse_brown="observed-to-ideal")
+    [calibration] = read(stream("Inverse Brown Conrady"), inverse_brown="distorted-to-undistorted")
     px = np.array([[100.0, 80.0], [700.0, 333.0], [1200.0, 650.0]])
     x, y = ((px - [647.9, 351.9]) / [638.1, 637.9]).T
     k1, k2, p1, p2, k3 = D

@@ -7,7 +7,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
-from calibrary.distortion import ObservedBrown, ObservedPolynomial
+from calibrary.distortion import InverseBrown, InversePolynomial
 from calibrary.errors import MissingTagError, ParseError
 from tests.parsers.samples import Sample
 
@@ -41,10 +41,10 @@ SAMPLES = {"usgs_report": Sample(REPORT.encode(), options={"scan_um": "20"})}
 
 @pytest.mark.parametrize(
     ("text", "P3", "P4", "kind"),
-    [(REPORT, 0.0, 0.0, ObservedBrown), (GROWING, 0.211e-4, -3.1e-10, ObservedPolynomial)],
+    [(REPORT, 0.0, 0.0, InverseBrown), (GROWING, 0.211e-4, -3.1e-10, InversePolynomial)],
 )
 def test_the_measured_point_is_corrected_by_the_reports_equations(
-    text: str, P3: float, P4: float, kind: type[ObservedBrown]
+    text: str, P3: float, P4: float, kind: type[InverseBrown]
 ) -> None:
     calibration = read(text)
     u, v = np.meshgrid(np.linspace(0, 11430, 17), np.linspace(0, 11430, 17))

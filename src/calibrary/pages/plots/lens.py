@@ -63,15 +63,15 @@ def distortion_map(calibration: Calibration, *, caption: str | None = None) -> t
 
 
 def radial_curve(calibration: Calibration, *, caption: str | None = None) -> Figure:
-    """The displacement along the radius over the angle from the axis, out to the corner and to the fold.
+    """The displacement along the radius over the angle from the axis, out to the corner and to the monotonicity limit.
 
     Beyond 70 degrees from the axis, where a pinhole's image runs away, an equidistant lens takes its place.
     """
-    corner, fold = _angles(calibration)
-    edge = fold if corner is None else corner
+    corner, monotonic_to = _angles(calibration)
+    edge = monotonic_to if corner is None else corner
     wide = edge > PERSPECTIVE_LIMIT
     limit = math.radians(179.0) if wide else math.radians(85.0)
-    reach = min(limit, max(edge, min(fold, 1.25 * edge)))
+    reach = min(limit, max(edge, min(monotonic_to, 1.25 * edge)))
     angles = np.linspace(0.0, reach, 121)
     low, mean, high = _departure(calibration, angles, wide=wide)
     reference = "an equidistant lens" if wide else "a pinhole"
@@ -93,20 +93,22 @@ def radial_curve(calibration: Calibration, *, caption: str | None = None) -> Fig
         axes.set_ylabel(f"displacement from {reference} (px)")
         if corner is not None:
             _mark(axes, math.degrees(corner), "corner", Colour.INK, before=True)
-        if fold <= reach:
-            _mark(axes, math.degrees(fold), "folds back", Colour.BAD, before=False)
+        if monotonic_to <= reach:
+            _mark(axes, math.degrees(monotonic_to), "not monotonic beyond", Colour.BAD, before=False)
         axes.set_xlim(0, math.degrees(reach) * 1.06)
 
-    folds = f"The model folds back at {math.degrees(fold):.1f}°"
+    validity = f"The model is not monotonic beyond {math.degrees(monotonic_to):.1f}°"
     if corner is None:
-        folds += ", inside the image: nothing is seen in at least one corner."
-    elif fold < limit:
-        folds += ", outside the image."
+        validity += ", inside the image: nothing is seen in at least one corner."
+    elif monotonic_to < limit:
+        validity += ", outside the image."
     else:
-        folds = "The model does not fold back."
+        validity = "The model is monotonic everywhere."
     alt = f"Radial displacement from {reference} over the angle from the axis: {number(largest)} px at most in view"
-    alt += f", the corner at {math.degrees(corner):.1f}°. {folds}" if corner is not None else f". {folds}"
-    told = caption or f"Outwards is positive. {folds}"
+    alt += (
+        f", the corner at {math.degrees(corner):.1f}°. {validity}" if corner is not None else f". {validity}"
+    )
+    told = caption or f"Outwards is positive. {validity}"
     return Figure(svg=draw(paint, width=520, height=340), alt=alt, caption=told)
 
 
@@ -118,15 +120,17 @@ def _grid(size: tuple[int, int], columns: int, rows: int) -> FloatArray:
 
 
 def _angles(calibration: Calibration) -> tuple[float | None, float]:
-    """(the farthest corner's angle from the axis, the angle at which the model folds back), radians.
+    """(the farthest corner's angle from the axis, the angle up to which the model is monotonic), radians.
 
-    None where nothing is seen in a corner: it lies beyond the fold.
+    None where nothing is seen in a corner: it lies beyond that angle.
     """
     width, height = calibration.intrinsics.image_size
     corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
-    fold = calibration.distortion.max_angle_rad() if calibration.distortion is not None else math.pi / 2
+    monotonic_to = (
+        calibration.distortion.max_angle_rad() if calibration.distortion is not None else math.pi / 2
+    )
     depth = float(calibration.unproject(corners)[:, 2].min())
-    return (math.acos(max(-1.0, min(1.0, depth))) if math.isfinite(depth) else None), fold
+    return (math.acos(max(-1.0, min(1.0, depth))) if math.isfinite(depth) else None), monotonic_to
 
 
 def _departure(

@@ -119,9 +119,9 @@ def test_the_determinant_is_positive_inside_and_gone_at_the_fold(model: Distorti
 @given(any_distortions(), st.floats(0.01, 0.999), st.floats(0, 6.28))
 def test_inside_the_fold_every_point_comes_back(model: Distortion, part: float, angle: float) -> None:
     r = part * min(model.valid_radius(), 5.0)
-    ideal = np.array([[r * math.cos(angle), r * math.sin(angle)]])
-    back = model.undistort(model.distort(ideal))
-    assert np.abs(back - ideal).max() <= 1e-11 * max(r, 1.0)
+    undistorted = np.array([[r * math.cos(angle), r * math.sin(angle)]])
+    back = model.undistort(model.distort(undistorted))
+    assert np.abs(back - undistorted).max() <= 1e-11 * max(r, 1.0)
 
 
 @settings(max_examples=40)
@@ -142,15 +142,15 @@ def test_what_is_seen_beyond_the_rim_has_no_ray(model: Distortion) -> None:
     assume(reach.max() < 1e3)
     beyond = circle(1.001 * float(reach.max()))
     assert np.isnan(model.undistort(beyond)).all()
-    assert np.isnan(model.rays(beyond)).all()
+    assert np.isnan(model.undistort_to_rays(beyond)).all()
 
 
 @settings(max_examples=40)
 @given(any_distortions())
 def test_no_ray_is_ever_returned_from_beyond_the_fold(model: Distortion) -> None:
     seen = np.concatenate([circle(r) for r in np.geomspace(1e-3, 1e3, 60)])
-    ideal = model.undistort(seen)
-    assert not (np.hypot(*ideal.T) >= model.valid_radius()).any()
+    undistorted = model.undistort(seen)
+    assert not (np.hypot(*undistorted.T) >= model.valid_radius()).any()
 
 
 @given(brown(tangential=0.0))
@@ -200,8 +200,8 @@ def test_a_fisheyes_fold_is_where_its_slope_vanishes(model: KannalaBrandt) -> No
 @given(fisheyes())
 def test_what_a_fisheye_sees_beyond_its_fold_has_no_ray(model: KannalaBrandt) -> None:
     edge = model.max_angle_rad() * (1 - 1e-12)
-    rim = model.observe(np.array([[math.sin(edge), 0.0, math.cos(edge)]]))[0, 0]
-    assert np.isnan(model.rays(circle(1.001 * float(rim)))).all()
+    rim = model.distort_rays(np.array([[math.sin(edge), 0.0, math.cos(edge)]]))[0, 0]
+    assert np.isnan(model.undistort_to_rays(circle(1.001 * float(rim)))).all()
 
 
 def test_a_lens_may_fold_sideways_to_its_tangential_term() -> None:

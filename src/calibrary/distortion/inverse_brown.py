@@ -7,17 +7,17 @@ from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.brown_polynomial import BrownPolynomial
+from calibrary.distortion.inverse_model import InverseModel
 from calibrary.distortion.none import NoDistortion
-from calibrary.distortion.observed import ObservedDistortion
 
-__all__ = ["ObservedBrown"]
+__all__ = ["InverseBrown"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObservedBrown(ObservedDistortion):
-    """Observed to ideal, with OpenCV's names and order; PhotoModeler, VisualSfM, MicMac's C2M.
+class InverseBrown(InverseModel):
+    """Distorted to undistorted, with OpenCV's names and order; PhotoModeler, VisualSfM, MicMac's C2M.
 
-    With (x', y') the observed point, x = x' − x0, y = y' − y0 and r² = x² + y², the ideal point is::
+    With (x', y') the distorted point, x = x' − x0, y = y' − y0 and r² = x² + y², the undistorted point is::
 
         x0 + x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + 2·p1·x·y + p2·(r² + 2x²) + b1·x + b2·y
         y0 + y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸ + k5·r¹⁰) + p1·(r² + 2y²) + 2·p2·x·y
@@ -61,6 +61,6 @@ class ObservedBrown(ObservedDistortion):
         return () if any(terms) else (NoDistortion(),)
 
     @classmethod
-    def from_equivalent(cls, other: Distortion) -> ObservedBrown | None:
+    def from_equivalent(cls, other: Distortion) -> InverseBrown | None:
         """No distortion; every other model that is the same says so itself."""
         return cls(k1=0.0, k2=0.0, p1=0.0, p2=0.0) if isinstance(other, NoDistortion) else None

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
+    InverseBrown,
     MetashapeFrame,
     NoDistortion,
-    ObservedBrown,
     OffCentreBrown,
     distortion_from,
 )
 from calibrary.errors import InputError
 from calibrary.parsers.fit import exact
 
-BARREL = ObservedBrown(k1=0.1131, k2=-0.0247, p1=-3.7e-4, p2=8.1e-4, k3=0.0062, k4=-0.0011, k5=0.0004)
+BARREL = InverseBrown(k1=0.1131, k2=-0.0247, p1=-3.7e-4, p2=8.1e-4, k3=0.0062, k4=-0.0011, k5=0.0004)
 STRANGE = OffCentreBrown(
     k1=-0.09,
     k2=0.02,
@@ -43,7 +43,7 @@ COEFFICIENTS = {
     **{name: st.floats(-0.02, 0.02) for name in ("b1", "b2")},
     **{name: st.floats(-0.05, 0.05) for name in ("x0", "y0")},
 }
-OBSERVED = st.builds(ObservedBrown, **COEFFICIENTS)
+OBSERVED = st.builds(InverseBrown, **COEFFICIENTS)
 OFF_CENTRE = st.builds(OffCentreBrown, **COEFFICIENTS)
 SOME = settings(max_examples=25, deadline=None)
 
@@ -81,11 +81,11 @@ def by_opencv(D: list[float], xy: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def test_opencvs_polynomial_corrects_the_observed_point() -> None:
-    lens = ObservedBrown(k1=0.1131, k2=-0.0247, p1=-3.7e-4, p2=8.1e-4, k3=0.0062)
-    observed = disc(0.8)
-    ideal = by_opencv([0.1131, -0.0247, -3.7e-4, 8.1e-4, 0.0062], observed)
-    np.testing.assert_allclose(lens.undistort(observed), ideal, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(lens.distort(ideal), observed, rtol=0, atol=1e-13)
+    lens = InverseBrown(k1=0.1131, k2=-0.0247, p1=-3.7e-4, p2=8.1e-4, k3=0.0062)
+    distorted = disc(0.8)
+    undistorted = by_opencv([0.1131, -0.0247, -3.7e-4, 8.1e-4, 0.0062], distorted)
+    np.testing.assert_allclose(lens.undistort(distorted), undistorted, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(lens.distort(undistorted), distorted, rtol=0, atol=1e-13)
 
 
 def test_about_the_principal_point_the_other_direction_is_opencvs_model() -> None:
@@ -97,20 +97,20 @@ def test_about_the_principal_point_the_other_direction_is_opencvs_model() -> Non
 
 @SOME
 @given(lens=OBSERVED)
-def test_the_observed_point_is_corrected_by_the_formula(lens: ObservedBrown) -> None:
-    ideal = 0.99 * min(lens.valid_radius(), 2.0)
-    observed = lens.distort(disc(ideal))
-    assert np.isfinite(observed).all()
-    np.testing.assert_allclose(formula(lens, observed), disc(ideal), rtol=1e-11, atol=1e-13)
-    np.testing.assert_allclose(lens.undistort(observed), disc(ideal), rtol=1e-11, atol=1e-13)
+def test_the_observed_point_is_corrected_by_the_formula(lens: InverseBrown) -> None:
+    undistorted = 0.99 * min(lens.valid_radius(), 2.0)
+    distorted = lens.distort(disc(undistorted))
+    assert np.isfinite(distorted).all()
+    np.testing.assert_allclose(formula(lens, distorted), disc(undistorted), rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(lens.undistort(distorted), disc(undistorted), rtol=1e-11, atol=1e-13)
 
 
 @SOME
 @given(lens=OFF_CENTRE)
 def test_off_centre_the_ideal_point_is_distorted_by_the_formula(lens: OffCentreBrown) -> None:
-    ideal = disc(0.99 * min(lens.valid_radius(), 2.0))
-    observed = lens.distort(ideal)
-    np.testing.assert_allclose(observed, formula(lens, ideal), rtol=1e-12, atol=1e-14)
+    undistorted = disc(0.99 * min(lens.valid_radius(), 2.0))
+    distorted = lens.distort(undistorted)
+    np.testing.assert_allclose(distorted, formula(lens, undistorted), rtol=1e-12, atol=1e-14)
     near = disc(0.9 * min(lens.valid_radius(), 2.0))
     np.testing.assert_allclose(lens.undistort(lens.distort(near)), near, rtol=0, atol=1e-11)
 
@@ -130,17 +130,17 @@ def test_from_the_valid_radius_on_there_is_nothing(lens: Distortion) -> None:
 @SOME
 @given(lens=st.one_of(OBSERVED, OFF_CENTRE))
 def test_inside_the_valid_radius_no_two_points_change_places(lens: Distortion) -> None:
-    ideal = disc(0.99 * min(lens.valid_radius(), 2.0))
+    undistorted = disc(0.99 * min(lens.valid_radius(), 2.0))
     step = 1e-6 * np.eye(2)
     with np.errstate(all="ignore"):
-        along_x = lens.distort(ideal * 0.99 + step[0]) - lens.distort(ideal * 0.99 - step[0])
-        along_y = lens.distort(ideal * 0.99 + step[1]) - lens.distort(ideal * 0.99 - step[1])
+        along_x = lens.distort(undistorted * 0.99 + step[0]) - lens.distort(undistorted * 0.99 - step[0])
+        along_y = lens.distort(undistorted * 0.99 + step[1]) - lens.distort(undistorted * 0.99 - step[1])
     determinant = along_x[:, 0] * along_y[:, 1] - along_x[:, 1] * along_y[:, 0]
     assert (determinant[np.isfinite(determinant)] > 0).all()
 
 
 def test_a_radial_correction_that_folds_ends_where_its_rim_is_corrected_to() -> None:
-    lens = ObservedBrown(k1=-1.0, k2=0.0, p1=0.0, p2=0.0)
+    lens = InverseBrown(k1=-1.0, k2=0.0, p1=0.0, p2=0.0)
     observed_fold = 1 / math.sqrt(3)
     assert lens.valid_radius() == pytest.approx(observed_fold * (1 - observed_fold**2), rel=1e-14)
 
@@ -162,15 +162,15 @@ def test_a_centre_outside_everything_leaves_nothing_visible() -> None:
         assert np.isnan(lens.distort(np.zeros((1, 2)))).all()
 
 
-@pytest.mark.parametrize("kind", [ObservedBrown, OffCentreBrown])
-def test_an_affinity_beyond_a_tenth_is_refused(kind: type[ObservedBrown] | type[OffCentreBrown]) -> None:
+@pytest.mark.parametrize("kind", [InverseBrown, OffCentreBrown])
+def test_an_affinity_beyond_a_tenth_is_refused(kind: type[InverseBrown] | type[OffCentreBrown]) -> None:
     with pytest.raises(InputError, match=r"b2 is -0\.2"):
         kind(k1=0.0, k2=0.0, p1=0.0, p2=0.0, b2=-0.2)
 
 
 def test_a_sign_flip_is_no_equivalent() -> None:
     assert exact(BARREL, BrownConrady) is None
-    assert exact(BrownConrady(k1=-0.1, k2=0.0, p1=0.0, p2=0.0), ObservedBrown) is None
+    assert exact(BrownConrady(k1=-0.1, k2=0.0, p1=0.0, p2=0.0), InverseBrown) is None
 
 
 def test_models_that_hold_one_another_say_so() -> None:
@@ -184,9 +184,9 @@ def test_models_that_hold_one_another_say_so() -> None:
     assert exact(off_centre, MetashapeFrame) == frame
     assert exact(off_centre, BrownConrady) is None
     assert exact(STRANGE, MetashapeFrame) is None
-    nothing = ObservedBrown(k1=0.0, k2=0.0, p1=0.0, p2=0.0, x0=0.1)
+    nothing = InverseBrown(k1=0.0, k2=0.0, p1=0.0, p2=0.0, x0=0.1)
     assert exact(nothing, BrownConrady) == BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0)
-    assert exact(NoDistortion(), ObservedBrown) == ObservedBrown(k1=0.0, k2=0.0, p1=0.0, p2=0.0)
+    assert exact(NoDistortion(), InverseBrown) == InverseBrown(k1=0.0, k2=0.0, p1=0.0, p2=0.0)
 
 
 @pytest.mark.parametrize("lens", [BARREL, STRANGE], ids=["observed-brown", "off-centre-brown"])

@@ -5,7 +5,7 @@ vector) is seen at ``(A + 2r² q·e) e + r² q + S``. So a circle's image is a l
 while A > 2r²|q|, and at the first radius where that fails its tangent vanishes, and the Jacobian determinant
 with it. A map that is locally one-to-one on a disc and one-to-one on its rim is one-to-one on the disc. Hence,
 for this family, **the determinant is positive on a disc if and only if the map is one-to-one there**, and the
-fold is the first radius at which, in some direction, the determinant
+limit is the first radius at which, in some direction, the determinant
 
     r·det = (A' + 6r q·e + S'·e)(A + 2r² q·e) − 2r² q·e⊥ (2r q·e⊥ + S'·e⊥)
 
@@ -29,7 +29,7 @@ from calibrary.arrays import FloatArray
 from calibrary.distortion.polynomial import PolynomialMap
 from calibrary.distortion.roots import first_positive_root
 
-__all__ = ["fold_radius"]
+__all__ = ["monotonic_radius"]
 
 SCAN = np.sinh(np.linspace(0.0, math.asinh(1e6), 500)[1:])
 """Radii of the search in units of the map's own length: 0.03 apart, from there on 3 %, and none beyond a million."""
@@ -39,7 +39,7 @@ SAMPLES = np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
 
 
 @lru_cache(maxsize=256)
-def fold_radius(lens: PolynomialMap, horizon: tuple[float, float] = (0.0, 0.0)) -> float:
+def monotonic_radius(lens: PolynomialMap, horizon: tuple[float, float] = (0.0, 0.0)) -> float:
     """The radius of the largest disc around the axis on which the map is one-to-one; ``inf`` if it always is.
 
     Args:
@@ -73,20 +73,20 @@ def _radial_slope(lens: PolynomialMap) -> FloatArray:
 
 
 def _tangential(lens: PolynomialMap, pole: float) -> float:
-    """The fold with tangential terms, in closed form.
+    """The limit with tangential terms, in closed form.
 
     With c = q·e and q = |q|, r·det = (A' + 6rc)(A + 2r²c) − 4r³(q² − c²) is a parabola in c, open upwards. At
     c = −q it is (A' − 6rq)(A − 2r²q), and while the first factor is positive so is the second, being at least
-    r²q by integration: the fold is the first zero of A' − 6rq. The vertex of the parabola lies to the right of
-    c = −q only where 3A + rA' < 16r²q. Lenses do not get there before they fold; for one that does, the search
+    r²q by integration: the limit is the first zero of A' − 6rq. The vertex of the parabola lies to the right of
+    c = −q only where 3A + rA' < 16r²q. Lenses reach their limit before that; for one that does not, the search
     decides.
     """
     q = math.hypot(lens.p1, lens.p2)
     N, D, M = (_in_radius(p) for p in (lens.numerator, lens.denominator, _radial_slope(lens)))
     D2, ND = poly.polymul(D, D), poly.polymul(N, D)
-    fold = first_positive_root(poly.polysub(M, poly.polymul([0.0, 6.0 * q], D2)))
+    limit = first_positive_root(poly.polysub(M, poly.polymul([0.0, 6.0 * q], D2)))
     vertex = first_positive_root(poly.polysub(poly.polyadd(3.0 * ND, M), poly.polymul([0.0, 16.0 * q], D2)))
-    return fold if min(fold, pole) <= vertex else _searched(lens, (0.0, 0.0), pole)
+    return limit if min(limit, pole) <= vertex else _searched(lens, (0.0, 0.0), pole)
 
 
 def _in_radius(in_square: list[float] | FloatArray) -> FloatArray:
@@ -97,7 +97,7 @@ def _in_radius(in_square: list[float] | FloatArray) -> FloatArray:
 
 
 def _searched(lens: PolynomialMap, horizon: tuple[float, float], pole: float) -> float:
-    """The fold by search: the first radius at which the least margin over all directions is not positive.
+    """The limit by search: the first radius at which the least margin over all directions is not positive.
 
     For every radius the least margin is exact, not sampled, see :func:`_least_over_directions`. Over the radii
     it is scanned in steps of 3 % of the lens's length or of the radius, whichever is larger, and every local
@@ -163,8 +163,8 @@ def _narrowed(margin: Callable[[FloatArray], FloatArray], inner: float, outer: f
     """The inner end of a bracket [positive margin, not positive], narrowed sixteenfold a round."""
     for _ in range(14):
         radii = np.linspace(inner, outer, 17)
-        folded = ~(margin(radii[1:]) > 0)
-        first = int(folded.argmax()) if folded.any() else 15
+        failed = ~(margin(radii[1:]) > 0)
+        first = int(failed.argmax()) if failed.any() else 15
         inner, outer = float(radii[first]), float(radii[first + 1])
     return inner
 

@@ -7,17 +7,17 @@ from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.brown_polynomial import BrownPolynomial
-from calibrary.distortion.observed import ObservedDistortion
-from calibrary.distortion.observed_brown import ObservedBrown
+from calibrary.distortion.inverse_brown import InverseBrown
+from calibrary.distortion.inverse_model import InverseModel
 
-__all__ = ["ObservedPolynomial"]
+__all__ = ["InversePolynomial"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObservedPolynomial(ObservedDistortion):
-    """Observed to ideal: USGS reports with P3 or P4, and the Stereo Pipeline's decentring by an angle.
+class InversePolynomial(InverseModel):
+    """Distorted to undistorted: USGS reports with P3 or P4, and the Stereo Pipeline's decentring by an angle.
 
-    What :class:`~calibrary.distortion.ObservedBrown` says about the principal point, with tangential terms
+    What :class:`~calibrary.distortion.InverseBrown` says about the principal point, with tangential terms
     that grow by (1 + p3·r² + p4·r⁴), and with s1·r² + s2·r⁴ added to x and s3·r² + s4·r⁴ to y.
 
     Sources: D. C. Brown, "Decentering distortion of lenses", 1966, whose profile P1·r² + P2·r⁴ at an angle φ is
@@ -50,13 +50,13 @@ class ObservedPolynomial(ObservedDistortion):
         grows = (self.p1 or self.p2) and (self.p3 or self.p4)
         if grows or self.s1 or self.s2 or self.s3 or self.s4:
             return ()
-        brown = ObservedBrown(k1=self.k1, k2=self.k2, p1=self.p1, p2=self.p2, k3=self.k3, k4=self.k4)
+        brown = InverseBrown(k1=self.k1, k2=self.k2, p1=self.p1, p2=self.p2, k3=self.k3, k4=self.k4)
         return (brown, *brown.equivalents())
 
     @classmethod
-    def from_equivalent(cls, other: Distortion) -> ObservedPolynomial | None:
+    def from_equivalent(cls, other: Distortion) -> InversePolynomial | None:
         """Brown's model about the principal point, without an affinity and up to r⁸."""
-        if not isinstance(other, ObservedBrown):
+        if not isinstance(other, InverseBrown):
             return None
         if other.k5 or other.b1 or other.b2 or other.x0 or other.y0:
             return None

@@ -1,9 +1,9 @@
-"""The exact inverse of a perspective model: Newton's method in the plane, kept inside the fold.
+"""The exact inverse of a perspective model: Newton's method in the plane, kept inside the valid field.
 
 The radial part alone, tabulated, gives a start that is wrong by the tangential and prism terms only; two or
 three Newton steps with the analytic Jacobian then reach machine precision, since every step squares the error.
-Inside the fold the solution is unique, so whatever converges there is the answer. The few points that do not
-converge at once (next to the fold, or no image of anything) are taken up again with a step length that
+Inside the valid field the solution is unique, so whatever converges there is the answer. The few points that do not
+converge at once (next to the limit, or no image of anything) are taken up again with a step length that
 guarantees progress and never leaves the disc.
 """
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from calibrary.arrays import FloatArray
 from calibrary.distortion.polynomial import PolynomialMap
 
-__all__ = ["Inverse"]
+__all__ = ["Inversion"]
 
 TABLE_NODES = 1024
 
@@ -83,14 +83,14 @@ class Rim:
 
 
 @dataclass(frozen=True, slots=True)
-class Inverse:
+class Inversion:
     """A lens prepared for being inverted.
 
     Attributes:
         lens: the map.
-        radius: its fold; nothing outside is ever returned.
-        rim: where the fold is seen.
-        seen_at, seen_from: the radial part as a rising table, observed and ideal radii.
+        radius: its valid radius; nothing outside is ever returned.
+        rim: the image of the circle of that radius.
+        seen_at, seen_from: the radial part as a rising table, distorted and undistorted radii.
     """
 
     lens: PolynomialMap
@@ -100,8 +100,8 @@ class Inverse:
     seen_from: FloatArray
 
     @classmethod
-    def of(cls, lens: PolynomialMap, radius: float, farthest: float) -> Inverse:
-        """Prepare ``lens``, whose fold is at ``radius``, for observed points up to ``farthest`` from the axis."""
+    def of(cls, lens: PolynomialMap, radius: float, farthest: float) -> Inversion:
+        """Prepare ``lens``, one-to-one up to ``radius``, for distorted points up to ``farthest`` from the axis."""
         unit = math.ldexp(1.0, min(lens.octave, 1000))
         reach = min(unit, radius)
         while reach < radius and lens.radial(np.array([reach]))[0] < farthest:
@@ -113,10 +113,10 @@ class Inverse:
         return cls(lens, radius, Rim.of(lens, radius), image[rising], r[rising])
 
     def swift(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """Observed to ideal by full Newton steps.
+        """Distorted to undistorted by full Newton steps.
 
         Returns:
-            x, y, NaN where nothing inside the fold is seen, and the rows that need :meth:`patient` instead.
+            x, y, NaN where nothing inside the valid field is seen, and the rows that need :meth:`patient` instead.
         """
         x, y = np.full_like(u, math.nan), np.full_like(v, math.nan)
         rho = np.sqrt(u * u + v * v)
@@ -131,7 +131,7 @@ class Inverse:
         return x, y, rows[missed]
 
     def patient(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Observed to ideal for points next to the fold or outside it, by steps that never leave the disc."""
+        """Distorted to undistorted for points next to the limit or outside it, by steps that never leave the disc."""
         x, y = self._start(u, v, np.sqrt(u * u + v * v))
         return _damped_newton(self.lens, self.radius, u, v, x, y)
 
@@ -166,7 +166,7 @@ def _damped_newton(
     lens: PolynomialMap, radius: float, u: FloatArray, v: FloatArray, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Newton's method with Armijo's rule for the length of the step, inside the disc; NaN where it fails."""
-    # On the fold itself there is no Newton step.
+    # On the limit itself there is no Newton step.
     inward = np.minimum(1.0, 0.98 * radius / np.hypot(x, y))
     x, y = x * inward, y * inward
     length, shortest = np.ones_like(x), 1e-12
@@ -182,7 +182,7 @@ def _damped_newton(
         to_x, to_y = x[rows] + t * dx, y[rows] + t * dy
         to_miss = np.hypot(*_difference(lens, u[rows], v[rows], to_x, to_y))
         inside = to_x * to_x + to_y * to_y < radius * radius
-        # Where the image runs away (next to a pole) a step of nothing is all that can be had, next to the fold
+        # Where the image runs away (next to a pole) a step of nothing is all that can be had, next to the limit
         # a miss of nothing.
         arrived = inside & (
             (np.hypot(dx, dy) <= SETTLED * np.hypot(x[rows], y[rows])) | (to_miss <= 1e-3 * close[rows])

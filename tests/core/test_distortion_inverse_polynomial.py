@@ -12,23 +12,23 @@ from numpy.typing import NDArray
 from calibrary.distortion import (
     Australis,
     Distortion,
+    InverseBrown,
+    InversePolynomial,
     NoDistortion,
-    ObservedBrown,
-    ObservedPolynomial,
     distortion_from,
 )
 from calibrary.parsers.fit import exact
 
 SMALL = {name: st.floats(-0.005, 0.005) for name in ("p1", "p2", "s1", "s2", "s3", "s4")}
 RADIAL = {name: st.floats(-0.2, 0.2) for name in ("k1", "k2", "k3", "k4")}
-WIDE = st.builds(ObservedPolynomial, **RADIAL, **SMALL, p3=st.floats(-0.4, 0.4), p4=st.floats(-0.4, 0.4))
+WIDE = st.builds(InversePolynomial, **RADIAL, **SMALL, p3=st.floats(-0.4, 0.4), p4=st.floats(-0.4, 0.4))
 TEN = st.builds(
     Australis,
     **{name: RADIAL[name] for name in ("k1", "k2", "k3")},
     **{name: SMALL[name] for name in ("p1", "p2")},
     **{name: st.floats(-0.05, 0.05) for name in ("b1", "b2")},
 )
-ZERO = ObservedPolynomial(**dict.fromkeys(ObservedPolynomial.names(), 0.0))
+ZERO = InversePolynomial(**dict.fromkeys(InversePolynomial.names(), 0.0))
 
 
 def formula(lens: Distortion, xy: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -56,15 +56,15 @@ def disc(radius: float) -> NDArray[np.float64]:
 @settings(max_examples=30, deadline=None)
 @given(lens=st.one_of(WIDE, TEN))
 def test_the_observed_point_is_corrected_by_the_formula(lens: Distortion) -> None:
-    ideal = disc(0.98 * min(lens.valid_radius(), 1.5))
-    observed = lens.distort(ideal)
-    assert np.isfinite(observed).all()
-    np.testing.assert_allclose(formula(lens, observed), ideal, rtol=1e-11, atol=1e-12)
-    np.testing.assert_allclose(lens.undistort(observed), ideal, rtol=1e-11, atol=1e-12)
+    undistorted = disc(0.98 * min(lens.valid_radius(), 1.5))
+    distorted = lens.distort(undistorted)
+    assert np.isfinite(distorted).all()
+    np.testing.assert_allclose(formula(lens, distorted), undistorted, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(lens.undistort(distorted), undistorted, rtol=1e-11, atol=1e-12)
 
 
 def test_its_prism_is_opencvs() -> None:
-    lens = ObservedPolynomial(
+    lens = InversePolynomial(
         **{**ZERO.coefficients, "k1": 0.1, "s1": 1e-3, "s2": -2e-3, "s3": 3e-4, "s4": 5e-4}
     )
     D = np.array([0.1, 0, 0, 0, 0, 0, 0, 0, 1e-3, -2e-3, 3e-4, 5e-4])
@@ -74,32 +74,32 @@ def test_its_prism_is_opencvs() -> None:
 
 
 def test_both_are_browns_model_where_their_own_terms_are_absent() -> None:
-    brown = ObservedBrown(k1=0.1, k2=-0.02, p1=3e-4, p2=-1e-4, k3=0.005)
+    brown = InverseBrown(k1=0.1, k2=-0.02, p1=3e-4, p2=-1e-4, k3=0.005)
     ten = exact(brown, Australis)
-    wide = exact(brown, ObservedPolynomial)
+    wide = exact(brown, InversePolynomial)
     assert ten is not None
     assert wide is not None
-    assert exact(ten, ObservedBrown) == exact(wide, ObservedBrown) == brown
-    assert exact(ten, ObservedPolynomial) == wide
+    assert exact(ten, InverseBrown) == exact(wide, InverseBrown) == brown
+    assert exact(ten, InversePolynomial) == wide
     assert exact(wide, Australis) == ten
 
 
 @pytest.mark.parametrize("term", ["k4", "k5", "x0"])
 def test_what_the_ten_parameters_lack_is_not_dropped(term: str) -> None:
-    brown = ObservedBrown(**{"k1": 0.1, "k2": 0.0, "p1": 0.0, "p2": 0.0, term: 0.01})
+    brown = InverseBrown(**{"k1": 0.1, "k2": 0.0, "p1": 0.0, "p2": 0.0, term: 0.01})
     assert exact(brown, Australis) is None
 
 
 def test_an_affinity_and_a_prism_have_no_place_in_one_another() -> None:
     ten = Australis(**{**dict.fromkeys(Australis.names(), 0.0), "b1": 1e-3})
-    assert exact(ten, ObservedPolynomial) is None
-    assert exact(ObservedPolynomial(**{**ZERO.coefficients, "s1": 1e-3}), ObservedBrown) is None
-    growing = ObservedPolynomial(**{**ZERO.coefficients, "p1": 1e-3, "p3": 0.1})
-    assert exact(growing, ObservedBrown) is None
+    assert exact(ten, InversePolynomial) is None
+    assert exact(InversePolynomial(**{**ZERO.coefficients, "s1": 1e-3}), InverseBrown) is None
+    growing = InversePolynomial(**{**ZERO.coefficients, "p1": 1e-3, "p3": 0.1})
+    assert exact(growing, InverseBrown) is None
 
 
 def test_growth_of_tangential_terms_that_are_zero_changes_nothing() -> None:
-    assert exact(ObservedPolynomial(**{**ZERO.coefficients, "p3": 0.1}), NoDistortion) == NoDistortion()
+    assert exact(InversePolynomial(**{**ZERO.coefficients, "p3": 0.1}), NoDistortion) == NoDistortion()
 
 
 def test_no_distortion_is_every_coefficient_zero() -> None:
@@ -115,4 +115,4 @@ def test_files_and_reports_know_them_by_name(model: str) -> None:
 
 
 def distortion_names(model: str) -> tuple[str, ...]:
-    return {"australis": Australis.names(), "observed-polynomial": ObservedPolynomial.names()}[model]
+    return {"australis": Australis.names(), "observed-polynomial": InversePolynomial.names()}[model]

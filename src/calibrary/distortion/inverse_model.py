@@ -1,4 +1,4 @@
-"""What the models have in common whose polynomial takes the observed point to the ideal one.
+"""What the models have in common whose polynomial takes the distorted point to the undistorted one.
 
 Photogrammetry corrects what was measured, so its polynomial runs the other way than OpenCV's. Here it is
 evaluated as it stands for :meth:`undistort`, and inverted exactly for :meth:`distort`; a sign flip would be
@@ -17,12 +17,12 @@ from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Distortion, as_rows
 from calibrary.distortion.brown_polynomial import BrownPolynomial
 
-__all__ = ["ObservedDistortion"]
+__all__ = ["InverseModel"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObservedDistortion(Distortion):
-    """A model whose polynomial, about a centre, gives the ideal point from the observed one."""
+class InverseModel(Distortion):
+    """A model whose polynomial, about a centre, gives the undistorted point from the distorted one."""
 
     def __post_init__(self) -> None:
         Distortion.__post_init__(self)
@@ -30,43 +30,43 @@ class ObservedDistortion(Distortion):
 
     @abstractmethod
     def _polynomial(self) -> BrownPolynomial:
-        """Observed to ideal, both counted from the centre."""
+        """Distorted to undistorted, both counted from the centre."""
 
     def _centre(self) -> tuple[float, float]:
         """The centre of the polynomial in normalised coordinates; the principal point is (0, 0)."""
         return 0.0, 0.0
 
     def valid_radius(self) -> float:
-        """The radius of the largest disc around the axis that lies inside what the observed disc corrects to.
+        """The radius of the largest disc around the axis that lies inside what the distorted disc corrects to.
 
-        The polynomial is one-to-one on a disc around its centre in the *observed* image; the nearest point of
-        that disc's corrected rim is how far out the *ideal* side is known.
+        The polynomial is one-to-one on a disc around its centre in the *distorted* image; the nearest point of
+        that disc's corrected rim is how far out the *undistorted* side is known.
         """
         polynomial = self._polynomial()
-        observed_radius = polynomial.valid_radius()
-        if math.isinf(observed_radius):
+        distorted_radius = polynomial.valid_radius()
+        if math.isinf(distorted_radius):
             return math.inf
         x0, y0 = self._centre()
         if np.isnan(polynomial.undistort(np.array([[-x0, -y0]]))).any():
             return 0.0
-        return _nearest_rim(polynomial, observed_radius, (x0, y0))
+        return _nearest_rim(polynomial, distorted_radius, (x0, y0))
 
     def undistort(self, xy: FloatArray) -> FloatArray:
-        """Observed to ideal (x/z, y/z), by the polynomial; NaN where that lies outside :meth:`valid_radius`."""
+        """Distorted to undistorted (x/z, y/z), by the polynomial; NaN where that lies outside :meth:`valid_radius`."""
         centre = np.array(self._centre())
         with np.errstate(all="ignore"):
-            ideal: FloatArray = self._polynomial().distort(as_rows(xy, 2) - centre) + centre
-            ideal[~(np.hypot(ideal[:, 0], ideal[:, 1]) < self.valid_radius())] = math.nan
-        return ideal
+            undistorted: FloatArray = self._polynomial().distort(as_rows(xy, 2) - centre) + centre
+            undistorted[~(np.hypot(undistorted[:, 0], undistorted[:, 1]) < self.valid_radius())] = math.nan
+        return undistorted
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Ideal (x/z, y/z) to observed, by the exact inverse; NaN from :meth:`valid_radius` on."""
+        """Undistorted (x/z, y/z) to distorted, by the exact inverse; NaN from :meth:`valid_radius` on."""
         centre = np.array(self._centre())
-        ideal = np.array(as_rows(xy, 2))
+        undistorted = np.array(as_rows(xy, 2))
         with np.errstate(all="ignore"):
-            ideal[~(np.hypot(ideal[:, 0], ideal[:, 1]) < self.valid_radius())] = math.nan
-            observed: FloatArray = self._polynomial().undistort(ideal - centre) + centre
-        return observed
+            undistorted[~(np.hypot(undistorted[:, 0], undistorted[:, 1]) < self.valid_radius())] = math.nan
+            distorted: FloatArray = self._polynomial().undistort(undistorted - centre) + centre
+        return distorted
 
 
 def _nearest_rim(polynomial: BrownPolynomial, radius: float, centre: tuple[float, float]) -> float:
