@@ -1,4 +1,4 @@
-"""What the registry's store costs, as ratios from one run of this file on one machine.
+"""What the registry's git layer costs, as ratios from one run of this file on one machine.
 
     python benchmarks/registry.py [--quick] [--large] [--repeats R]
 
@@ -27,11 +27,11 @@ from typing import TYPE_CHECKING
 
 import git
 
-from calibrary.registry.fast_import import File, Person, Step, stream
 from calibrary.registry.fleet import Note, Registry
-from calibrary.registry.maintenance import maintain
-from calibrary.registry.remotes import clone
-from calibrary.registry.writing import Change
+from calibrary.registry.git.fast_import import File, Person, Step, stream
+from calibrary.registry.git.maintenance import maintain
+from calibrary.registry.git.remotes import clone
+from calibrary.registry.git.writing import Change
 
 if TYPE_CHECKING:
     from benchmarks.extract import interleaved, ratio, row
@@ -125,9 +125,9 @@ def registry_with_history(folder: Path, entries: int, commits: int) -> Registry:
                 committed=moment,
             )
         )
-    commands = stream("refs/heads/main", registry.store.tip(), steps)
-    registry.store.run("fast-import", "--quiet", "--date-format=raw", "--force", stdin=commands)
-    maintain(registry.store)
+    commands = stream("refs/heads/main", registry.repo.tip(), steps)
+    registry.repo.run("fast-import", "--quiet", "--date-format=raw", "--force", stdin=commands)
+    maintain(registry.repo)
     return registry
 
 
@@ -172,7 +172,7 @@ def bulk_import(folder: Path, entries: int, repeats: int) -> None:
         registry.put_many(
             [Change(path=path, data=data) for path, data in files.items()], Note(subject="Import")
         )
-        registry.store.close()
+        registry.repo.close()
 
     def plain() -> None:
         place = folder / f"g{next(places)}"
@@ -215,7 +215,7 @@ def write_out(place: Path, files: dict[str, bytes]) -> None:
 def show(registry: Registry, entries: int, repeats: int) -> None:
     """One entry at an old revision, by its commit id, warm."""
     chance = random.Random(1)  # noqa: S311  the same numbers in every run
-    folder, revision = registry.store.path, registry.commit("main~500")
+    folder, revision = registry.repo.path, registry.commit("main~500")
     paths = [path_of(chance.randrange(entries)) for _ in range(READS)]
     reader, repo = CatFile(folder), git.Repo(folder)
     assert registry.read(paths[0], revision).data == reader.read(f"{revision}:{paths[0]}")
@@ -244,7 +244,7 @@ def show(registry: Registry, entries: int, repeats: int) -> None:
 
 def log(registry: Registry, repeats: int) -> None:
     """The history of the entry that was changed most often."""
-    folder = registry.store.path
+    folder = registry.repo.path
     changed = run(folder, "log", "--format=", "--name-only", "-n", "10000").decode().split()
     path = max(set(changed), key=changed.count)
     repo = git.Repo(folder)
@@ -276,10 +276,10 @@ def log(registry: Registry, repeats: int) -> None:
 def add_and_commit(registry: Registry, folder: Path, entries: int, repeats: int) -> None:
     """One new entry, one commit."""
     numbers = count(entries)
-    waiting = Registry.open(registry.store.path)
+    waiting = Registry.open(registry.repo.path)
     work, seen = folder / "git", folder / "ours"
-    clone(str(registry.store.path), work, durable=False).close()
-    shown = Registry(clone(str(registry.store.path), seen, durable=False))
+    clone(str(registry.repo.path), work, durable=False).close()
+    shown = Registry(clone(str(registry.repo.path), seen, durable=False))
 
     def put(into: Registry) -> None:
         number = next(numbers)
@@ -311,7 +311,7 @@ def add_and_commit(registry: Registry, folder: Path, entries: int, repeats: int)
     times["naive"] = interleaved({"naive": naive}, repeats if entries <= NAIVE_UP_TO else 1)["naive"]
     few = {name: seconds[: len(times["naive"])] for name, seconds in times.items()}
     for opened in (waiting, shown):
-        opened.store.close()
+        opened.repo.close()
     shutil.rmtree(work)
     shutil.rmtree(seen)
     print("\nOne new entry, one commit (add)")
@@ -348,12 +348,14 @@ def measure(sizes: Sizes) -> None:
             show(registry, entries, sizes.repeats)
             log(registry, sizes.repeats)
             add_and_commit(registry, folder, entries, sizes.repeats)
-            registry.store.close()
+            registry.repo.close()
 
 
 def main() -> None:
     """Measure what the command line asks for."""
-    parser = argparse.ArgumentParser(description="What the registry's store costs, as ratios from one run.")
+    parser = argparse.ArgumentParser(
+        description="What the registry's git layer costs, as ratios from one run."
+    )
     parser.add_argument("--quick", action="store_true", help="a small run, to see that everything runs")
     parser.add_argument("--large", action="store_true", help="100 000 entries too, which takes minutes")
     parser.add_argument("--repeats", type=int, default=3, metavar="R", help="of what is compared")

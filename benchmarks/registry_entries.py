@@ -35,8 +35,8 @@ from calibrary.registry.charter import charter_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.fleet import Note, Registry
-from calibrary.registry.maintenance import maintain
-from calibrary.registry.writing import Change
+from calibrary.registry.git.maintenance import maintain
+from calibrary.registry.git.writing import Change
 
 if TYPE_CHECKING:
     from benchmarks.extract import interleaved, ratio, row
@@ -97,8 +97,8 @@ def registry_of(folder: Path, entries: int) -> Shelf:
     registry, _ = Registry.init(folder, {"registry.yaml": charter_yaml()}, bare=True, durable=False)
     changes = [Change(path=one.path, data=entry_yaml(one)) for one in map(entry, range(entries))]
     registry.put_many(changes, Note(subject="Import"))
-    maintain(registry.store)
-    registry.store.close()
+    maintain(registry.repo)
+    registry.repo.close()
     return open_shelf(folder)
 
 
@@ -169,7 +169,7 @@ def cold(shelf: Shelf, entries: int, repeats: int) -> None:
     process(named)
     assert shelf.keeper is not None
     assert shelf.commit is not None
-    names_at(shelf.keeper.registry.store, shelf.commit)
+    names_at(shelf.keeper.registry.repo, shelf.commit)
     times = interleaved(contestants, repeats)
     # The turn of `named` comes right after the cache was thrown away: it looks through all entries.
     times["named again"] = interleaved({"named again": lambda: process(named)}, repeats)["named again"]
@@ -217,7 +217,7 @@ def measure(sizes: Sizes) -> None:
             if entries <= CHECKED_UP_TO:
                 check(shelf, entries)
             assert shelf.keeper is not None
-            shelf.keeper.registry.store.close()
+            shelf.keeper.registry.repo.close()
     if len(again) > 1:
         growth = again[-1] / again[0]
         print(f"\nResolve, warm, from {sizes.entries[0]} to {sizes.entries[-1]} entries")

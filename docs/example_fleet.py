@@ -23,11 +23,11 @@ from calibrary.distortion import BrownConrady
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.records import replace
 from calibrary.registry.charter import CHARTER, charter_yaml
-from calibrary.registry.creating import create
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.fast_import import Person
-from calibrary.registry.writing import Change, write
+from calibrary.registry.git.creating import create
+from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.writing import Change, write
 
 __all__ = ["write_fleet"]
 
@@ -130,4 +130,4 @@ def _save(keeper: Keeper, entry: Entry, subject: str, reason: str | None = None)
     made = entry.calibration.provenance.date or "2026-01-01"
     now = datetime.fromisoformat(f"{made}T09:30:00").replace(tzinfo=UTC)
     note = note_of(subject, [entry], reason)
-    write(keeper.registry.store, [change], note.message, author=KEEPER, now=now)
+    write(keeper.registry.repo, [change], note.message, author=KEEPER, now=now)

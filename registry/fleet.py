@@ -13,17 +13,17 @@ from pathlib import Path
 from types import MappingProxyType
 
 from calibrary.errors import RegistryError, UnknownCameraError
-from calibrary.registry import maintenance
-from calibrary.registry.creating import create
-from calibrary.registry.fast_import import Person
-from calibrary.registry.history import MOVED_FROM, ChangedFile, Revision, changed, history
-from calibrary.registry.layout import CAMERAS
-from calibrary.registry.messages import compose
-from calibrary.registry.objects import Blob
-from calibrary.registry.remotes import clone
-from calibrary.registry.revisions import commit_at, parse_rev
-from calibrary.registry.store import Store
-from calibrary.registry.writing import ANY, Change, Written, write
+from calibrary.registry.git import maintenance
+from calibrary.registry.git.creating import create
+from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.history import MOVED_FROM, ChangedFile, Revision, changed, history
+from calibrary.registry.git.messages import compose
+from calibrary.registry.git.objects import Blob
+from calibrary.registry.git.remotes import clone
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.revisions import commit_at, parse_rev
+from calibrary.registry.git.writing import ANY, Change, Written, write
+from calibrary.registry.layout import CAMERAS, check_path
 
 __all__ = ["ATTRIBUTES", "Check", "Note", "Registry", "Snapshot"]
 
@@ -84,11 +84,11 @@ class Registry:
     """A fleet's calibrations in git. Safe to share between threads and to carry over a fork.
 
     Attributes:
-        store: the repository.
+        repo: the repository.
     """
 
-    def __init__(self, store: Store, *, check: Check | None = None) -> None:
-        self.store = store
+    def __init__(self, repo: Repository, *, check: Check | None = None) -> None:
+        self.repo = repo
         self._check = check
         self._snapshots: dict[str, Snapshot] = {}
 
@@ -99,7 +99,7 @@ class Registry:
         Raises:
             RegistryError: there is none, or it is of a kind that is not read.
         """
-        return cls(Store.open(path, durable=durable), check=check)
+        return cls(Repository.open(path, durable=durable, check_path=check_path), check=check)
 
     @classmethod
     def init(
@@ -118,11 +118,11 @@ class Registry:
         Raises:
             RegistryError: there is a repository already, files stand in the way, or a path is none.
         """
-        registry = cls(create(path, bare=bare, durable=durable), check=check)
+        registry = cls(create(path, bare=bare, durable=durable, check_path=check_path), check=check)
         files = {".gitattributes": ATTRIBUTES} | dict(files)
         changes = [Change(path=name, data=data) for name, data in files.items()]
         written = registry.put_many(changes, Note(subject="Begin a registry of camera calibrations"))
-        maintenance.index_paths(registry.store)
+        maintenance.index_paths(registry.repo)
         return registry, written
 
     @classmethod
@@ -132,8 +132,8 @@ class Registry:
         Raises:
             RegistryError: the address is none, cannot be reached, or the folder is taken.
         """
-        registry = cls(clone(url, path, durable=durable), check=check)
-        maintenance.index_paths(registry.store)
+        registry = cls(clone(url, path, durable=durable, check_path=check_path), check=check)
+        maintenance.index_paths(registry.repo)
         return registry
 
     def commit(self, rev: str | None = None) -> str:
@@ -142,7 +142,7 @@ class Registry:
         Raises:
             RegistryError: there is none.
         """
-        return commit_at(self.store, parse_rev(rev) if rev is not None else None)
+        return commit_at(self.repo, parse_rev(rev) if rev is not None else None)
 
     def snapshot(self, rev: str | None = None) -> Snapshot:
         """All entries' paths at a revision; a state that was seen before costs one look at the branch."""
@@ -156,9 +156,9 @@ class Registry:
     def _paths(self, commit: str) -> dict[str, str]:
         last = next(reversed([*self._snapshots.values()]), None)
         if last is None or len(last.paths) < PATCHED_FROM:
-            return self.store.listing(commit, CAMERAS)
+            return self.repo.listing(commit, CAMERAS)
         paths = dict(last.paths)
-        for file in changed(self.store, last.commit, commit):
+        for file in changed(self.repo, last.commit, commit, CAMERAS):
             if file.after is None:
                 paths.pop(file.path, None)
             else:
@@ -177,7 +177,7 @@ class Registry:
             RegistryError: there is no such revision.
         """
         commit = self.commit(rev)
-        blob = self.store.read(commit, path)
+        blob = self.repo.read(commit, path)
         if blob is None:
             raise UnknownCameraError(f"{path}: no such entry at {rev or 'the newest commit'} ({commit[:12]})")
         return blob
@@ -185,7 +185,7 @@ class Registry:
     def read_all(self, snapshot: Snapshot) -> Iterator[tuple[str, bytes]]:
         """Every entry of a snapshot with its content, in the order of their paths."""
         paths = sorted(snapshot.paths)
-        contents = self.store.read_many([snapshot.paths[path] for path in paths])
+        contents = self.repo.read_many([snapshot.paths[path] for path in paths])
         return zip(paths, contents, strict=True)
 
     def put(
@@ -197,7 +197,7 @@ class Registry:
         or ``None`` if it is new.
 
         Raises:
-            EntryConflictError: somebody has changed it since; nothing was written.
+            FileConflictError: somebody has changed it since; nothing was written.
             RegistryError: it cannot be written.
         """
         return self.put_many([Change(path=path, data=data, base=base)], note, author=author)
@@ -213,7 +213,7 @@ class Registry:
         """Write several files as one commit: all of them or none.
 
         Raises:
-            EntryConflictError: somebody has changed one since; nothing was written, all of them are told.
+            FileConflictError: somebody has changed one since; nothing was written, all of them are told.
             RegistryError: they cannot be written.
         """
         for change in changes:
@@ -224,11 +224,11 @@ class Registry:
                     )
                 if self._check is not None and change.data is not None:
                     self._check(change.path, change.data)
-        written = write(self.store, changes, note.message, author=author, branch=branch)
-        if maintenance.is_due(self.store):
+        written = write(self.repo, changes, note.message, author=author, branch=branch)
+        if maintenance.is_due(self.repo):
             # What was written is written, whatever becomes of the packing.
             with suppress(RegistryError):
-                maintenance.maintain(self.store, in_background=True)
+                maintenance.maintain(self.repo, in_background=True)
         return written
 
     def move(self, old: str, new: str, data: bytes, note: Note, *, base: str) -> Written:
@@ -237,7 +237,7 @@ class Registry:
         ``base`` is the id of the content under the old path.
 
         Raises:
-            EntryConflictError: somebody has changed it since, or stands at the new path; nothing was written.
+            FileConflictError: somebody has changed it since, or stands at the new path; nothing was written.
             RegistryError: it cannot be written.
         """
         told = Note(
@@ -256,8 +256,9 @@ class Registry:
         self, path: str | None = None, rev: str | None = None, *, most: int | None = None
     ) -> tuple[Revision, ...]:
         """Every revision of an entry, or of everything, newest first; an old path is followed back."""
-        return history(self.store, path, self.commit(rev), most=most)
+        return history(self.repo, path, self.commit(rev), most=most)
 
     def changed(self, before: str | None, after: str | None = None) -> tuple[ChangedFile, ...]:
         """The entries that differ between two revisions; from nothing if the first is left out."""
-        return changed(self.store, self.commit(before) if before is not None else None, self.commit(after))
+        start = self.commit(before) if before is not None else None
+        return changed(self.repo, start, self.commit(after), CAMERAS)

@@ -24,7 +24,7 @@ from calibrary.synthetic.xmp import PIX4D_1
 from tests.calib.solving import Session, camera, shoot
 from tests.cli.registry.fleets import add, commit_of, xml
 from tests.jobs.extract.fleet import DEWARP, P4R, gate, only, picture
-from tests.registry.stores import nobodys_git
+from tests.registry.git.repositories import nobodys_git
 
 __all__ = ["nobodys_git"]
 

@@ -10,7 +10,7 @@ import pytest
 from calibrary.cli.main import main
 from tests.cli.registry.fleets import CAMERA, P4R, xml
 from tests.jobs.extract.fleet import picture
-from tests.registry.stores import git, nobodys_git
+from tests.registry.git.repositories import git, nobodys_git
 
 __all__ = ["nobodys_git"]
 

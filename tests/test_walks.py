@@ -28,7 +28,7 @@ from tests.calib.staging import camera as staged
 from tests.calib.staging import truth
 from tests.cli.registry.fleets import held, xml
 from tests.jobs.onboard.payloads import SURVEY
-from tests.registry.stores import nobodys_git
+from tests.registry.git.repositories import nobodys_git
 
 __all__ = ["nobodys_git"]
 

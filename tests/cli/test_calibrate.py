@@ -39,7 +39,7 @@ from tests.jobs.calibrate_board.boards import (
     exif,
     frames,
 )
-from tests.registry.stores import nobodys_git
+from tests.registry.git.repositories import nobodys_git
 
 __all__ = ["nobodys_git"]
 
@@ -83,7 +83,7 @@ def truth_of(folder: Path) -> Mapping[str, Any]:
 
 
 def the_entry(fleet: Keeper) -> Entry:
-    [held] = Keeper.open(fleet.registry.store.path).entries()
+    [held] = Keeper.open(fleet.registry.repo.path).entries()
     return held.entry
 
 

@@ -18,7 +18,7 @@ from calibrary.keep.keeper import Keeper
 from calibrary.schemas import require
 from tests.jobs.diff.cameras import camera, changed
 from tests.jobs.site.fleet import fleet
-from tests.registry.stores import seclude
+from tests.registry.git.repositories import seclude
 
 FC6310R = "dji/fc6310r"
 ALARM, USAGE, INPUT, REGISTRY = 1, 2, 3, 4

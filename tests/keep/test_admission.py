@@ -12,9 +12,9 @@ from calibrary.keep.keeper import Keeper, note_of
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.store import Store
+from calibrary.registry.git.repository import Repository
 from tests.registry.entries import an_entry
-from tests.registry.stores import nobodys_git
+from tests.registry.git.repositories import nobodys_git
 
 __all__ = ["nobodys_git"]
 
@@ -68,13 +68,13 @@ def test_other_units_of_the_model_are_not_read(keeper: Keeper, monkeypatch: pyte
     units = [an_entry(serial=f"{number:016x}") for number in range(5)]
     put(keeper, an_entry(), *units)
     read: list[str] = []
-    blob = Store.blob
+    blob = Repository.blob
 
-    def counted(store: Store, oid: str) -> bytes:
+    def counted(repo: Repository, oid: str) -> bytes:
         read.append(oid)
-        return blob(store, oid)
+        return blob(repo, oid)
 
-    monkeypatch.setattr(Store, "blob", counted)
+    monkeypatch.setattr(Repository, "blob", counted)
     measured = replace(units[0], tolerance=0.01)
     assert rules(keeper, measured) == []
     assert len(read) == 2

@@ -15,11 +15,11 @@ from calibrary.keep.shelf import open_shelf
 from calibrary.records import replace
 from calibrary.registry.entry import Alias
 from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.git.repository import Repository
 from calibrary.registry.resolution import scan_aliases
-from calibrary.registry.store import Store
 from tests.cli.registry.shelves import put, put_bytes
 from tests.registry.entries import KEY, an_entry
-from tests.registry.stores import git, nobodys_git
+from tests.registry.git.repositories import git, nobodys_git
 
 __all__ = ["nobodys_git"]
 
@@ -27,48 +27,48 @@ NAMED = an_entry(aliases=(Alias(make="Other", model="Name"),))
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Store:
+def repo(tmp_path: Path) -> Repository:
     """A registry's repository, with one camera that has another name."""
-    store = begin(tmp_path / "fleet").keeper.registry.store
-    put(store.path, NAMED, an_entry(model="Plain"))
-    return store
+    repo = begin(tmp_path / "fleet").keeper.registry.repo
+    put(repo.path, NAMED, an_entry(model="Plain"))
+    return repo
 
 
-def tip(store: Store) -> str:
-    found = store.tip()
+def tip(repo: Repository) -> str:
+    found = repo.tip()
     assert found is not None
     return found
 
 
-def test_it_knows_what_a_scan_of_everything_finds(store: Store, tmp_path: Path) -> None:
-    shelf = open_shelf(store.path)
-    assert names_at(store, tip(store), folder=tmp_path / "kept").alias_map == scan_aliases(
+def test_it_knows_what_a_scan_of_everything_finds(repo: Repository, tmp_path: Path) -> None:
+    shelf = open_shelf(repo.path)
+    assert names_at(repo, tip(repo), folder=tmp_path / "kept").alias_map == scan_aliases(
         shelf.files().items()
     )
 
 
 def test_only_what_changed_is_read_again(
-    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    repo: Repository, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = tmp_path / "kept"
-    names_at(store, tip(store), folder=kept)
-    put(store.path, replace(NAMED, aliases=(Alias(make="Third", model="Name"),)), an_entry(model="New"))
-    put_bytes(store.path, {an_entry(model="Plain").path: None})
+    names_at(repo, tip(repo), folder=kept)
+    put(repo.path, replace(NAMED, aliases=(Alias(make="Third", model="Name"),)), an_entry(model="New"))
+    put_bytes(repo.path, {an_entry(model="Plain").path: None})
 
     def refuse(*_: object) -> None:
         raise AssertionError("everything was read again")
 
     monkeypatch.setattr(alias_cache, "_read_whole", refuse)
-    names = names_at(store, tip(store), folder=kept)
+    names = names_at(repo, tip(repo), folder=kept)
     assert [*names.alias_map] == [("third", "name")]
-    assert names_kept(store, names.commit, folder=kept) == names
+    assert names_kept(repo, names.commit, folder=kept) == names
 
 
-def test_a_look_into_the_past_is_right_too(store: Store, tmp_path: Path) -> None:
-    before = tip(store)
-    put(store.path, replace(NAMED, aliases=()))
-    assert names_at(store, tip(store), folder=tmp_path / "kept").alias_map == {}
-    assert [*names_at(store, before, folder=tmp_path / "kept").alias_map] == [("other", "name")]
+def test_a_look_into_the_past_is_right_too(repo: Repository, tmp_path: Path) -> None:
+    before = tip(repo)
+    put(repo.path, replace(NAMED, aliases=()))
+    assert names_at(repo, tip(repo), folder=tmp_path / "kept").alias_map == {}
+    assert [*names_at(repo, before, folder=tmp_path / "kept").alias_map] == [("other", "name")]
 
 
 @pytest.mark.parametrize(
@@ -84,48 +84,48 @@ def test_a_look_into_the_past_is_right_too(store: Store, tmp_path: Path) -> None
         b"\xff\xfe",
     ],
 )
-def test_anything_else_in_its_place_is_read_over(store: Store, tmp_path: Path, left: bytes) -> None:
+def test_anything_else_in_its_place_is_read_over(repo: Repository, tmp_path: Path, left: bytes) -> None:
     kept = tmp_path / "kept"
-    names_at(store, tip(store), folder=kept)
+    names_at(repo, tip(repo), folder=kept)
     [file] = kept.iterdir()
-    file.write_bytes(left.replace(b"%s", tip(store).encode()))
-    assert [*names_at(store, tip(store), folder=kept).alias_map] == [("other", "name")]
-    assert json.loads(file.read_bytes())["commit"] == tip(store)
+    file.write_bytes(left.replace(b"%s", tip(repo).encode()))
+    assert [*names_at(repo, tip(repo), folder=kept).alias_map] == [("other", "name")]
+    assert json.loads(file.read_bytes())["commit"] == tip(repo)
 
 
-def test_a_commit_that_was_rewritten_away_costs_a_whole_look(store: Store, tmp_path: Path) -> None:
+def test_a_commit_that_was_rewritten_away_costs_a_whole_look(repo: Repository, tmp_path: Path) -> None:
     kept = tmp_path / "kept"
-    names_at(store, tip(store), folder=kept)
+    names_at(repo, tip(repo), folder=kept)
     [file] = kept.iterdir()
-    file.write_bytes(file.read_bytes().replace(tip(store).encode(), b"0" * 40))
-    assert names_kept(store, tip(store), folder=kept) is None
-    assert [*names_at(store, tip(store), folder=kept).alias_map] == [("other", "name")]
+    file.write_bytes(file.read_bytes().replace(tip(repo).encode(), b"0" * 40))
+    assert names_kept(repo, tip(repo), folder=kept) is None
+    assert [*names_at(repo, tip(repo), folder=kept).alias_map] == [("other", "name")]
 
 
-def test_a_cache_that_cannot_be_written_does_no_harm(store: Store, tmp_path: Path) -> None:
+def test_a_cache_that_cannot_be_written_does_no_harm(repo: Repository, tmp_path: Path) -> None:
     in_the_way = tmp_path / "kept"
     in_the_way.write_text("no folder")
-    assert [*names_at(store, tip(store), folder=in_the_way).alias_map] == [("other", "name")]
+    assert [*names_at(repo, tip(repo), folder=in_the_way).alias_map] == [("other", "name")]
 
 
 @pytest.mark.parametrize("key", [KEY, replace(KEY, make="Other", model="Name"), replace(KEY, model="odd")])
-def test_asking_for_one_camera_finds_what_asking_all_finds(store: Store, key: CameraKey) -> None:
+def test_asking_for_one_camera_finds_what_asking_all_finds(repo: Repository, key: CameraKey) -> None:
     odd = an_entry(model="odd")
-    put_bytes(store.path, {"cameras/misplaced/x.yaml": entry_yaml(odd)})
-    shelf = open_shelf(store.path)
+    put_bytes(repo.path, {"cameras/misplaced/x.yaml": entry_yaml(odd)})
+    shelf = open_shelf(repo.path)
     whole = shelf.index().resolve(key)
-    names_at(store, tip(store))
+    names_at(repo, tip(repo))
     narrow = shelf.index_for(key)
     assert whole is not None
     assert narrow.resolve(key) == whole
     assert len(narrow.paths) < len(shelf.index().paths)
 
 
-def test_git_alone_can_have_written_it(store: Store) -> None:
+def test_git_alone_can_have_written_it(repo: Repository) -> None:
     entry = an_entry(model="By Git")
-    file = store.path / entry.path
+    file = repo.path / entry.path
     file.parent.mkdir(parents=True)
     file.write_bytes(entry_yaml(entry))
-    git(store.path, "add", ".")
-    git(store.path, "commit", "--quiet", "-m", "by hand")
-    assert names_at(store, tip(store)).commit == git(store.path, "rev-parse", "HEAD")
+    git(repo.path, "add", ".")
+    git(repo.path, "commit", "--quiet", "-m", "by hand")
+    assert names_at(repo, tip(repo)).commit == git(repo.path, "rev-parse", "HEAD")

@@ -12,13 +12,13 @@ from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.keep.names import find_path, find_paths
 from calibrary.records import replace
-from calibrary.registry import maintenance
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.store import Store
+from calibrary.registry.git import maintenance
+from calibrary.registry.git.repository import Repository
 from tests.registry.entries import FILE, an_entry
-from tests.registry.stores import git, nobodys_git
+from tests.registry.git.repositories import git, nobodys_git
 
 __all__ = ["nobodys_git"]
 
@@ -37,7 +37,7 @@ def put(keeper: Keeper, entry: Entry, base: str | None = None) -> str:
 
 def by_hand(keeper: Keeper, path: str, data: bytes) -> None:
     """Commit a file as somebody does who knows only git."""
-    root = keeper.registry.store.path
+    root = keeper.registry.repo.path
     (root / path).parent.mkdir(parents=True, exist_ok=True)
     (root / path).write_bytes(data)
     git(root, "add", ".")
@@ -82,7 +82,7 @@ def with_provenance(entry: Entry, provenance: Provenance) -> Entry:
 def test_what_was_written_is_told_as_written_whatever_becomes_of_the_packing(
     keeper: Keeper, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fails(_: Store, *, in_background: bool) -> None:
+    def fails(_: Repository, *, in_background: bool) -> None:
         raise RegistryError(f"no space, in_background={in_background}")
 
     monkeypatch.setattr(maintenance, "is_due", lambda _: True)

@@ -20,7 +20,7 @@ from calibrary.jobs.extract.page import outcome_page
 from calibrary.pages import render_page
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 from tests.pages.gallery import gallery
-from tests.registry.stores import seclude
+from tests.registry.git.repositories import seclude
 
 BROWSERS = ("chromium", "google-chrome", "chromium-browser")
 PROGRAM = next((path for name in BROWSERS if (path := shutil.which(name)) is not None), None)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from calibrary.calib.board import Board
     from calibrary.jobs.onboard.proposing import Serves
     from calibrary.jobs.onboard.records import Onboarding, Outcome, Questions
-    from calibrary.registry.writing import Written
+    from calibrary.registry.git.writing import Written
 
 __all__ = ["add_parser"]
 

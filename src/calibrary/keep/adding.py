@@ -21,7 +21,7 @@ from calibrary.registry.check import CheckFinding
 from calibrary.registry.digest import digest
 from calibrary.registry.entry import UNSTATED, Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.writing import Written, identity
+from calibrary.registry.git.writing import Written, identity
 
 __all__ = ["Proposal", "Wish", "propose", "write_proposals"]
 
@@ -64,7 +64,7 @@ def propose(
         RegistryError: a person pinned the entry that stands there.
     """
     today = datetime.now(UTC).date().isoformat()
-    operator = wish.operator or identity(keeper.registry.store)[0].name
+    operator = wish.operator or identity(keeper.registry.repo)[0].name
     proposals = [
         _proposal(keeper, found, wish, (operator, today)) for found in candidates(path, reading, wish)
     ]
@@ -86,7 +86,7 @@ def write_proposals(
             takes its place.
 
     Raises:
-        EntryConflictError: somebody has changed one since it was shown; nothing was written.
+        FileConflictError: somebody has changed one since it was shown; nothing was written.
         RegistryError: they cannot be written.
     """
     due = [proposal for proposal in proposals if proposal.changes]
@@ -105,7 +105,7 @@ def _proposal(keeper: Keeper, found: Candidate, wish: Wish, adding: tuple[str, s
     standing = None
     if base is not None:
         try:
-            standing = parse_entry(keeper.registry.store.blob(base), entry.path)
+            standing = parse_entry(keeper.registry.repo.blob(base), entry.path)
         except InputError as error:
             remarks.append(f"what stands there cannot be read and is replaced: {error}")
     if standing is not None and standing.status is Status.HELD and not wish.override_held:
@@ -196,20 +196,20 @@ def _refuse_same_place(proposals: Sequence[Proposal], source: str) -> None:
 @contextmanager
 def _aside(keeper: Keeper, source: Path | None, due: Sequence[Proposal]) -> Iterator[None]:
     """Put the work tree's own file aside while the commit of what was edited in it takes its place."""
-    store = keeper.registry.store
+    repo = keeper.registry.repo
     own = next(
-        (one for one in due if source is not None and source.resolve() == store.path / one.entry.path), None
+        (one for one in due if source is not None and source.resolve() == repo.path / one.entry.path), None
     )
-    if source is None or own is None or store.work_tree is None:
+    if source is None or own is None or repo.work_tree is None:
         yield
         return
     # Whoever is killed in between finds what was edited in git's own folder.
-    edited, kept = source.read_bytes(), store.git_dir / "calibrary-edited.yaml"
+    edited, kept = source.read_bytes(), repo.git_dir / "calibrary-edited.yaml"
     kept.unlink(missing_ok=True)
     with kept.open("xb") as file:
         file.write(edited)
     if own.base is not None:
-        source.write_bytes(store.blob(own.base))
+        source.write_bytes(repo.blob(own.base))
     else:
         source.unlink()
     try:

@@ -21,8 +21,8 @@ def objections(keeper: Keeper, entries: Sequence[Entry]) -> tuple[CheckFinding, 
     supersede; what was wrong with others before is left to ``calibrary registry check``.
     """
     snapshot = keeper.registry.snapshot()
-    store = keeper.registry.store
-    before = {path: store.blob(snapshot.paths[path]) for path in _concerned(snapshot.paths, entries)}
+    repo = keeper.registry.repo
+    before = {path: repo.blob(snapshot.paths[path]) for path in _concerned(snapshot.paths, entries)}
     after: Mapping[str, bytes] = {**before, **{entry.path: entry_yaml(entry) for entry in entries}}
     own = {entry.path for entry in entries}
     known = set(check(before, keeper.charter.policy).findings)

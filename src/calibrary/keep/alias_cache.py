@@ -19,11 +19,11 @@ from platformdirs import user_cache_path
 
 from calibrary.atomic import write_files
 from calibrary.errors import CalibraryError
-from calibrary.registry.history import changed
+from calibrary.registry.git.history import changed
+from calibrary.registry.git.objects import HEX
+from calibrary.registry.git.repository import Repository
 from calibrary.registry.layout import CAMERAS
-from calibrary.registry.objects import HEX
 from calibrary.registry.resolution import AliasMap, is_keyed, scan_aliases
-from calibrary.registry.store import Store
 
 __all__ = ["Names", "names_at", "names_kept"]
 
@@ -57,50 +57,50 @@ class Names:
         return {name: frozenset(folders) for name, folders in found.items()}
 
 
-def names_at(store: Store, commit: str, *, folder: Path | None = None) -> Names:
+def names_at(repo: Repository, commit: str, *, folder: Path | None = None) -> Names:
     """The names at a commit, kept for the next time.
 
     Args:
-        store: the repository.
+        repo: the repository.
         commit: 40 hexadecimal digits.
         folder: where they are kept; the user's cache folder when left out.
 
     Raises:
         RegistryError: an entry's content is missing.
     """
-    names = names_kept(store, commit, folder=folder)
+    names = names_kept(repo, commit, folder=folder)
     if names is None:
-        names = _read_whole(store, commit)
-        _keep(names, _file_of(store, folder))
+        names = _read_whole(repo, commit)
+        _keep(names, _file_of(repo, folder))
     return names
 
 
-def names_kept(store: Store, commit: str, *, folder: Path | None = None) -> Names | None:
+def names_kept(repo: Repository, commit: str, *, folder: Path | None = None) -> Names | None:
     """The same where an earlier run left them, brought up to this commit; None where that takes reading every entry.
 
     Args:
-        store: as of :func:`names_at`.
+        repo: as of :func:`names_at`.
         commit: as of :func:`names_at`.
         folder: as of :func:`names_at`.
 
     Raises:
         RegistryError: the content of an entry that has changed since is missing.
     """
-    file = _file_of(store, folder)
+    file = _file_of(repo, folder)
     known = _kept(file)
     if known is None or known.commit == commit:
         return known
     # A history that was rewritten may have taken the commit with it.
-    if store.tip(known.commit) is None:
+    if repo.tip(known.commit) is None:
         return None
-    names = _brought_up(store, known, commit)
+    names = _brought_up(repo, known, commit)
     _keep(names, file)
     return names
 
 
-def _file_of(store: Store, folder: Path | None) -> Path:
+def _file_of(repo: Repository, folder: Path | None) -> Path:
     folder = folder or user_cache_path("calibrary", appauthor=False) / "registry-names"
-    repository = hashlib.sha256(str(store.common_dir).encode("utf-8", "surrogateescape")).hexdigest()[:32]
+    repository = hashlib.sha256(str(repo.common_dir).encode("utf-8", "surrogateescape")).hexdigest()[:32]
     return folder / f"{repository}.json"
 
 
@@ -111,10 +111,10 @@ def _keep(names: Names, file: Path) -> None:
         write_files({file: _document(names)})
 
 
-def _read_whole(store: Store, commit: str) -> Names:
-    listing = store.listing(commit, CAMERAS)
+def _read_whole(repo: Repository, commit: str) -> Names:
+    listing = repo.listing(commit, CAMERAS)
     paths = sorted(listing)
-    contents = store.read_many([listing[path] for path in paths])
+    contents = repo.read_many([listing[path] for path in paths])
     return Names(
         commit=commit,
         aliases=_aliases(zip(paths, contents, strict=True)),
@@ -122,11 +122,11 @@ def _read_whole(store: Store, commit: str) -> Names:
     )
 
 
-def _brought_up(store: Store, known: Names, commit: str) -> Names:
+def _brought_up(repo: Repository, known: Names, commit: str) -> Names:
     """What was known, but for the entries that differ."""
-    differing = changed(store, known.commit, commit)
+    differing = changed(repo, known.commit, commit, CAMERAS)
     there = {file.path: file.after for file in differing if file.after is not None}
-    contents = store.read_many([*there.values()])
+    contents = repo.read_many([*there.values()])
     touched = {file.path for file in differing}
     aliases = {path: names for path, names in known.aliases.items() if path not in touched}
     irregular = {path for path in known.irregular if path not in touched}

@@ -11,12 +11,13 @@ from typing import Final
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.keep.keeper import Keeper, refuse_broken
 from calibrary.keep.welcome import DRIVER, DRIVER_COMMAND, welcome_files
-from calibrary.registry import maintenance
 from calibrary.registry.charter import CHARTER
 from calibrary.registry.fleet import Note, Registry
-from calibrary.registry.remotes import clone
-from calibrary.registry.urls import check_url, without_secret
-from calibrary.registry.writing import Change
+from calibrary.registry.git import maintenance
+from calibrary.registry.git.remotes import clone
+from calibrary.registry.git.urls import check_url, without_secret
+from calibrary.registry.git.writing import Change
+from calibrary.registry.layout import check_path
 
 __all__ = ["Begun", "begin", "begin_from", "folder_for", "has_driver", "install_driver"]
 
@@ -83,19 +84,19 @@ def begin_from(url: str, place: Path, *, bare: bool = False) -> Begun:
         RegistryError: it cannot be reached or is no registry; nothing stays behind.
     """
     shown, existed = without_secret(check_url(url)), place.exists()
-    store = clone(url, place, bare=bare)
+    repo = clone(url, place, bare=bare, check_path=check_path)
     try:
-        registry, files = Registry(store, check=refuse_broken), {}
-        if store.tip() is None:
+        registry, files = Registry(repo, check=refuse_broken), {}
+        if repo.tip() is None:
             files = welcome_files()
             registry.put_many([Change(path=name, data=data) for name, data in files.items()], BEGUN)
-        maintenance.index_paths(store)
+        maintenance.index_paths(repo)
         keeper = Keeper.open(place)
     except CalibraryError:
         for made in place.iterdir() if existed else [place]:
             shutil.rmtree(made, ignore_errors=True)
         raise
-    return Begun(keeper=keeper, cloned_from=shown, files=tuple(files), outer=_around(store.path))
+    return Begun(keeper=keeper, cloned_from=shown, files=tuple(files), outer=_around(repo.path))
 
 
 def folder_for(url: str) -> Path:
@@ -114,7 +115,7 @@ def folder_for(url: str) -> Path:
 
 def has_driver(keeper: Keeper) -> bool:
     """Whether git knows how to show this registry's entries."""
-    return keeper.registry.store.setting(DRIVER) is not None
+    return keeper.registry.repo.setting(DRIVER) is not None
 
 
 def install_driver(keeper: Keeper) -> None:
@@ -123,12 +124,12 @@ def install_driver(keeper: Keeper) -> None:
     Raises:
         RegistryError: its configuration cannot be written.
     """
-    keeper.registry.store.run("config", "--local", "--replace-all", DRIVER, DRIVER_COMMAND)
+    keeper.registry.repo.run("config", "--local", "--replace-all", DRIVER, DRIVER_COMMAND)
 
 
 def _in_empty_repository(place: Path, files: dict[str, bytes], standing: list[str]) -> Keeper:
-    store = Registry.open(place).store
-    if store.tip() is not None:
+    repo = Registry.open(place).repo
+    if repo.tip() is not None:
         keeper = Keeper.open(place) if _is_registry(place) else None
         if keeper is not None:
             raise RegistryError(
@@ -141,23 +142,23 @@ def _in_empty_repository(place: Path, files: dict[str, bytes], standing: list[st
         )
     if standing:
         raise RegistryError(f"{place}: {', '.join(standing)} stands here already; nothing was changed")
-    registry = Registry(store, check=refuse_broken)
+    registry = Registry(repo, check=refuse_broken)
     registry.put_many([Change(path=name, data=data) for name, data in files.items()], BEGUN)
-    maintenance.index_paths(store)
+    maintenance.index_paths(repo)
     return Keeper.open(place)
 
 
 def _is_registry(place: Path) -> bool:
     registry = Registry.open(place)
-    tip = registry.store.tip()
+    tip = registry.repo.tip()
     return tip is not None and (
-        registry.store.read(tip, CHARTER) is not None or bool(registry.snapshot().paths)
+        registry.repo.read(tip, CHARTER) is not None or bool(registry.snapshot().paths)
     )
 
 
 def _begun(keeper: Keeper, files: dict[str, bytes]) -> Begun:
     return Begun(
-        keeper=keeper, cloned_from=None, files=tuple(files), outer=_around(keeper.registry.store.path)
+        keeper=keeper, cloned_from=None, files=tuple(files), outer=_around(keeper.registry.repo.path)
     )
 
 

@@ -17,11 +17,11 @@ from calibrary.registry.check import CheckFinding, CheckReport, check
 from calibrary.registry.entry import ROOT, SUFFIX, folder_of
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.folder import entry_paths, read_entry_file
-from calibrary.registry.history import changed, history
-from calibrary.registry.layout import check_path
-from calibrary.registry.revisions import commit_at, parse_rev
-from calibrary.registry.signatures import signatures
-from calibrary.registry.store import Store
+from calibrary.registry.git.history import changed, history
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.revisions import commit_at, parse_rev
+from calibrary.registry.git.signatures import signatures
+from calibrary.registry.layout import CAMERAS, check_path
 from calibrary.validation import Severity
 
 __all__ = [
@@ -85,12 +85,12 @@ def check_all(shelf: Shelf, policy: Policy | None = None, *, progress: Progress 
     """
     if shelf.keeper is None or shelf.commit is None:
         return check_work_tree(shelf, policy, progress=progress)
-    store, listed = shelf.keeper.registry.store, shelf.keeper.registry.snapshot(shelf.commit).paths
-    files = _Files(listed, _in_git(store, listed), progress)
+    repo, listed = shelf.keeper.registry.repo, shelf.keeper.registry.snapshot(shelf.commit).paths
+    files = _Files(listed, _in_git(repo, listed), progress)
     report = _completed(check(files, _policy(shelf, policy)), files, files)
     report = CheckReport(
         entries=report.entries,
-        findings=(*_no_files(store.irregular(shelf.commit, "cameras")), *report.findings),
+        findings=(*_no_files(repo.irregular(shelf.commit, "cameras")), *report.findings),
     )
     return Checked(what=f"{_entries(len(files))} at {shelf.commit[:12]}", commit=shelf.commit, report=report)
 
@@ -120,7 +120,7 @@ def check_work_tree(
     """
     root = shelf.place
     if shelf.keeper is not None:
-        tree = shelf.keeper.registry.store.work_tree
+        tree = shelf.keeper.registry.repo.work_tree
         if tree is None:
             raise RegistryError(f"{shelf.place}: a bare repository has no work tree; leave out --worktree")
         root = tree
@@ -156,14 +156,14 @@ def check_range(
     if shelf.keeper is None or shelf.commit is None:
         raise RegistryError(f"{shelf.place}: a plain folder has no revisions; leave out REV..REV")
     registry = shelf.keeper.registry
-    store, policy = registry.store, _policy(shelf, policy)
-    start = commit_at(store, parse_rev(before))
-    end = commit_at(store, parse_rev(after)) if after is not None else shelf.commit
-    old, new = store.listing(start, "cameras"), store.listing(end, "cameras")
-    touched = {file.path for file in changed(store, start, end)}
+    repo, policy = registry.repo, _policy(shelf, policy)
+    start = commit_at(repo, parse_rev(before))
+    end = commit_at(repo, parse_rev(after)) if after is not None else shelf.commit
+    old, new = repo.listing(start, "cameras"), repo.listing(end, "cameras")
+    touched = {file.path for file in changed(repo, start, end, CAMERAS)}
     own = touched & new.keys()
-    files = _Files(_met(store, new, touched), _in_git(store, new), progress)
-    was = _Files(_met(store, old, touched), _in_git(store, old))
+    files = _Files(_met(repo, new, touched), _in_git(repo, new), progress)
+    was = _Files(_met(repo, old, touched), _in_git(repo, old))
     found = _completed(check(files, policy), files, own).findings
     known = set(check(was, policy).findings) if len(own) < len(files) else set()
     findings = tuple(item for item in found if item.path in own or item not in known)
@@ -191,11 +191,11 @@ def check_signatures(
     """
     if shelf.keeper is None or shelf.commit is None:
         raise RegistryError(f"{shelf.place}: a plain folder has no commits to be signed")
-    store = shelf.keeper.registry.store
-    end = commit_at(store, parse_rev(after)) if after is not None else shelf.commit
-    span = f"{commit_at(store, parse_rev(before))}..{end}" if before is not None else end
-    commits = [revision.commit for revision in history(store, None, span)]
-    return tuple(str(found) for found in signatures(store, commits, signers) if not found.is_good)
+    repo = shelf.keeper.registry.repo
+    end = commit_at(repo, parse_rev(after)) if after is not None else shelf.commit
+    span = f"{commit_at(repo, parse_rev(before))}..{end}" if before is not None else end
+    commits = [revision.commit for revision in history(repo, None, span)]
+    return tuple(str(found) for found in signatures(repo, commits, signers) if not found.is_good)
 
 
 def checked_json(done: Checked, unsigned: tuple[str, ...] | None) -> dict[str, Json]:
@@ -266,8 +266,8 @@ class _Files(Mapping[str, bytes]):
         return len(self._order)
 
 
-def _in_git(store: Store, listed: Mapping[str, str]) -> Callable[[Sequence[str]], Iterable[bytes]]:
-    return lambda names: store.read_many([listed[name] for name in names])
+def _in_git(repo: Repository, listed: Mapping[str, str]) -> Callable[[Sequence[str]], Iterable[bytes]]:
+    return lambda names: repo.read_many([listed[name] for name in names])
 
 
 def _in_folder(root: Path) -> Callable[[Sequence[str]], Iterable[bytes]]:
@@ -304,18 +304,18 @@ def _error(path: str, rule: str, message: str) -> CheckFinding:
     return CheckFinding(path=path, rule=rule, severity=Severity.ERROR, message=message)
 
 
-def _met(store: Store, listed: Mapping[str, str], touched: Collection[str]) -> set[str]:
+def _met(repo: Repository, listed: Mapping[str, str], touched: Collection[str]) -> set[str]:
     """The changed entries of a state, and every other that one of them may meet."""
     models = {_model(path) for path in touched}
     met = {path for path in listed if path in touched or _model(path) in models}
     rest = sorted(listed.keys() - met)
     ids = [id_of(path).encode() for path in touched]
-    for path, data in zip(rest, store.read_many([listed[path] for path in rest]), strict=True):
+    for path, data in zip(rest, repo.read_many([listed[path] for path in rest]), strict=True):
         aliases, supersedes = (word in data for word in MENTIONS)
         if aliases or (supersedes and any(name in data for name in ids)):
             met.add(path)
     own = {path for path in touched if path in listed}
-    for path, data in zip(sorted(own), store.read_many([listed[path] for path in sorted(own)]), strict=True):
+    for path, data in zip(sorted(own), repo.read_many([listed[path] for path in sorted(own)]), strict=True):
         met |= _spoken_of(path, data, listed)
     return met
 

@@ -11,14 +11,14 @@ from calibrary.keep.fields import Field, entry_fields
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.names import find_path, id_of
 from calibrary.records import Json
-from calibrary.registry.conflicts import Conflict, EntryConflictError
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fleet import Note
-from calibrary.registry.remotes import Pulled, pull, push, set_remote
-from calibrary.registry.store import Store
-from calibrary.registry.urls import check_url, without_secret
-from calibrary.registry.writing import Change
+from calibrary.registry.git.conflicts import Conflict, FileConflictError
+from calibrary.registry.git.remotes import Pulled, pull, push, set_remote
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.urls import check_url, without_secret
+from calibrary.registry.git.writing import Change
 
 __all__ = ["Choice", "FieldConflict", "bring", "field_conflicts", "give", "remote_named", "sync_json"]
 
@@ -63,21 +63,21 @@ def bring(keeper: Keeper, remote: str = DEFAULT, choice: Choice | None = None) -
         choice: for every entry that both sides changed; without it nothing is changed where there is one.
 
     Raises:
-        EntryConflictError: both sides changed an entry and no side was chosen; all of them are told.
+        FileConflictError: both sides changed an entry and no side was chosen; all of them are told.
         RegistryError: the remote cannot be reached.
     """
-    store = keeper.registry.store
+    repo = keeper.registry.repo
     try:
-        return pull(store, remote)
-    except EntryConflictError as error:
+        return pull(repo, remote)
+    except FileConflictError as error:
         sides = _decided(error, choice or Choice())
-    before = store.tip()
+    before = repo.tip()
     conflicts = [conflict for conflict, _ in sides]
     # What we say is made what they say first, so that the pull finds both agreed; ours then follows as a change of
     # theirs, which is what it is.
     _settle(keeper, conflicts)
     try:
-        pulled = pull(store, remote)
+        pulled = pull(repo, remote)
     except BaseException:
         _write_ours(keeper, conflicts, Note(subject="Take ours back: the pull did not come through"))
         raise
@@ -102,7 +102,7 @@ def give(keeper: Keeper, remote: str = DEFAULT) -> str:
         ConflictError: the remote has moved on; pull first.
         RegistryError: it cannot be reached, or does not take it.
     """
-    return push(keeper.registry.store, remote)
+    return push(keeper.registry.repo, remote)
 
 
 def remote_named(keeper: Keeper, word: str | None) -> tuple[str, str | None]:
@@ -120,17 +120,17 @@ def remote_named(keeper: Keeper, word: str | None) -> tuple[str, str | None]:
         return DEFAULT, None
     if not _is_address(word):
         return word, None
-    store, address = keeper.registry.store, check_url(word)
-    known = _remotes(store)
+    repo, address = keeper.registry.repo, check_url(word)
+    known = _remotes(repo)
     for name, url in known.items():
         if url in {word, address}:
             return name, None
     if DEFAULT in known:
         raise RegistryError(
             f"{without_secret(address)}: no remote of that address, and origin is {without_secret(known[DEFAULT])}; "
-            f"name it first: git -C {store.path} remote add NAME URL"
+            f"name it first: git -C {repo.path} remote add NAME URL"
         )
-    set_remote(store, DEFAULT, address)
+    set_remote(repo, DEFAULT, address)
     return DEFAULT, without_secret(address)
 
 
@@ -179,8 +179,8 @@ def _is_address(word: str) -> bool:
     return any(sign in word for sign in "/:\\")
 
 
-def _remotes(store: Store) -> dict[str, str]:
-    settings = {setting.key: setting.value for setting in store.settings}
+def _remotes(repo: Repository) -> dict[str, str]:
+    settings = {setting.key: setting.value for setting in repo.settings}
     return {
         key.removeprefix("remote.").removesuffix(".url"): value or ""
         for key, value in settings.items()
@@ -188,11 +188,11 @@ def _remotes(store: Store) -> dict[str, str]:
     }
 
 
-def _decided(error: EntryConflictError, choice: Choice) -> list[tuple[Conflict, bool]]:
+def _decided(error: FileConflictError, choice: Choice) -> list[tuple[Conflict, bool]]:
     """Each conflict, and whether ours is right.
 
     Raises:
-        EntryConflictError: the one that was given, where a conflict is left undecided.
+        FileConflictError: the one that was given, where a conflict is left undecided.
         RegistryError: an entry was named for both sides, or is in no conflict.
     """
     paths = [conflict.path for conflict in error.conflicts]

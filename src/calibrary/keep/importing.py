@@ -25,7 +25,7 @@ from calibrary.registry.check import CheckFinding
 from calibrary.registry.digest import digest
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.writing import Written
+from calibrary.registry.git.writing import Written
 from calibrary.validation import Severity
 
 __all__ = ["Fate", "Import", "Item", "import_catalogue", "import_folder", "imported_json", "write_import"]
@@ -140,7 +140,7 @@ def write_import(keeper: Keeper, found: Import, *, reason: str | None = None) ->
     """Write them as one commit; None where nothing is due.
 
     Raises:
-        EntryConflictError: somebody has changed one meanwhile; nothing was written.
+        FileConflictError: somebody has changed one meanwhile; nothing was written.
         RegistryError: they cannot be written.
     """
     if not found.due:
@@ -221,7 +221,7 @@ def _standing(keeper: Keeper, path: str, base: str | None) -> Entry | None:
     if base is None:
         return None
     try:
-        return parse_entry(keeper.registry.store.blob(base), path)
+        return parse_entry(keeper.registry.repo.blob(base), path)
     except CalibraryError:
         return None
 

@@ -14,13 +14,13 @@ from calibrary.keep.names import find_path, id_of
 from calibrary.registry.charter import CHARTER, Charter, parse_charter
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from calibrary.registry.fast_import import Person
 from calibrary.registry.firmware import compare
 from calibrary.registry.fleet import Note, Registry
-from calibrary.registry.history import Revision, newest_where
+from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.history import Revision, newest_where
+from calibrary.registry.git.revisions import Firmware, parse_rev
+from calibrary.registry.git.writing import Change, Written
 from calibrary.registry.resolution import RegistryIndex, is_keyed
-from calibrary.registry.revisions import Firmware, parse_rev
-from calibrary.registry.writing import Change, Written
 
 __all__ = ["Held", "Keeper", "note_of", "refuse_broken"]
 
@@ -88,7 +88,7 @@ class Keeper:
         """The entry that ``KEY`` or ``KEY@REV`` means.
 
         Args:
-            key: see :func:`calibrary.keep.names.find_path`, and :mod:`calibrary.registry.revisions` for REV.
+            key: see :func:`calibrary.keep.names.find_path`, and :mod:`calibrary.registry.git.revisions` for REV.
 
         Raises:
             UnknownCameraError: no such camera, or not at that revision.
@@ -131,7 +131,7 @@ class Keeper:
     def index(self, rev: str | None = None) -> RegistryIndex:
         """What :meth:`~calibrary.registry.resolution.RegistryIndex.resolve` answers from, at a revision."""
         snapshot = self.registry.snapshot(rev)
-        return RegistryIndex(snapshot.paths, lambda path: self.registry.store.blob(snapshot.paths[path]))
+        return RegistryIndex(snapshot.paths, lambda path: self.registry.repo.blob(snapshot.paths[path]))
 
     def at(self, path: str) -> Held | None:
         """What stands at a path now; None where nothing does."""
@@ -149,7 +149,7 @@ class Keeper:
             entry = None
             if revision.oid is not None:
                 try:
-                    entry = parse_entry(self.registry.store.blob(revision.oid), revision.path)
+                    entry = parse_entry(self.registry.repo.blob(revision.oid), revision.path)
                 except InputError:
                     entry = None
             yield revision, entry
@@ -171,7 +171,7 @@ class Keeper:
             branch: None for the one that is checked out.
 
         Raises:
-            EntryConflictError: somebody has changed one since; nothing was written.
+            FileConflictError: somebody has changed one since; nothing was written.
             RegistryError: one cannot be written.
         """
         changes = [Change(path=entry.path, data=entry_yaml(entry), base=base) for entry, base in entries]
@@ -180,8 +180,8 @@ class Keeper:
     def _of_firmware(self, name: str, version: str) -> Held:
         snapshot = self.registry.snapshot()
         path = find_path(snapshot.paths, name)
-        store = self.registry.store
-        found = newest_where(store, path, snapshot.commit, partial(_is_of_firmware, path, version))
+        repo = self.registry.repo
+        found = newest_where(repo, path, snapshot.commit, partial(_is_of_firmware, path, version))
         if found is None:
             raise UnknownCameraError(
                 f"{id_of(path)}: no revision of it was made for firmware {version}; "
@@ -192,7 +192,7 @@ class Keeper:
         return _in_its_place(Held(entry=entry, path=revision.path, oid=blob.oid, commit=revision.commit))
 
     def _held(self, path: str, oid: str, commit: str) -> Held:
-        entry = _parsed(self.registry.store.blob(oid), path)
+        entry = _parsed(self.registry.repo.blob(oid), path)
         return Held(entry=entry, path=path, oid=oid, commit=commit)
 
 
@@ -231,22 +231,22 @@ def _in_its_place(held: Held) -> Held:
 
 def _charter_of(registry: Registry) -> Charter:
     """What a registry says of itself; one that was begun by hand, by its entries alone, keeps the common rules."""
-    store = registry.store
-    tip = store.tip()
+    repo = registry.repo
+    tip = repo.tip()
     if tip is None:
         return Charter()
-    blob = store.read(tip, CHARTER)
+    blob = repo.read(tip, CHARTER)
     if blob is None:
         if registry.snapshot().paths:
             return Charter()
         raise RegistryError(
-            f"{store.path}: a git repository, but no registry: it has neither {CHARTER} nor entries in cameras/; "
+            f"{repo.path}: a git repository, but no registry: it has neither {CHARTER} nor entries in cameras/; "
             "'calibrary registry init FOLDER' makes one of its own"
         )
     try:
         return parse_charter(blob.data)
     except InputError as error:
-        raise RegistryError(f"{store.path}: {error}") from None
+        raise RegistryError(f"{repo.path}: {error}") from None
 
 
 def refuse_broken(path: str, data: bytes) -> None:

@@ -52,14 +52,14 @@ def pinned(shelf: Shelf, paths: Iterable[str]) -> Lock:
     if shelf.keeper is None or shelf.commit is None:
         pins = tuple(_pin(path, read_entry_file(shelf.place, path)) for path in wanted)
         return Lock(registry=shelf.place.name or None, pins=pins)
-    store = shelf.keeper.registry.store
+    repo = shelf.keeper.registry.repo
     listed = shelf.keeper.registry.snapshot(shelf.commit).paths
     if missing := [path for path in wanted if path not in listed]:
         raise RegistryError(f"{missing[0]}: not in the registry at {shelf.commit[:12]}")
-    contents = store.read_many([listed[path] for path in wanted])
+    contents = repo.read_many([listed[path] for path in wanted])
     pins = tuple(_pin(path, data) for path, data in zip(wanted, contents, strict=True))
     # A folder's whole path tells about a disk, and a remote's address may hold a password.
-    return Lock(registry=store.path.name, commit=shelf.commit, pins=pins)
+    return Lock(registry=repo.path.name, commit=shelf.commit, pins=pins)
 
 
 def lock_json(lock: Lock) -> dict[str, Json]:
@@ -104,16 +104,16 @@ def locked(shelf: Shelf, lock_file: Path) -> Locked:
     lock = read_lock(lock_file)
     if shelf.keeper is None or lock.commit is None:
         return Locked(index=_unchanged(shelf, lock, lock_file))
-    store = shelf.keeper.registry.store
-    if store.tip(lock.commit) is None:
-        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if store.is_shallow else ""
+    repo = shelf.keeper.registry.repo
+    if repo.tip(lock.commit) is None:
+        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if repo.is_shallow else ""
         raise RegistryError(
-            f"{store.path} does not hold commit {lock.commit[:12]}, which {lock_file} pins{hint}; bring it "
+            f"{repo.path} does not hold commit {lock.commit[:12]}, which {lock_file} pins{hint}; bring it "
             f"(calibrary registry pull), or accept what is there now: calibrary registry lock"
         )
     files = {}
     for pin in lock.pins:
-        blob = store.read(lock.commit, pin.path)
+        blob = repo.read(lock.commit, pin.path)
         if blob is not None:
             files[pin.path] = blob.data
     refuse_drift(lock, [_pin(path, data) for path, data in files.items()], name=str(lock_file))
@@ -128,8 +128,8 @@ def _unchanged(shelf: Shelf, lock: Lock, lock_file: Path) -> RegistryIndex:
             path: read_entry_file(shelf.place, path) for path in entry_paths(shelf.place) if path in wanted
         }
     else:
-        store, listed = shelf.keeper.registry.store, shelf.keeper.registry.snapshot(shelf.commit).paths
-        files = {pin.path: store.blob(listed[pin.path]) for pin in lock.pins if pin.path in listed}
+        repo, listed = shelf.keeper.registry.repo, shelf.keeper.registry.snapshot(shelf.commit).paths
+        files = {pin.path: repo.blob(listed[pin.path]) for pin in lock.pins if pin.path in listed}
     refuse_drift(lock, [_pin(path, data) for path, data in files.items()], name=str(lock_file))
     return RegistryIndex(files, files.__getitem__, require_digest=False)
 
@@ -138,13 +138,13 @@ def _since(shelf: Shelf, lock: Lock) -> tuple[str, ...]:
     """What has become of pinned entries: a run that is repeated on a retired one should not go unnoticed."""
     if shelf.keeper is None or shelf.commit is None or lock.commit is None:
         return ()
-    store, listed = shelf.keeper.registry.store, shelf.keeper.registry.snapshot(shelf.commit).paths
+    repo, listed = shelf.keeper.registry.repo, shelf.keeper.registry.snapshot(shelf.commit).paths
     told = []
     for pin in lock.pins:
         oid = listed.get(pin.path)
         if oid == pin.blob:
             continue
-        told.append(f"{pin.path} {_became(store.blob(oid), pin) if oid is not None else 'is gone'}")
+        told.append(f"{pin.path} {_became(repo.blob(oid), pin) if oid is not None else 'is gone'}")
     if not told:
         return ()
     more = f" and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""

@@ -21,9 +21,9 @@ from calibrary.registry.charter import CHARTER
 from calibrary.registry.entry import ROOT, folder_of
 from calibrary.registry.fleet import Registry
 from calibrary.registry.folder import entry_paths, open_folder, read_entry_file
+from calibrary.registry.git.repository import Repository
 from calibrary.registry.resolution import AliasMap, RegistryIndex
 from calibrary.registry.slug import match_key
-from calibrary.registry.store import Store
 
 __all__ = ["Shelf", "open_shelf"]
 
@@ -50,11 +50,11 @@ class Shelf:
         """
         if self.keeper is None or self.commit is None:
             return open_folder(self.place)
-        store, snapshot = self.keeper.registry.store, self.keeper.registry.snapshot(self.commit)
+        repo, snapshot = self.keeper.registry.repo, self.keeper.registry.snapshot(self.commit)
         return RegistryIndex(
             snapshot.paths,
-            lambda path: store.blob(snapshot.paths[path]),
-            aliases=partial(_aliases_at, store, self.commit),
+            lambda path: repo.blob(snapshot.paths[path]),
+            aliases=partial(_aliases_at, repo, self.commit),
         )
 
     def index_for(self, key: CameraKey) -> RegistryIndex:
@@ -65,22 +65,22 @@ class Shelf:
         """
         if self.keeper is None or self.commit is None or not key.make or not key.model:
             return self.index()
-        store = self.keeper.registry.store
-        names = names_kept(store, self.commit)
+        repo = self.keeper.registry.repo
+        names = names_kept(repo, self.commit)
         if names is None:
             return self.index()
         aliases = names.alias_map
         others = aliases.get((match_key(key.make), match_key(key.model)), frozenset())
         paths = list(names.irregular)
         for folder in sorted({folder_of(key.make, key.model), *others}):
-            paths += store.listing(self.commit, folder)
-        return RegistryIndex(paths, partial(_file_at, store, self.commit), aliases=lambda: aliases)
+            paths += repo.listing(self.commit, folder)
+        return RegistryIndex(paths, partial(_file_at, repo, self.commit), aliases=lambda: aliases)
 
     def uncommitted(self) -> tuple[str, ...]:
         """Entries that somebody changed in the work tree and did not commit; what is read does not hold them."""
-        if self.keeper is None or self.keeper.registry.store.work_tree is None:
+        if self.keeper is None or self.keeper.registry.repo.work_tree is None:
             return ()
-        told = self.keeper.registry.store.run(
+        told = self.keeper.registry.repo.run(
             "status", "--porcelain", "-z", "--no-renames", "--untracked-files=all", "--", ROOT
         ).out
         return tuple(os.fsdecode(line[3:]) for line in told.split(b"\0") if line)
@@ -93,7 +93,7 @@ class Shelf:
         """
         if self.keeper is None or self.commit is None:
             return read_entry_file(self.place, path)
-        return _file_at(self.keeper.registry.store, self.commit, path)
+        return _file_at(self.keeper.registry.repo, self.commit, path)
 
     def files(self) -> Mapping[str, bytes]:
         """Every entry's bytes, by path.
@@ -137,19 +137,19 @@ def _kept_by_git(place: Path) -> Keeper | None:
         return None
     if is_checkout:
         # A folder of entries in somebody's repository of scripts is no registry of git's.
-        store = Registry.open(place).store
-        tip = store.tip()
-        if tip is None or store.read(tip, CHARTER) is None:
+        repo = Registry.open(place).repo
+        tip = repo.tip()
+        if tip is None or repo.read(tip, CHARTER) is None:
             return None
     return Keeper.open(place)
 
 
-def _aliases_at(store: Store, commit: str) -> AliasMap:
-    return names_at(store, commit).alias_map
+def _aliases_at(repo: Repository, commit: str) -> AliasMap:
+    return names_at(repo, commit).alias_map
 
 
-def _file_at(store: Store, commit: str, path: str) -> bytes:
-    blob = store.read(commit, path)
+def _file_at(repo: Repository, commit: str, path: str) -> bytes:
+    blob = repo.read(commit, path)
     if blob is None:
         raise RegistryError(f"{path}: not at {commit[:12]}")
     return blob.data

@@ -12,7 +12,7 @@ from calibrary.keep.keeper import Held, Keeper, note_of
 from calibrary.records import replace
 from calibrary.registry.check import CheckFinding
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.writing import Written
+from calibrary.registry.git.writing import Written
 
 __all__ = ["Decision", "decide", "decide_from", "write_decisions"]
 
@@ -109,7 +109,7 @@ def write_decisions(
     """Write them as one commit.
 
     Raises:
-        EntryConflictError: somebody has changed one since it was read; nothing was written.
+        FileConflictError: somebody has changed one since it was read; nothing was written.
         RegistryError: they cannot be written.
     """
     due = [decision for decision in decisions if decision.changes]

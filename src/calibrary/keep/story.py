@@ -13,7 +13,7 @@ from calibrary.keep.keeper import Keeper
 from calibrary.keep.names import find_path
 from calibrary.records import Json
 from calibrary.registry.entry import ROOT, SUFFIX, Entry
-from calibrary.registry.history import Revision
+from calibrary.registry.git.history import Revision
 
 __all__ = ["Chapter", "Said", "blame", "blame_json", "chapters", "story_json"]
 

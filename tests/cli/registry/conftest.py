@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.keep.beginning import begin
-from tests.registry.stores import nobodys_git, seclude
+from tests.registry.git.repositories import nobodys_git, seclude
 
 __all__ = ["nobodys_git"]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.registry.entry import Entry
 from calibrary.registry.fleet import Note, Registry
-from calibrary.registry.writing import Change
+from calibrary.registry.git.writing import Change
 
 __all__ = ["put", "put_bytes"]
 

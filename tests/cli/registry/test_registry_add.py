@@ -24,7 +24,7 @@ from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, printed
 from tests.jobs.extract.fleet import DEWARP, picture
 from tests.jobs.extract.fleet import P4R as P4R_TAGS
 from tests.registry.entries import an_entry
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 
 def test_a_new_entry_is_a_draft_with_its_whole_provenance(fleet: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from calibrary.cli.main import main
 from calibrary.registry.entry import Status
 from tests.cli.registry.fleets import P4R, add, commit_of, held, printed, run, xml
 from tests.jobs.extract.fleet import DEWARP, picture
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 FLEW = "2026:03:05 09:30:00"
 PHANTOM: dict[str, Any] = {

@@ -14,7 +14,7 @@ from calibrary.schemas import require
 from tests.cli.registry.fleets import printed, run
 from tests.cli.registry.shelves import put, put_bytes
 from tests.registry.entries import an_entry
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 GOOD = an_entry()
 

@@ -21,7 +21,7 @@ from tests.cli.registry.fleets import CAMERA, P4R, commit_of, held, printed, run
 from tests.cli.registry.shelves import put
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 
 class TestCatalogue:

@@ -17,7 +17,7 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.schemas import require
 from calibrary.strictyaml import load_yaml
 from tests.cli.registry.fleets import CAMERA, P4R, add, run, xml
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 FILES = [".gitattributes", ".github/workflows/registry-check.yml", "README.md", "registry.yaml"]
 

@@ -18,7 +18,7 @@ from tests.cli.registry.fleets import P4R, printed, run
 from tests.cli.registry.shelves import put, put_bytes
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 ENTRY = an_entry(focal_mm=None)
 TAGS: dict[str, Any] = {"make": "DJI", "model": "FC6310R"}

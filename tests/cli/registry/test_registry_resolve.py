@@ -20,7 +20,7 @@ from tests.cli.registry.fleets import P4R, printed, run
 from tests.cli.registry.shelves import put
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 TAGS: dict[str, Any] = {"make": "DJI", "model": "FC6310R", "focal_mm": (88, 10)}
 

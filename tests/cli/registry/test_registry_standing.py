@@ -10,7 +10,7 @@ from calibrary.cli.main import main
 from calibrary.keep import standing
 from calibrary.registry.entry import Status
 from tests.cli.registry.fleets import P4R, add, commit_of, held, printed, run, xml
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 
 @pytest.fixture

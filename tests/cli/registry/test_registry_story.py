@@ -14,7 +14,7 @@ from calibrary.keep.welcome import DRIVER, DRIVER_COMMAND
 from calibrary.registry.entry_yaml import entry_yaml
 from tests.cli.registry.fleets import P4R, add, held, printed, run, xml
 from tests.registry.entries import an_entry, covariance
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 
 @pytest.fixture

@@ -12,13 +12,13 @@ from calibrary.keep import exchanging
 from calibrary.keep.keeper import Keeper
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.remotes import Pulled, pull
-from calibrary.registry.store import Store
+from calibrary.registry.git.remotes import Pulled, pull
+from calibrary.registry.git.repository import Repository
 from calibrary.schemas import require
 from tests.cli.registry.fleets import P4R, commit_of, held, printed, run
 from tests.cli.registry.shelves import put, put_bytes
 from tests.registry.entries import an_entry
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 MINE = an_entry(focal_mm=None)
 OTHER = an_entry(focal_mm=None, model="FC330")
@@ -119,11 +119,11 @@ class TestBothChangedAnEntry:
     ) -> None:
         tried = []
 
-        def fails_the_second_time(store: Store, remote: str) -> Pulled:
+        def fails_the_second_time(repo: Repository, remote: str) -> Pulled:
             tried.append(remote)
             if len(tried) > 1:
                 raise RegistryError("the network is gone")
-            return pull(store, remote)
+            return pull(repo, remote)
 
         monkeypatch.setattr(exchanging, "pull", fails_the_second_time)
         code, _, told = run(capsys, "pull", "--registry", twin, "--theirs", "all")

@@ -15,7 +15,7 @@ from tests.calib.photographs import saved
 from tests.cli.registry.fleets import add, commit_of, held, run, xml
 from tests.jobs.extract.fleet import picture
 from tests.jobs.onboard.payloads import document, onboard, phantom, survey
-from tests.registry.stores import git
+from tests.registry.git.repositories import git
 
 BRANCH = "onboard/example-survey_one"
 UNIT = ("--for", "unit")

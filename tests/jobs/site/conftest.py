@@ -8,7 +8,7 @@ import pytest
 
 from calibrary.jobs.site.building import Site, build
 from tests.jobs.site.fleet import fleet
-from tests.registry.stores import nobodys_git, seclude
+from tests.registry.git.repositories import nobodys_git, seclude
 
 __all__ = ["nobodys_git"]
 

@@ -13,8 +13,8 @@ from calibrary.jobs.site.work import entry_files
 from calibrary.keep.story import Chapter
 from calibrary.policy import FLEET
 from calibrary.registry.entry import Entry
-from calibrary.registry.fast_import import Person
-from calibrary.registry.history import Revision
+from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.history import Revision
 from tests.registry.entries import entries
 
 SOMEBODY = Person(name="Ada Keeper", email="ada@example.com")

@@ -14,7 +14,7 @@ from calibrary.jobs.site.building import Site
 from tests.jobs.site.test_site import P4R_PAGE
 from tests.pages.test_in_chromium import DESK, PHONE, PROGRAM, Seen, faults, watched
 from tests.pages.test_in_chromium import pytestmark as only_where_a_browser_is
-from tests.registry.stores import seclude
+from tests.registry.git.repositories import seclude
 
 pytestmark = only_where_a_browser_is
 

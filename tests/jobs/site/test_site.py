@@ -21,8 +21,8 @@ from calibrary.jobs.site.place import MARKER
 from calibrary.keep.keeper import Keeper
 from calibrary.registry.entry import Status
 from calibrary.registry.fleet import Note
-from calibrary.registry.store import Store
-from calibrary.registry.writing import Change, write
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import Change, write
 from tests.jobs.site.fleet import DRIFTED, HOSTILE, P4R, SETTLED, later, save
 
 P4R_PAGE = "cameras/dji/fc6310r/5472x3648+f8.8.html"
@@ -136,7 +136,7 @@ def test_every_download_reads_back_as_the_entry(site: Site) -> None:
 def test_the_entrys_own_file_is_there_byte_for_byte(site: Site, registry: Path) -> None:
     held = Keeper.open(registry).get("dji/fc6310r")
     path = site.root / "files/dji/fc6310r/5472x3648+f8.8/5472x3648+f8.8-entry.yaml"
-    assert path.read_bytes() == Keeper.open(registry).registry.store.blob(held.oid)
+    assert path.read_bytes() == Keeper.open(registry).registry.repo.blob(held.oid)
 
 
 def test_what_no_file_can_hold_is_said(site: Site) -> None:
@@ -224,9 +224,9 @@ def test_an_entry_that_is_none_is_told_and_does_not_end_the_others(
     registry: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     copy = shutil.copytree(registry, tmp_path / "fleet")
-    store = Store.open(copy)
+    repo = Repository.open(copy)
     path = "cameras/dji/broken/1x1.yaml"
-    write(store, [Change(path=path, data=b"fx: <script>", base=None)], Note(subject="Break it").message)
+    write(repo, [Change(path=path, data=b"fx: <script>", base=None)], Note(subject="Break it").message)
     assert main(["registry", "site", str(tmp_path / "out"), "--registry", str(copy)]) == 1
     assert "9 entries" in capsys.readouterr().err
     told = text(tmp_path / "out" / "index.html")

@@ -23,7 +23,7 @@ from calibrary.jobs.calibrate_board.sights import Sights
 from calibrary.keep.adding import Proposal
 from calibrary.registry.check import CheckFinding
 from calibrary.registry.entry import Status
-from calibrary.registry.writing import Written
+from calibrary.registry.git.writing import Written
 
 __all__ = ["Display"]
 

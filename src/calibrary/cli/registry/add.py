@@ -98,7 +98,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from calibrary.keep.adding import propose, write_proposals
     from calibrary.keep.admission import stands_against
     from calibrary.keep.operand import Reading
-    from calibrary.registry.conflicts import EntryConflictError
+    from calibrary.registry.git.conflicts import FileConflictError
 
     keeper, note = _registry(arguments), make_console(stderr=True)
     answers, wish = Answers.of(arguments), _wish(arguments)
@@ -130,7 +130,7 @@ def _run(arguments: argparse.Namespace) -> int:
     elif due and agreed(arguments, _question(due)):
         try:
             written = write_proposals(keeper, proposals, wish, source=arguments.file)
-        except EntryConflictError as error:
+        except FileConflictError as error:
             show_conflict(note, error)
             raise
         tell_written(note, written, "approved" if wish.approve else "wrote", len(due))
@@ -160,7 +160,7 @@ def _registry(arguments: argparse.Namespace) -> Keeper:
     if place is not None:
         return Keeper.open(place)
     keeper = begin(default_place()).keeper
-    told = f"no registry was named and none is around here, so yours was begun: {keeper.registry.store.path}"
+    told = f"no registry was named and none is around here, so yours was begun: {keeper.registry.repo.path}"
     make_console(stderr=True).print(plain(told), highlight=False, soft_wrap=True)
     return keeper
 

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from calibrary.keep.fields import Field, FieldChange
     from calibrary.keep.keeper import Keeper
     from calibrary.registry.check import CheckFinding
-    from calibrary.registry.conflicts import EntryConflictError
     from calibrary.registry.entry import Entry
-    from calibrary.registry.writing import Written
+    from calibrary.registry.git.conflicts import FileConflictError
+    from calibrary.registry.git.writing import Written
 
 __all__ = [
     "EntryChange",
@@ -89,7 +89,7 @@ def show_findings(console: Console, findings: Sequence[CheckFinding]) -> None:
         console.print(f"[{style}]{finding.severity.value}[/] {said}", highlight=False, soft_wrap=True)
 
 
-def show_conflict(console: Console, error: EntryConflictError) -> None:
+def show_conflict(console: Console, error: FileConflictError) -> None:
     """What somebody else has written meanwhile, field by field against what was to be written."""
     from calibrary.cli.console import plain
     from calibrary.errors import InputError
@@ -136,7 +136,7 @@ def print_document(
 
     document = {
         "schema": "calibrary/registry-change-1",
-        "registry": str(keeper.registry.store.path),
+        "registry": str(keeper.registry.repo.path),
         "commit": written.commit if written is not None else None,
         "entries": [
             {

@@ -60,7 +60,7 @@ def _run(arguments: argparse.Namespace) -> int:
     note = make_console(stderr=True)
     for line in _told(begun):
         note.print(plain(line), highlight=False, soft_wrap=True)
-    folder = begun.keeper.registry.store.path
+    folder = begun.keeper.registry.repo.path
     installed = False
     if not arguments.bare:
         question = "Have git show entries by their fields here (git config in this repository)?"
@@ -88,7 +88,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _told(begun: Begun) -> list[str]:
-    folder = begun.keeper.registry.store.path
+    folder = begun.keeper.registry.repo.path
     if begun.cloned_from is not None and not begun.files:
         lines = [f"{folder}: a copy of {begun.cloned_from}"]
     elif begun.cloned_from is not None:

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from calibrary.keep.fields import Field
-    from calibrary.registry.conflicts import Conflict, EntryConflictError
-    from calibrary.registry.remotes import Pulled
+    from calibrary.registry.git.conflicts import Conflict, FileConflictError
+    from calibrary.registry.git.remotes import Pulled
 
 __all__ = ["add_parser"]
 
@@ -66,7 +66,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
     from calibrary.keep.exchanging import Choice, bring, remote_named, sync_json
-    from calibrary.registry.conflicts import EntryConflictError
+    from calibrary.registry.git.conflicts import FileConflictError
 
     note, keeper = make_console(stderr=True), opened(arguments)
     remote, noted = remote_named(keeper, arguments.remote)
@@ -75,7 +75,7 @@ def _run(arguments: argparse.Namespace) -> int:
     try:
         with note.status(f"pulling from {remote}"):
             pulled = bring(keeper, remote, choice)
-    except EntryConflictError as error:
+    except FileConflictError as error:
         _show_conflicts(note, error)
         if arguments.json:
             _print(sync_json(remote, None, None, error.conflicts))
@@ -114,7 +114,7 @@ def _tell(console: Console, remote: str, pulled: Pulled) -> None:
         console.print(f"[yellow]note[/] {plain(warning)}", highlight=False, soft_wrap=True)
 
 
-def _show_conflicts(console: Console, error: EntryConflictError) -> None:
+def _show_conflicts(console: Console, error: FileConflictError) -> None:
     from calibrary.cli.console import plain
     from calibrary.keep.names import id_of
 

@@ -94,7 +94,7 @@ def _show(arguments: argparse.Namespace) -> int:
             document |= {"against": against, "changes": [change_json(change) for change in changes]}
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     elif arguments.yaml:
-        sys.stdout.buffer.write(keeper.registry.store.blob(held.oid))
+        sys.stdout.buffer.write(keeper.registry.repo.blob(held.oid))
     elif changes is None:
         _describe(make_console(stderr=False), held)
     else:

@@ -59,7 +59,7 @@ def since(
         RegistryError: there is no such revision.
     """
     files = keeper.registry.changed(rev)
-    blob = keeper.registry.store.blob
+    blob = keeper.registry.repo.blob
     changes = []
     for done, file in enumerate(files, start=1):
         before = _parsed(file.path, partial(blob, file.before)) if file.before is not None else None

@@ -155,7 +155,7 @@ def relatives(keeper: Keeper, entry: Entry, policy: Policy) -> tuple[Relative, .
     found = []
     for path in paths[:MOST_READ]:
         try:
-            other = parse_entry(keeper.registry.store.blob(snapshot.paths[path]), path)
+            other = parse_entry(keeper.registry.repo.blob(snapshot.paths[path]), path)
         except InputError:
             # It is for the registry's check to tell of.
             continue

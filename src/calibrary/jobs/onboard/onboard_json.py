@@ -11,7 +11,7 @@ from calibrary.jobs.onboard.proposing import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, Onboarding, Outcome
 from calibrary.keep.admission import finding_json
 from calibrary.records import Json
-from calibrary.registry.writing import Written
+from calibrary.registry.git.writing import Written
 from calibrary.validation import Report
 
 __all__ = ["onboard_json"]
@@ -32,7 +32,7 @@ def onboard_json(done: Onboarding, written: Mapping[str, Written], page: str | N
         "schema": "calibrary/onboard-1",
         "verdict": "good" if done.is_good else "refused",
         "folder": str(payload.folder),
-        "registry": str(done.request.keeper.registry.store.path),
+        "registry": str(done.request.keeper.registry.repo.path),
         "policy": done.request.policy.name,
         "sorted": {
             "images": payload.images - frames,

@@ -36,9 +36,9 @@ from calibrary.keep.keeper import Keeper, note_of
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git.writing import Written, identity
 from calibrary.registry.resolution import Resolution
 from calibrary.registry.slug import slug
-from calibrary.registry.writing import Written, identity
 
 __all__ = ["BRANCHES", "branch_name", "branch_of", "onboard", "write_drafts"]
 
@@ -91,7 +91,7 @@ def write_drafts(done: Onboarding, reason: str | None = None) -> dict[str, Writt
     """Write what is proposed, a branch for each model and a commit for each branch.
 
     Raises:
-        EntryConflictError: somebody has written the same entry on the branch meanwhile.
+        FileConflictError: somebody has written the same entry on the branch meanwhile.
         RegistryError: it cannot be written.
     """
     keeper, branches = done.request.keeper, {}
@@ -175,7 +175,7 @@ def _outcome(subject: Subject, payload: Payload, square_mm: float, request: Requ
 def _proposed(so_far: Outcome, hearing: Hearing, payload: Payload, request: Request) -> Outcome:
     """The draft of a camera against which nothing speaks yet, and what the registry says to it."""
     subject, keeper, board = so_far.subject, request.keeper, so_far.board
-    operator = request.operator or identity(keeper.registry.store)[0].name
+    operator = request.operator or identity(keeper.registry.repo)[0].name
     serves = _serves(subject, hearing, request.questions)
     result = board.result if board is not None else None
     try:
@@ -292,12 +292,12 @@ def _entry_at(keeper: Keeper, branch: str, path: str) -> Entry | None:
     if oid is None:
         return None
     try:
-        return parse_entry(keeper.registry.store.blob(oid), path)
+        return parse_entry(keeper.registry.repo.blob(oid), path)
     except InputError:
         return None
 
 
 def _oid_at(keeper: Keeper, branch: str, path: str) -> str | None:
     """What stands at a path of a branch, or of the main one as long as there is no such branch."""
-    exists = keeper.registry.store.tip(f"refs/heads/{branch}") is not None
+    exists = keeper.registry.repo.tip(f"refs/heads/{branch}") is not None
     return keeper.registry.snapshot(branch if exists else None).paths.get(path)

@@ -20,7 +20,8 @@ from calibrary.jobs.site.work import Card, Job, Task, write_entries
 from calibrary.keep.keeper import Keeper
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.history import changed, history
+from calibrary.registry.git.history import changed, history
+from calibrary.registry.layout import CAMERAS
 from calibrary.workers import end_with_parent
 
 __all__ = ["Progress", "Site", "build", "build_into"]
@@ -129,16 +130,16 @@ def _still_true(keeper: Keeper, former: Site, job: Job) -> dict[str, Card]:
     """The cards of entries that no commit since the earlier site has touched, by path."""
     if former.policy != job.policy:
         return {}
-    store = keeper.registry.store
-    is_ancestor = store.run("merge-base", "--is-ancestor", former.commit, job.commit, good=(0, 1)).code == 0
-    news = history(store, None, f"{former.commit}..{job.commit}", most=MOST_NEWS) if is_ancestor else ()
+    repo = keeper.registry.repo
+    is_ancestor = repo.run("merge-base", "--is-ancestor", former.commit, job.commit, good=(0, 1)).code == 0
+    news = history(repo, None, f"{former.commit}..{job.commit}", most=MOST_NEWS) if is_ancestor else ()
     if not is_ancestor or len(news) == MOST_NEWS:
         return {}
     touched = {
         file.path
         for commit in news
         for parent in (commit.parents or (None,))
-        for file in changed(store, parent, commit.commit)
+        for file in changed(repo, parent, commit.commit, CAMERAS)
     }
     return {card.path: card for card in former.cards if card.path not in touched}
 

@@ -15,7 +15,7 @@ from calibrary.keep.story import Chapter
 from calibrary.policy import Policy
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.history import Revision
+from calibrary.registry.git.history import Revision
 
 __all__ = ["MOST_COMPARED", "Step", "past", "steps"]
 
@@ -96,6 +96,6 @@ def _entry(keeper: Keeper, revision: Revision) -> Entry | None:
     if revision.oid is None:
         return None
     try:
-        return parse_entry(keeper.registry.store.blob(revision.oid), revision.path)
+        return parse_entry(keeper.registry.repo.blob(revision.oid), revision.path)
     except InputError:
         return None

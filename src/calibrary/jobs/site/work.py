@@ -133,7 +133,7 @@ def _write_entry(task: Task, job: Job, keeper: Keeper) -> Card:
             _take_over(job.former / address, job.root / address)
         return former
     revisions = keeper.registry.history(task.path, job.commit)
-    data = keeper.registry.store.blob(task.oid)
+    data = keeper.registry.repo.blob(task.oid)
     id_ = id_of(task.path)
     try:
         entry = parse_entry(data, task.path)

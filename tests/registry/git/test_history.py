@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
-from calibrary.registry.conflicts import EntryConflictError
-from calibrary.registry.fast_import import Person
 from calibrary.registry.fleet import Note, Registry
-from calibrary.registry.history import ChangedFile, changed, history
-from calibrary.registry.messages import compose, subject_of, trailers_of
-from calibrary.registry.objects import blob_id
-from calibrary.registry.remotes import clone
-from calibrary.registry.store import Store
-from calibrary.registry.writing import ANY, Change
-from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, put
+from calibrary.registry.git.conflicts import FileConflictError
+from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.history import ChangedFile, changed, history
+from calibrary.registry.git.messages import compose, subject_of, trailers_of
+from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.remotes import clone
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import ANY, Change
+from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
 
@@ -49,7 +49,7 @@ EVIL_TASTE = """
 """
 
 
-def test_every_revision_of_an_entry_is_told_newest_first(bare: Store) -> None:
+def test_every_revision_of_an_entry_is_told_newest_first(bare: Repository) -> None:
     author = Person(name="Grace Ärmel", email="grace@example.com")
     put(
         bare, {ENTRY: b"fx: 2.0\n"}, subject="New lens\n\nCamera: dji/fc6310\nReason: new lens", author=author
@@ -73,7 +73,7 @@ def test_every_revision_of_an_entry_is_told_newest_first(bare: Store) -> None:
     assert len(history(bare, None, tip)) == 4
 
 
-def test_a_users_own_taste_changes_nothing_of_what_is_told(bare: Store, nobodys_git: Path) -> None:
+def test_a_users_own_taste_changes_nothing_of_what_is_told(bare: Repository, nobodys_git: Path) -> None:
     put(bare, {ENTRY: b"fx: 2.0\n"}, subject="Größer")
     put(bare, {ENTRY: None, OTHER: b"fx: 2.0\n"})
     tip = bare.tip()
@@ -82,12 +82,12 @@ def test_a_users_own_taste_changes_nothing_of_what_is_told(bare: Store, nobodys_
     git(bare.path, "notes", "add", "-m", "a note")
     with nobodys_git.open("a") as file:
         file.write(EVIL_TASTE)
-    store = Store.open(bare.path)
-    assert (history(store, ENTRY, tip), changed(store, None, tip), changed(store, f"{tip}~1", tip)) == plain
+    repo = Repository.open(bare.path)
+    assert (history(repo, ENTRY, tip), changed(repo, None, tip), changed(repo, f"{tip}~1", tip)) == plain
     assert len(plain[0]) == 3
 
 
-def test_the_history_of_an_entry_goes_on_across_a_move(bare: Store) -> None:
+def test_the_history_of_an_entry_goes_on_across_a_move(bare: Repository) -> None:
     registry = Registry(bare)
     put(bare, {ENTRY: b"fx: 2.0\n"})
     note = Note(subject="The model's name was wrong", reason="typo")
@@ -99,7 +99,7 @@ def test_the_history_of_an_entry_goes_on_across_a_move(bare: Store) -> None:
     assert registry.history(OTHER, most=3) == revisions[:3]
 
 
-def test_an_entry_merged_from_a_branch_keeps_the_commits_of_the_branch(checked_out: Store) -> None:
+def test_an_entry_merged_from_a_branch_keeps_the_commits_of_the_branch(checked_out: Repository) -> None:
     put(checked_out, {OTHER: b"side\n"}, branch="onboard/x", subject="on the side")
     put(checked_out, {ENTRY: b"fx: 2.0\n"})
     git(checked_out.path, "merge", "-q", "--no-ff", "-m", "merge", "onboard/x")
@@ -108,7 +108,7 @@ def test_an_entry_merged_from_a_branch_keeps_the_commits_of_the_branch(checked_o
     assert [revision.subject for revision in history(checked_out, OTHER, tip)] == ["on the side"]
 
 
-def test_a_shallow_history_ends_at_the_cut_and_is_known_to(bare: Store, tmp_path: Path) -> None:
+def test_a_shallow_history_ends_at_the_cut_and_is_known_to(bare: Repository, tmp_path: Path) -> None:
     put(bare, {ENTRY: b"fx: 2.0\n"})
     copy = clone(bare.path.as_uri(), tmp_path / "copy", bare=True, depth=1)
     tip = copy.tip()
@@ -118,7 +118,7 @@ def test_a_shallow_history_ends_at_the_cut_and_is_known_to(bare: Store, tmp_path
     assert not bare.is_shallow
 
 
-def test_a_registry_of_one_commit_has_one_revision_and_no_difference(bare: Store) -> None:
+def test_a_registry_of_one_commit_has_one_revision_and_no_difference(bare: Repository) -> None:
     tip = bare.tip()
     assert tip is not None
     assert [revision.oid for revision in history(bare, ENTRY, tip)] == [blob_id(b"fx: 1.0\n")]
@@ -138,7 +138,7 @@ def test_a_message_keeps_its_lines_whatever_a_value_holds() -> None:
     assert len(compose("x" * 500)) <= 101
 
 
-def test_git_reads_our_trailers_as_we_do(bare: Store) -> None:
+def test_git_reads_our_trailers_as_we_do(bare: Repository) -> None:
     note = Note(
         subject="Calibrate",
         reason="new — lens",
@@ -160,7 +160,7 @@ def registry(tmp_path: Path) -> Registry:
 
 
 def test_a_new_registry_is_clean_and_keeps_the_bytes_of_entries(registry: Registry) -> None:
-    folder = registry.store.path
+    folder = registry.repo.path
     assert git(folder, "status", "--porcelain") == ""
     assert sorted(path.name for path in folder.iterdir()) == [".git", ".gitattributes", "registry.yaml"]
     assert git(folder, "check-attr", "eol", "text", "--", ENTRY).splitlines() == [
@@ -183,7 +183,7 @@ def test_a_snapshot_follows_the_branch_and_old_ones_stay_as_they_were(registry: 
     registry.put("cameras/m/m7/a.yaml", None, Note(subject="drop"), base=base)
     registry.put(ENTRY, b"x\n", Note(subject="add"), base=None)
     patched = registry.snapshot()
-    assert patched.paths == registry.store.listing(patched.commit, "cameras")
+    assert patched.paths == registry.repo.listing(patched.commit, "cameras")
     assert (len(full.paths), len(patched.paths)) == (1200, 1200)
     assert registry.snapshot(full.commit) is full
     assert [file.path for file in registry.changed(full.commit)] == [ENTRY, "cameras/m/m7/a.yaml"]
@@ -215,5 +215,5 @@ def test_an_entry_cannot_be_overwritten_blindly(registry: Registry) -> None:
     with pytest.raises(RegistryError, match="never overwritten blindly"):
         registry.put_many([Change(path=ENTRY, data=b"x\n", base=ANY)], Note(subject="x"))
     registry.put(ENTRY, b"1\n", Note(subject="a"), base=None)
-    with pytest.raises(EntryConflictError):
+    with pytest.raises(FileConflictError):
         registry.put(ENTRY, b"2\n", Note(subject="a"), base=None)

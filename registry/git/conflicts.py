@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from calibrary.errors import ConflictError
 
-__all__ = ["Conflict", "EntryConflictError"]
+__all__ = ["Conflict", "FileConflictError"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class Conflict:
         return f"{self.path} was {'removed' if self.theirs is None else 'changed'} by somebody else"
 
 
-class EntryConflictError(ConflictError):
+class FileConflictError(ConflictError):
     """Entries were changed since they were read; nothing was written.
 
     Attributes:

@@ -13,30 +13,31 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import ConflictError, RegistryError
-from calibrary.registry import writing
-from calibrary.registry.commits import land
-from calibrary.registry.conflicts import EntryConflictError
-from calibrary.registry.creating import create
-from calibrary.registry.fast_import import File, Person, Step, stream
-from calibrary.registry.layout import LARGEST_FILE, check_branch, check_path
-from calibrary.registry.locks import writer_lock
-from calibrary.registry.maintenance import is_due, maintain
-from calibrary.registry.objects import blob_id
-from calibrary.registry.signatures import require_signed, signatures
-from calibrary.registry.store import Store
-from calibrary.registry.writing import ANY, Change, identity, write
-from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
+from calibrary.registry.git import writing
+from calibrary.registry.git.commits import land
+from calibrary.registry.git.conflicts import FileConflictError
+from calibrary.registry.git.creating import create
+from calibrary.registry.git.fast_import import File, Person, Step, stream
+from calibrary.registry.git.locks import writer_lock
+from calibrary.registry.git.maintenance import is_due, maintain
+from calibrary.registry.git.objects import LARGEST_FILE, blob_id
+from calibrary.registry.git.paths import check_branch
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.signatures import require_signed, signatures
+from calibrary.registry.git.writing import ANY, Change, identity, write
+from calibrary.registry.layout import check_path
+from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
 
 ADA = Person(name="Ada", email="ada@example.com")
 
 
-def test_a_change_made_from_old_content_is_a_conflict_with_all_three_versions(bare: Store) -> None:
+def test_a_change_made_from_old_content_is_a_conflict_with_all_three_versions(bare: Repository) -> None:
     base = blob_id(b"fx: 1.0\n")
     put(bare, {ENTRY: b"fx: 2.0\n"})
     before = bare.tip()
-    with pytest.raises(EntryConflictError, match="changed by somebody else; nothing was written") as caught:
+    with pytest.raises(FileConflictError, match="changed by somebody else; nothing was written") as caught:
         write(bare, [Change(path=ENTRY, data=b"fx: 3.0\n", base=base)], "too late\n")
     assert isinstance(caught.value, ConflictError)
     (conflict,) = caught.value.conflicts
@@ -54,34 +55,34 @@ def test_a_change_made_from_old_content_is_a_conflict_with_all_three_versions(ba
     ],
 )
 def test_an_entry_is_neither_added_twice_nor_removed_unseen(
-    bare: Store, base: str | None, data: bytes | None, told: str
+    bare: Repository, base: str | None, data: bytes | None, told: str
 ) -> None:
-    with pytest.raises(EntryConflictError, match=told):
+    with pytest.raises(FileConflictError, match=told):
         write(bare, [Change(path=ENTRY, data=data, base=base)], "x\n")
 
 
-def test_a_change_of_what_was_removed_is_a_conflict(bare: Store) -> None:
+def test_a_change_of_what_was_removed_is_a_conflict(bare: Repository) -> None:
     put(bare, {ENTRY: None})
-    with pytest.raises(EntryConflictError, match="was removed by somebody else"):
+    with pytest.raises(FileConflictError, match="was removed by somebody else"):
         write(bare, [Change(path=ENTRY, data=b"new\n", base=blob_id(b"fx: 1.0\n"))], "x\n")
 
 
-def test_one_conflict_among_many_changes_writes_none_of_them(bare: Store) -> None:
+def test_one_conflict_among_many_changes_writes_none_of_them(bare: Repository) -> None:
     before = bare.tip()
-    with pytest.raises(EntryConflictError):
+    with pytest.raises(FileConflictError):
         write(bare, [Change(path=OTHER, data=b"x\n"), Change(path=ENTRY, data=b"x\n")], "x\n")
     assert bare.tip() == before
     assert now(bare, OTHER) is None
 
 
-def test_what_stands_there_already_is_not_written_again(bare: Store) -> None:
+def test_what_stands_there_already_is_not_written_again(bare: Repository) -> None:
     before = bare.tip()
     written = put(bare, {ENTRY: b"fx: 1.0\n"}, subject="the same")
     assert (written.commit, written.paths) == (before, {})
     assert bare.tip() == before
 
 
-def test_many_entries_are_one_commit(bare: Store) -> None:
+def test_many_entries_are_one_commit(bare: Repository) -> None:
     files: dict[str, bytes | None] = {f"cameras/m/m{i}/a.yaml": b"n: %d\n" % i for i in range(300)}
     before = bare.tip()
     written = put(bare, files | {ENTRY: None})
@@ -90,14 +91,14 @@ def test_many_entries_are_one_commit(bare: Store) -> None:
     assert written.paths[ENTRY] is None
 
 
-def test_a_rename_is_one_commit_and_the_old_path_is_free(bare: Store) -> None:
+def test_a_rename_is_one_commit_and_the_old_path_is_free(bare: Repository) -> None:
     base = blob_id(b"fx: 1.0\n")
     moves = [Change(path=ENTRY, data=None, base=base), Change(path=OTHER, data=b"fx: 1.0\n")]
     write(bare, moves, "rename\n")
     assert (now(bare), now(bare, OTHER)) == (None, b"fx: 1.0\n")
 
 
-def test_a_file_may_take_the_place_of_a_folder_that_the_same_commit_empties(bare: Store) -> None:
+def test_a_file_may_take_the_place_of_a_folder_that_the_same_commit_empties(bare: Repository) -> None:
     put(bare, {"cameras/a/b/c.yaml": b"1\n"})
     moves = {"cameras/a/b/c.yaml": None, "cameras/a/d.yaml": b"1\n"}
     put(bare, moves)
@@ -138,7 +139,7 @@ def test_a_file_may_take_the_place_of_a_folder_that_the_same_commit_empties(bare
         "",
     ],
 )
-def test_a_path_outside_the_registry_is_refused(bare: Store, path: str) -> None:
+def test_a_path_outside_the_registry_is_refused(bare: Repository, path: str) -> None:
     before = bare.tip()
     with pytest.raises(RegistryError, match="no place in a registry"):
         write(bare, [Change(path=path, data=b"x\n")], "x\n")
@@ -170,14 +171,14 @@ def test_a_branch_that_git_would_misread_is_refused(name: str) -> None:
         check_branch(name)
 
 
-def test_a_file_too_large_or_changed_twice_is_refused(bare: Store) -> None:
+def test_a_file_too_large_or_changed_twice_is_refused(bare: Repository) -> None:
     with pytest.raises(RegistryError, match="wanted at most"):
         put(bare, {OTHER: b"x" * (LARGEST_FILE + 1)})
     with pytest.raises(RegistryError, match="changed twice"):
         write(bare, [Change(path=OTHER, data=b"1"), Change(path=OTHER, data=b"2")], "x\n")
 
 
-def test_the_content_of_a_stream_cannot_speak_to_git(bare: Store) -> None:
+def test_the_content_of_a_stream_cannot_speak_to_git(bare: Repository) -> None:
     data = b"done\nreset refs/heads/main\n\nfrom 0000000000000000000000000000000000000000\ndone\n"
     before = bare.tip()
     put(bare, {OTHER: data}, subject="x\ndata 5\nfeature force")
@@ -185,7 +186,7 @@ def test_the_content_of_a_stream_cannot_speak_to_git(bare: Store) -> None:
     assert git(bare.path, "rev-parse", "main~1") == before
 
 
-def test_a_stream_that_breaks_off_anywhere_changes_nothing(bare: Store) -> None:
+def test_a_stream_that_breaks_off_anywhere_changes_nothing(bare: Repository) -> None:
     before = bare.tip()
     moment = datetime.now(UTC)
     step = Step(
@@ -208,20 +209,20 @@ def test_a_stream_that_breaks_off_anywhere_changes_nothing(bare: Store) -> None:
 
 
 def test_a_branch_moved_by_plain_git_in_between_is_not_lost(
-    checked_out: Store, monkeypatch: pytest.MonkeyPatch
+    checked_out: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bare_copy = create(checked_out.path.parent / "race", bare=True, durable=False)
     put(bare_copy, {ENTRY: b"fx: 1.0\n"})
-    rival = Store.open(bare_copy.path)
+    rival = Repository.open(bare_copy.path)
     overtaken: list[str] = []
 
-    def slow(store: Store, ref: str, parent: str | None, steps: list[Step], old: str | None) -> object:
+    def slow(repo: Repository, ref: str, parent: str | None, steps: list[Step], old: str | None) -> object:
         if not overtaken:
             tree = git(rival.path, "rev-parse", "main^{tree}")
             theirs = git(rival.path, "commit-tree", "-p", "main", "-m", "theirs", tree)
             git(rival.path, "update-ref", "refs/heads/main", theirs)
             overtaken.append(theirs)
-        return land(store, ref, parent, steps, old)
+        return land(repo, ref, parent, steps, old)
 
     monkeypatch.setattr(writing, "land", slow)
     put(bare_copy, {OTHER: b"fx: 3.0\n"})
@@ -229,23 +230,23 @@ def test_a_branch_moved_by_plain_git_in_between_is_not_lost(
 
 
 def test_an_entry_changed_by_plain_git_in_between_is_a_conflict(
-    bare: Store, monkeypatch: pytest.MonkeyPatch
+    bare: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def slow(store: Store, ref: str, parent: str | None, steps: list[Step], old: str | None) -> object:
+    def slow(repo: Repository, ref: str, parent: str | None, steps: list[Step], old: str | None) -> object:
         if now(bare) == b"fx: 1.0\n":
             theirs = f"commit refs/heads/main\ncommitter T <t@t> 2000000000 +0000\ndata 1\nt\nfrom {old}\n"
             theirs += f"M 100644 inline {ENTRY}\ndata 8\nfx: 9.0\n\n"
             bare.run("fast-import", "--quiet", stdin=theirs.encode())
-        return land(store, ref, parent, steps, old)
+        return land(repo, ref, parent, steps, old)
 
     monkeypatch.setattr(writing, "land", slow)
-    with pytest.raises(EntryConflictError) as raised:
+    with pytest.raises(FileConflictError) as raised:
         put(bare, {ENTRY: b"fx: 2.0\n"})
     assert [conflict.theirs for conflict in raised.value.conflicts] == [b"fx: 9.0\n"]
     assert now(bare) == b"fx: 9.0\n"
 
 
-def test_another_branch_begins_where_the_main_one_stands(checked_out: Store) -> None:
+def test_another_branch_begins_where_the_main_one_stands(checked_out: Repository) -> None:
     before = checked_out.tip()
     written = put(checked_out, {OTHER: b"x\n"}, branch="onboard/fc330")
     assert checked_out.tip() == before == written.parent
@@ -256,7 +257,7 @@ def test_another_branch_begins_where_the_main_one_stands(checked_out: Store) -> 
     assert git(checked_out.path, "rev-list", "--count", "main..onboard/fc330") == "2"
 
 
-def test_a_detached_head_is_read_but_not_written(checked_out: Store) -> None:
+def test_a_detached_head_is_read_but_not_written(checked_out: Repository) -> None:
     git(checked_out.path, "switch", "-q", "--detach")
     assert now(checked_out) == b"fx: 1.0\n"
     with pytest.raises(RegistryError, match="HEAD is detached"):
@@ -266,7 +267,7 @@ def test_a_detached_head_is_read_but_not_written(checked_out: Store) -> None:
     assert now(checked_out) == b"fx: 1.0\n"
 
 
-def test_a_lock_that_a_killed_writer_left_is_healed(bare: Store) -> None:
+def test_a_lock_that_a_killed_writer_left_is_healed(bare: Repository) -> None:
     for name in ("HEAD.lock", "refs/heads/main.lock"):
         lock = bare.common_dir / name
         lock.touch()
@@ -277,7 +278,7 @@ def test_a_lock_that_a_killed_writer_left_is_healed(bare: Store) -> None:
         assert not lock.exists()
 
 
-def test_a_lock_dated_in_the_future_is_healed_too(bare: Store) -> None:
+def test_a_lock_dated_in_the_future_is_healed_too(bare: Repository) -> None:
     lock = bare.common_dir / "refs/heads/main.lock"
     lock.touch()
     os.utime(lock, (time.time() + 3600,) * 2)
@@ -285,7 +286,7 @@ def test_a_lock_dated_in_the_future_is_healed_too(bare: Store) -> None:
     assert not lock.exists()
 
 
-def test_a_young_lock_and_the_lock_of_the_index_are_left_alone(bare: Store) -> None:
+def test_a_young_lock_and_the_lock_of_the_index_are_left_alone(bare: Repository) -> None:
     with writer_lock(bare.common_dir, wait_s=1.0) as lock:
         for name, age_s in (("refs/heads/main.lock", 1), ("index.lock", 3600), ("../outside.lock", 3600)):
             path = bare.common_dir / name
@@ -296,7 +297,7 @@ def test_a_young_lock_and_the_lock_of_the_index_are_left_alone(bare: Store) -> N
             path.unlink()
 
 
-def test_a_writer_that_waits_too_long_is_told_for_whom(bare: Store) -> None:
+def test_a_writer_that_waits_too_long_is_told_for_whom(bare: Repository) -> None:
     with (
         writer_lock(bare.common_dir, wait_s=1.0),
         pytest.raises(RegistryError, match="another process"),
@@ -305,7 +306,7 @@ def test_a_writer_that_waits_too_long_is_told_for_whom(bare: Store) -> None:
         pass
 
 
-def test_a_clock_that_runs_behind_does_not_date_a_commit_before_its_parent(bare: Store) -> None:
+def test_a_clock_that_runs_behind_does_not_date_a_commit_before_its_parent(bare: Repository) -> None:
     ahead = datetime.now(UTC) + timedelta(hours=3)
     put(bare, {ENTRY: b"fx: 2.0\n"}, now=ahead)
     written = put(bare, {ENTRY: b"fx: 3.0\n"})
@@ -313,7 +314,7 @@ def test_a_clock_that_runs_behind_does_not_date_a_commit_before_its_parent(bare:
     assert written.warnings == ()
 
 
-def test_a_parent_from_the_far_future_is_told_and_not_followed(bare: Store) -> None:
+def test_a_parent_from_the_far_future_is_told_and_not_followed(bare: Repository) -> None:
     put(bare, {ENTRY: b"fx: 2.0\n"}, now=datetime(2090, 1, 1, tzinfo=UTC))
     written = put(bare, {ENTRY: b"fx: 3.0\n"})
     assert any("ahead of this machine's clock" in warning for warning in written.warnings)
@@ -321,19 +322,19 @@ def test_a_parent_from_the_far_future_is_told_and_not_followed(bare: Store) -> N
 
 
 def test_the_history_names_whom_git_knows(
-    bare: Store, monkeypatch: pytest.MonkeyPatch, nobodys_git: Path
+    bare: Repository, monkeypatch: pytest.MonkeyPatch, nobodys_git: Path
 ) -> None:
     monkeypatch.delenv("GIT_COMMITTER_NAME")
     monkeypatch.delenv("GIT_COMMITTER_EMAIL")
     with nobodys_git.open("a") as file:
         file.write("[user]\n\tname = Grace Keeper\n\temail = grace@example.com\n")
-    store = Store.open(bare.path)
-    assert put(store, {ENTRY: b"fx: 2.0\n"}).warnings == ()
-    assert git(store.path, "log", "-1", "--format=%cn <%ce>") == "Grace Keeper <grace@example.com>"
+    repo = Repository.open(bare.path)
+    assert put(repo, {ENTRY: b"fx: 2.0\n"}).warnings == ()
+    assert git(repo.path, "log", "-1", "--format=%cn <%ce>") == "Grace Keeper <grace@example.com>"
 
 
 def test_whom_git_does_not_know_commits_by_the_login_and_is_told(
-    bare: Store, monkeypatch: pytest.MonkeyPatch
+    bare: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("GIT_COMMITTER_NAME")
     monkeypatch.delenv("GIT_COMMITTER_EMAIL")
@@ -343,7 +344,7 @@ def test_whom_git_does_not_know_commits_by_the_login_and_is_told(
     assert put(bare, {ENTRY: b"fx: 2.0\n"}).warnings == warnings
 
 
-def test_a_name_cannot_break_out_of_its_line(bare: Store) -> None:
+def test_a_name_cannot_break_out_of_its_line(bare: Repository) -> None:
     author = Person(name="Eve>\ncommitter x <y", email="<e\n@x>")
     write(bare, [Change(path=OTHER, data=b"x\n")], "x\n", author=author)
     assert git(bare.path, "log", "-1", "--format=%an|%ae") == "Evecommitter x y|e@x"
@@ -351,22 +352,22 @@ def test_a_name_cannot_break_out_of_its_line(bare: Store) -> None:
 
 
 def test_a_commit_before_the_first_needs_no_parent_and_the_second_has_it(tmp_path: Path) -> None:
-    store = create(tmp_path / "new", bare=True, durable=True)
-    first = put(store, {"registry.yaml": b"layout: 1\n"})
+    repo = create(tmp_path / "new", bare=True, durable=True)
+    first = put(repo, {"registry.yaml": b"layout: 1\n"})
     assert first.parent is None
-    assert put(store, {ENTRY: b"x\n"}).parent == first.commit
+    assert put(repo, {ENTRY: b"x\n"}).parent == first.commit
     with pytest.raises(RegistryError, match="nothing to write"):
         write(create(tmp_path / "other", bare=True), [], "x\n")
 
 
-def test_files_of_calibrarys_own_may_be_written_from_whatever_stands_there(bare: Store) -> None:
+def test_files_of_calibrarys_own_may_be_written_from_whatever_stands_there(bare: Repository) -> None:
     write(bare, [Change(path="README.md", data=b"1\n", base=ANY)], "x\n")
     write(bare, [Change(path="README.md", data=b"2\n", base=ANY)], "x\n")
     assert now(bare, "README.md") == b"2\n"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="file permissions are POSIX's")
-def test_a_disk_that_may_not_be_written_is_told_and_still_read(bare: Store) -> None:
+def test_a_disk_that_may_not_be_written_is_told_and_still_read(bare: Repository) -> None:
     if os.geteuid() == 0:
         if _unshared("true").returncode:
             pytest.skip("root ignores permissions, and no read-only mount is allowed here")
@@ -385,7 +386,7 @@ def test_a_disk_that_may_not_be_written_is_told_and_still_read(bare: Store) -> N
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits of resources are POSIX's")
-def test_a_full_disk_leaves_the_old_state_and_says_so(bare: Store, tmp_path: Path) -> None:
+def test_a_full_disk_leaves_the_old_state_and_says_so(bare: Repository, tmp_path: Path) -> None:
     place = tmp_path / "small"
     place.mkdir()
     script = 'mount -t tmpfs -o size=400k tmpfs $1 && cp -r $2/. $1 && exec $0 -c "$3" $1 large'
@@ -404,19 +405,19 @@ WRITE_ONE = """
 import os, random, sys
 from pathlib import Path
 from calibrary.errors import RegistryError
-from calibrary.registry.objects import blob_id
-from calibrary.registry.store import Store
-from calibrary.registry.writing import Change, write
-store = Store.open(Path(sys.argv[1]))
+from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import Change, write
+repo = Repository.open(Path(sys.argv[1]))
 entry = "cameras/dji/fc6310/5472x3648.yaml"
-print("read:", store.read(store.tip(), entry).data)
+print("read:", repo.read(repo.tip(), entry).data)
 data = b"fx: 2.0" if len(sys.argv) == 2 else random.Random(1).randbytes(900_000)
 try:
-    write(store, [Change(path=entry, data=data, base=blob_id(b"fx: 1.0\\n"))], "x")
+    write(repo, [Change(path=entry, data=data, base=blob_id(b"fx: 1.0\\n"))], "x")
 except RegistryError as error:
     print("RegistryError", error)
-print("after:", store.read(store.tip(), entry).data[:8])
-print("left:", os.listdir(store.git_dir))
+print("after:", repo.read(repo.tip(), entry).data[:8])
+print("left:", os.listdir(repo.git_dir))
 """
 
 
@@ -434,7 +435,7 @@ def _unshared(script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         return subprocess.CompletedProcess(command, 127, "", "")
 
 
-def test_maintenance_packs_and_changes_nothing(bare: Store) -> None:
+def test_maintenance_packs_and_changes_nothing(bare: Repository) -> None:
     for number in range(3):
         put(bare, {ENTRY: b"fx: %d\n" % number})
     before = bare.tip()
@@ -445,7 +446,7 @@ def test_maintenance_packs_and_changes_nothing(bare: Store) -> None:
     assert git(bare.path, "count-objects").startswith("0 objects")
 
 
-def test_maintenance_is_due_after_some_hundreds_of_writes(bare: Store) -> None:
+def test_maintenance_is_due_after_some_hundreds_of_writes(bare: Repository) -> None:
     sample = bare.common_dir / "objects" / "17"
     sample.mkdir(exist_ok=True)
     for number in range(10):
@@ -467,31 +468,33 @@ def signing(nobodys_git: Path, tmp_path: Path) -> Path:
     return signers
 
 
-def test_a_user_who_signs_gets_signed_commits_and_no_ref_stays_behind(bare: Store, signing: Path) -> None:
+def test_a_user_who_signs_gets_signed_commits_and_no_ref_stays_behind(
+    bare: Repository, signing: Path
+) -> None:
     unsigned = bare.tip()
     assert unsigned is not None
-    store = Store.open(bare.path, durable=False)
-    written = put(store, {OTHER: b"x\n"}, subject="Signed — ✓")
-    again = put(store, {OTHER: b"y\n"})
-    states = signatures(store, [written.commit, again.commit, unsigned], signing)
+    repo = Repository.open(bare.path, durable=False)
+    written = put(repo, {OTHER: b"x\n"}, subject="Signed — ✓")
+    again = put(repo, {OTHER: b"y\n"})
+    states = signatures(repo, [written.commit, again.commit, unsigned], signing)
     assert [state.state for state in states] == ["G", "G", "N"]
     assert states[0].signer == "ada@example.com"
     assert git(bare.path, "for-each-ref", "--format=%(refname)") == "refs/heads/main"
     assert git(bare.path, "log", "--format=%s", "-2", "--reverse") == "Signed — ✓\nChange it"
-    require_signed(store, [written.commit], signing)
+    require_signed(repo, [written.commit], signing)
     with pytest.raises(RegistryError, match=f"{unsigned[:12]}: none"):
-        require_signed(store, [written.commit, unsigned], signing)
+        require_signed(repo, [written.commit, unsigned], signing)
 
 
-def test_a_signature_by_a_stranger_is_not_good(bare: Store, signing: Path, tmp_path: Path) -> None:
-    store = Store.open(bare.path, durable=False)
-    written = put(store, {OTHER: b"x\n"})
+def test_a_signature_by_a_stranger_is_not_good(bare: Repository, signing: Path, tmp_path: Path) -> None:
+    repo = Repository.open(bare.path, durable=False)
+    written = put(repo, {OTHER: b"x\n"})
     nobody = tmp_path / "nobody"
     nobody.write_text("")
     git(bare.path, "config", "gpg.ssh.allowedSignersFile", str(signing))
     git(bare.path, "config", "gpg.ssh.program", "true")
-    store = Store.open(bare.path)
-    assert "gpg.ssh.program" in store.silenced
-    assert signatures(store, [written.commit], signing)[0].is_good
-    assert [state.is_good for state in signatures(store, [written.commit], nobody)] == [False]
-    assert [state.is_good for state in signatures(store, [written.commit], None)] == [False]
+    repo = Repository.open(bare.path)
+    assert "gpg.ssh.program" in repo.silenced
+    assert signatures(repo, [written.commit], signing)[0].is_good
+    assert [state.is_good for state in signatures(repo, [written.commit], nobody)] == [False]
+    assert [state.is_good for state in signatures(repo, [written.commit], None)] == [False]

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from typing import IO, Final, cast
 
 from calibrary.errors import RegistryError
-from calibrary.registry.layout import LARGEST_FILE
 
-__all__ = ["HEX", "Blob", "ObjectReader", "blob_id", "object_id"]
+__all__ = ["HEX", "LARGEST_FILE", "Blob", "ObjectReader", "blob_id", "object_id"]
 
 HEX: Final = re.compile(r"[0-9a-f]{40}\Z")
+LARGEST_FILE: Final = 1 << 20
+"""Bytes; an entry with a full covariance takes some four thousand."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibrary.errors import RegistryError
-from calibrary.registry.store import Store
+from calibrary.registry.git.repository import Repository
 
 __all__ = ["Signature", "require_signed", "signatures"]
 
@@ -48,7 +48,9 @@ class Signature:
         return f"{self.commit[:12]}: {STATES.get(self.state, self.state)}"
 
 
-def signatures(store: Store, commits: Sequence[str], allowed_signers: Path | None) -> tuple[Signature, ...]:
+def signatures(
+    repo: Repository, commits: Sequence[str], allowed_signers: Path | None
+) -> tuple[Signature, ...]:
     """The signature of each commit.
 
     ssh keys are judged by ``allowed_signers``, a file as of ssh-keygen(1), "ALLOWED SIGNERS"; OpenPGP keys by the
@@ -66,7 +68,7 @@ def signatures(store: Store, commits: Sequence[str], allowed_signers: Path | Non
         "--no-color",
         "--no-notes",
     )
-    told = store.run(*options, *command, stdin="".join(f"{commit}\n" for commit in commits).encode()).out
+    told = repo.run(*options, *command, stdin="".join(f"{commit}\n" for commit in commits).encode()).out
     found = {}
     for line in told.decode("utf-8", "replace").splitlines():
         commit, state, signer, key = line.split("\0")
@@ -74,13 +76,13 @@ def signatures(store: Store, commits: Sequence[str], allowed_signers: Path | Non
     return tuple(found[commit] for commit in commits)
 
 
-def require_signed(store: Store, commits: Sequence[str], allowed_signers: Path | None) -> None:
+def require_signed(repo: Repository, commits: Sequence[str], allowed_signers: Path | None) -> None:
     """See that somebody on the list signed every commit.
 
     Raises:
         RegistryError: one is not signed so; the message names the first few.
     """
-    bad = [signature for signature in signatures(store, commits, allowed_signers) if not signature.is_good]
+    bad = [signature for signature in signatures(repo, commits, allowed_signers) if not signature.is_good]
     if bad:
         shown = "; ".join(map(str, bad[:3])) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
-        raise RegistryError(f"{store.path}: wanted commits signed by somebody on the list, found {shown}")
+        raise RegistryError(f"{repo.path}: wanted commits signed by somebody on the list, found {shown}")

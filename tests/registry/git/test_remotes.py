@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import ConflictError, RegistryError
-from calibrary.registry.conflicts import EntryConflictError
-from calibrary.registry.creating import create
-from calibrary.registry.history import changed, history
-from calibrary.registry.maintenance import maintain
-from calibrary.registry.remotes import clone, fetch, pull, push, set_remote, sync
-from calibrary.registry.signatures import signatures
-from calibrary.registry.store import Store
-from calibrary.registry.urls import check_url, without_secret
-from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
+from calibrary.registry.git.conflicts import FileConflictError
+from calibrary.registry.git.creating import create
+from calibrary.registry.git.history import changed, history
+from calibrary.registry.git.maintenance import maintain
+from calibrary.registry.git.remotes import clone, fetch, pull, push, set_remote, sync
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.signatures import signatures
+from calibrary.registry.git.urls import check_url, without_secret
+from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
 
@@ -23,13 +23,13 @@ THIRD = "cameras/sony/ilce-7/6000x4000.yaml"
 
 
 @pytest.fixture
-def pair(bare: Store, tmp_path: Path) -> tuple[Store, Store]:
+def pair(bare: Repository, tmp_path: Path) -> tuple[Repository, Repository]:
     """Two checked-out clones of one bare registry."""
     one, two = (clone(str(bare.path), tmp_path / name, durable=False) for name in ("one", "two"))
     return one, two
 
 
-def test_a_clone_holds_the_same_and_is_clean(bare: Store, pair: tuple[Store, Store]) -> None:
+def test_a_clone_holds_the_same_and_is_clean(bare: Repository, pair: tuple[Repository, Repository]) -> None:
     one, _ = pair
     assert one.tip() == bare.tip()
     assert (one.path / ENTRY).read_bytes() == b"fx: 1.0\n"
@@ -38,9 +38,9 @@ def test_a_clone_holds_the_same_and_is_clean(bare: Store, pair: tuple[Store, Sto
 
 
 def test_a_clone_follows_the_branch_that_the_remote_stands_for(tmp_path: Path) -> None:
-    store = create(tmp_path / "trunked", bare=True, branch="trunk", durable=False)
-    put(store, {ENTRY: b"x\n"})
-    assert clone(store.path.as_uri(), tmp_path / "copy", bare=True).head_ref == "refs/heads/trunk"
+    repo = create(tmp_path / "trunked", bare=True, branch="trunk", durable=False)
+    put(repo, {ENTRY: b"x\n"})
+    assert clone(repo.path.as_uri(), tmp_path / "copy", bare=True).head_ref == "refs/heads/trunk"
 
 
 def test_a_failed_clone_leaves_nothing_behind(tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ def test_a_clone_of_an_empty_registry_is_an_empty_registry(tmp_path: Path) -> No
     assert now(origin) == b"x\n"
 
 
-def test_a_pull_goes_forward_and_the_files_with_it(pair: tuple[Store, Store]) -> None:
+def test_a_pull_goes_forward_and_the_files_with_it(pair: tuple[Repository, Repository]) -> None:
     one, two = pair
     put(one, {ENTRY: b"fx: 2.0\n"})
     push(one)
@@ -74,7 +74,9 @@ def test_a_pull_goes_forward_and_the_files_with_it(pair: tuple[Store, Store]) ->
     assert pull(two).commit == pulled.commit
 
 
-def test_what_both_sides_did_to_different_entries_is_brought_together(pair: tuple[Store, Store]) -> None:
+def test_what_both_sides_did_to_different_entries_is_brought_together(
+    pair: tuple[Repository, Repository],
+) -> None:
     one, two = pair
     put(one, {ENTRY: b"fx: 2.0\n"}, subject="theirs")
     push(one)
@@ -94,13 +96,15 @@ def test_what_both_sides_did_to_different_entries_is_brought_together(pair: tupl
     assert pull(one).commit == two.tip()
 
 
-def test_an_entry_that_both_sides_changed_is_a_conflict_and_nothing_moves(pair: tuple[Store, Store]) -> None:
+def test_an_entry_that_both_sides_changed_is_a_conflict_and_nothing_moves(
+    pair: tuple[Repository, Repository],
+) -> None:
     one, two = pair
     put(one, {ENTRY: b"k: theirs\nd: same\n"})
     push(one)
     put(two, {ENTRY: b"k: same\nd: ours\n", OTHER: b"x\n"})
     before = two.tip()
-    with pytest.raises(EntryConflictError) as caught:
+    with pytest.raises(FileConflictError) as caught:
         pull(two)
     (conflict,) = caught.value.conflicts
     assert conflict.path == ENTRY
@@ -110,7 +114,7 @@ def test_an_entry_that_both_sides_changed_is_a_conflict_and_nothing_moves(pair: 
     assert (two.path / ENTRY).read_bytes() == b"k: same\nd: ours\n"
 
 
-def test_the_same_change_on_both_sides_is_no_conflict(pair: tuple[Store, Store]) -> None:
+def test_the_same_change_on_both_sides_is_no_conflict(pair: tuple[Repository, Repository]) -> None:
     one, two = pair
     put(one, {ENTRY: b"fx: 2.0\n"})
     push(one)
@@ -120,7 +124,7 @@ def test_the_same_change_on_both_sides_is_no_conflict(pair: tuple[Store, Store])
     assert two.tip() == one.tip()
 
 
-def test_a_pull_does_not_overwrite_a_persons_edit(pair: tuple[Store, Store]) -> None:
+def test_a_pull_does_not_overwrite_a_persons_edit(pair: tuple[Repository, Repository]) -> None:
     one, two = pair
     put(one, {ENTRY: b"fx: 2.0\n"})
     push(one)
@@ -131,7 +135,7 @@ def test_a_pull_does_not_overwrite_a_persons_edit(pair: tuple[Store, Store]) -> 
     assert (two.tip(), (two.path / ENTRY).read_bytes()) == (before, b"by hand\n")
 
 
-def test_our_merges_are_left_to_git(pair: tuple[Store, Store]) -> None:
+def test_our_merges_are_left_to_git(pair: tuple[Repository, Repository]) -> None:
     one, two = pair
     put(one, {ENTRY: b"fx: 2.0\n"})
     push(one)
@@ -142,15 +146,15 @@ def test_our_merges_are_left_to_git(pair: tuple[Store, Store]) -> None:
         pull(two)
 
 
-def test_two_registries_without_a_common_commit_are_not_mixed(bare: Store, tmp_path: Path) -> None:
+def test_two_registries_without_a_common_commit_are_not_mixed(bare: Repository, tmp_path: Path) -> None:
     other = create(tmp_path / "other", bare=True, durable=False)
     put(other, {OTHER: b"x\n"})
     set_remote(other, "origin", str(bare.path))
     with pytest.raises(RegistryError, match="two registries"):
-        pull(Store.open(other.path))
+        pull(Repository.open(other.path))
 
 
-def test_a_push_never_drops_what_others_pushed(bare: Store, pair: tuple[Store, Store]) -> None:
+def test_a_push_never_drops_what_others_pushed(bare: Repository, pair: tuple[Repository, Repository]) -> None:
     one, two = pair
     put(one, {ENTRY: b"fx: 2.0\n"})
     theirs = push(one)
@@ -166,7 +170,7 @@ def test_a_push_never_drops_what_others_pushed(bare: Store, pair: tuple[Store, S
 
 
 def test_a_remote_that_was_rewritten_is_not_taken_for_the_one_we_saw(
-    bare: Store, pair: tuple[Store, Store]
+    bare: Repository, pair: tuple[Repository, Repository]
 ) -> None:
     one, _ = pair
     put(one, {ENTRY: b"fx: 2.0\n"})
@@ -178,7 +182,7 @@ def test_a_remote_that_was_rewritten_is_not_taken_for_the_one_we_saw(
 
 
 def test_a_push_to_a_branch_that_is_checked_out_there_is_told_in_words(
-    checked_out: Store, tmp_path: Path
+    checked_out: Repository, tmp_path: Path
 ) -> None:
     copy = clone(str(checked_out.path), tmp_path / "copy", durable=False)
     put(copy, {ENTRY: b"fx: 2.0\n"})
@@ -187,7 +191,7 @@ def test_a_push_to_a_branch_that_is_checked_out_there_is_told_in_words(
     assert now(checked_out) == b"fx: 1.0\n"
 
 
-def test_a_shallow_clone_reads_writes_and_knows_that_it_is_one(bare: Store, tmp_path: Path) -> None:
+def test_a_shallow_clone_reads_writes_and_knows_that_it_is_one(bare: Repository, tmp_path: Path) -> None:
     first = bare.tip()
     assert first is not None
     put(bare, {ENTRY: b"fx: 2.0\n"})
@@ -223,14 +227,14 @@ def test_a_shallow_clone_reads_writes_and_knows_that_it_is_one(bare: Store, tmp_
         "",
     ],
 )
-def test_an_address_that_could_run_something_is_refused(url: str, tmp_path: Path, bare: Store) -> None:
+def test_an_address_that_could_run_something_is_refused(url: str, tmp_path: Path, bare: Repository) -> None:
     with pytest.raises(RegistryError, match="no address of a registry"):
         clone(url, tmp_path / "copy")
     assert not (tmp_path / "copy").exists()
     git(bare.path, "config", "remote.origin.url", url)
     if url:
         with pytest.raises(RegistryError, match="no address of a registry"):
-            fetch(Store.open(bare.path))
+            fetch(Repository.open(bare.path))
 
 
 @pytest.mark.parametrize(
@@ -256,7 +260,7 @@ def test_a_password_in_an_address_is_not_told() -> None:
 
 
 @pytest.mark.parametrize("name", ["-x", "a b", "../x", "", "a\nb", "x.lock"])
-def test_a_remote_named_like_an_option_is_refused(bare: Store, name: str) -> None:
+def test_a_remote_named_like_an_option_is_refused(bare: Repository, name: str) -> None:
     with pytest.raises(RegistryError, match="no name for a remote"):
         set_remote(bare, name, "/srv/x")
     with pytest.raises(RegistryError, match="no name for a remote"):
@@ -301,49 +305,51 @@ EVIL = """
 """
 
 
-def test_the_configuration_and_hooks_of_a_foreign_registry_run_nothing(bare: Store, tmp_path: Path) -> None:
+def test_the_configuration_and_hooks_of_a_foreign_registry_run_nothing(
+    bare: Repository, tmp_path: Path
+) -> None:
     ran = tmp_path / "ran"
     run = tmp_path / "run"
     run.write_text(f'#!/bin/sh\necho "$0 $*" >> {ran}\nexit 1\n')
     run.chmod(0o755)
-    store = clone(str(bare.path), tmp_path / "foreign", durable=False)
-    hooks = store.git_dir / "hooks"
+    repo = clone(str(bare.path), tmp_path / "foreign", durable=False)
+    hooks = repo.git_dir / "hooks"
     hooks.mkdir(exist_ok=True)
     for hook in HOOKS:
         (hooks / hook).write_bytes(run.read_bytes())
         (hooks / hook).chmod(0o755)
-    put(store, {".gitattributes": b"* filter=evil diff=evil\n"})
-    git(store.path, "config", "extensions.worktreeConfig", "true")
-    with (store.git_dir / "config").open("a") as file:
+    put(repo, {".gitattributes": b"* filter=evil diff=evil\n"})
+    git(repo.path, "config", "extensions.worktreeConfig", "true")
+    with (repo.git_dir / "config").open("a") as file:
         file.write(EVIL.format(run=run, hooks=hooks))
-    (store.git_dir / "config.worktree").write_text(f"[core]\n\tfsmonitor = {run}\n\tsshCommand = {run}\n")
+    (repo.git_dir / "config.worktree").write_text(f"[core]\n\tfsmonitor = {run}\n\tsshCommand = {run}\n")
 
-    store = Store.open(store.path, durable=False)
-    put(store, {ENTRY: b"fx: 2.0\n"})
-    put(store, {OTHER: b"fx: 2.0\n"}, branch="side")
-    assert (store.path / ENTRY).read_bytes() == b"fx: 2.0\n"
-    fetch(store)
-    push(store)
+    repo = Repository.open(repo.path, durable=False)
+    put(repo, {ENTRY: b"fx: 2.0\n"})
+    put(repo, {OTHER: b"fx: 2.0\n"}, branch="side")
+    assert (repo.path / ENTRY).read_bytes() == b"fx: 2.0\n"
+    fetch(repo)
+    push(repo)
     put(bare, {OTHER: b"theirs\n"})
-    pull(store)
-    use_everything_that_reads(store)
+    pull(repo)
+    use_everything_that_reads(repo)
     assert not ran.exists(), ran.read_text()
-    assert {"core.sshcommand", "filter.evil.smudge", "credential.helper"} <= set(store.silenced)
-    set_remote(store, "far", "git@localhost.invalid:x")
+    assert {"core.sshcommand", "filter.evil.smudge", "credential.helper"} <= set(repo.silenced)
+    set_remote(repo, "far", "git@localhost.invalid:x")
     with pytest.raises(RegistryError):
-        fetch(store, "far")
+        fetch(repo, "far")
     assert not ran.exists(), ran.read_text()
 
 
-def use_everything_that_reads(store: Store) -> None:
-    tip = store.tip()
+def use_everything_that_reads(repo: Repository) -> None:
+    tip = repo.tip()
     assert tip is not None
-    assert history(store, ENTRY, tip)
-    assert changed(store, None, tip)
-    assert signatures(store, [tip], None)
-    assert list(store.read_many([*store.listing(tip).values()]))
-    maintain(store)
-    store.close()
+    assert history(repo, ENTRY, tip)
+    assert changed(repo, None, tip)
+    assert signatures(repo, [tip], None)
+    assert list(repo.read_many([*repo.listing(tip).values()]))
+    maintain(repo)
+    repo.close()
 
 
 HOOKS = (
@@ -362,15 +368,15 @@ HOOKS = (
 
 
 def test_the_users_own_helpers_hold_where_a_foreign_registry_names_others(
-    bare: Store, nobodys_git: Path
+    bare: Repository, nobodys_git: Path
 ) -> None:
     with nobodys_git.open("a") as file:
         file.write("[credential]\n\thelper = mine\n[core]\n\tsshCommand = my-ssh\n")
     git(bare.path, "config", "--add", "credential.helper", "!theirs")
     git(bare.path, "config", "core.sshCommand", "their-ssh")
-    store = Store.open(bare.path)
-    assert store.run("config", "--get", "core.sshCommand").out == b"my-ssh\n"
-    helpers = store.run("config", "--get-all", "credential.helper").out.decode().splitlines()
+    repo = Repository.open(bare.path)
+    assert repo.run("config", "--get", "core.sshCommand").out == b"my-ssh\n"
+    helpers = repo.run("config", "--get-all", "credential.helper").out.decode().splitlines()
     assert helpers[-2:] == ["", "mine"]
 
 
@@ -385,14 +391,14 @@ def test_the_users_own_helpers_hold_where_a_foreign_registry_names_others(
     ],
 )
 def test_a_setting_that_cannot_be_silenced_is_a_registry_that_is_not_opened(
-    bare: Store, key: str, value: str
+    bare: Repository, key: str, value: str
 ) -> None:
     git(bare.path, "config", key, value)
     with pytest.raises(RegistryError, match=r"config --local --unset-all"):
-        Store.open(bare.path)
+        Repository.open(bare.path)
 
 
-def test_a_tree_that_reaches_into_the_git_folder_is_not_fetched(bare: Store, tmp_path: Path) -> None:
+def test_a_tree_that_reaches_into_the_git_folder_is_not_fetched(bare: Repository, tmp_path: Path) -> None:
     blob = bare.run("hash-object", "-w", "--stdin", stdin=b"[core]\n").out.decode().strip()
     inner = bare.run("mktree", stdin=f"100644 blob {blob}\tconfig\n".encode()).out.decode().strip()
     tree = bare.run("mktree", stdin=f"040000 tree {inner}\t.git\n".encode()).out.decode().strip()

@@ -12,17 +12,17 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry.creating import create
-from calibrary.registry.history import newest_where
-from calibrary.registry.objects import blob_id
-from calibrary.registry.revisions import Firmware, Named, OnDate, commit_at, parse_rev, split_key
-from calibrary.registry.store import Store
-from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
+from calibrary.registry.git.creating import create
+from calibrary.registry.git.history import newest_where
+from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.revisions import Firmware, Named, OnDate, commit_at, parse_rev, split_key
+from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
 
 
-def test_an_entry_is_read_as_it_was_at_any_commit(bare: Store) -> None:
+def test_an_entry_is_read_as_it_was_at_any_commit(bare: Repository) -> None:
     first = bare.tip()
     put(bare, {ENTRY: b"fx: 2.0\n"})
     second = bare.tip()
@@ -34,7 +34,7 @@ def test_an_entry_is_read_as_it_was_at_any_commit(bare: Store) -> None:
     assert new.oid == blob_id(b"fx: 2.0\n") == git(bare.path, "rev-parse", f"main:{ENTRY}")
 
 
-def test_what_is_not_there_is_none_and_no_error(bare: Store) -> None:
+def test_what_is_not_there_is_none_and_no_error(bare: Repository) -> None:
     tip = bare.tip()
     assert tip is not None
     assert bare.read(tip, OTHER) is None
@@ -42,7 +42,7 @@ def test_what_is_not_there_is_none_and_no_error(bare: Store) -> None:
     assert bare.read("1" * 40, ENTRY) is None
 
 
-def test_a_damaged_object_is_an_error_and_not_another_k(bare: Store) -> None:
+def test_a_damaged_object_is_an_error_and_not_another_k(bare: Repository) -> None:
     tip = bare.tip()
     assert tip is not None
     oid = blob_id(b"fx: 1.0\n")
@@ -59,7 +59,7 @@ def test_a_damaged_object_is_an_error_and_not_another_k(bare: Store) -> None:
         list(bare.read_many([oid]))
 
 
-def test_many_contents_come_in_the_order_they_were_asked_for(bare: Store) -> None:
+def test_many_contents_come_in_the_order_they_were_asked_for(bare: Repository) -> None:
     files: dict[str, bytes | None] = {f"cameras/m/m{i}/a.yaml": b"n: %d\n" % i for i in range(50)}
     put(bare, files)
     tip = bare.tip()
@@ -72,7 +72,7 @@ def test_many_contents_come_in_the_order_they_were_asked_for(bare: Store) -> Non
         list(bare.read_many(["1" * 40]))
 
 
-def test_a_link_in_a_tree_is_no_entry(checked_out: Store) -> None:
+def test_a_link_in_a_tree_is_no_entry(checked_out: Repository) -> None:
     (checked_out.path / "cameras" / "dji" / "link.yaml").symlink_to("/etc/passwd")
     git(checked_out.path, "add", "-A")
     git(checked_out.path, "commit", "-m", "a link")
@@ -81,7 +81,7 @@ def test_a_link_in_a_tree_is_no_entry(checked_out: Store) -> None:
     assert set(checked_out.listing(tip, "cameras")) == {ENTRY}
 
 
-def test_threads_that_share_a_store_read_the_right_bytes(bare: Store) -> None:
+def test_threads_that_share_a_store_read_the_right_bytes(bare: Repository) -> None:
     files: dict[str, bytes | None] = {f"cameras/m/m{i}/a.yaml": b"n: %d\n" % i for i in range(20)}
     put(bare, files)
     tip = bare.tip()
@@ -105,7 +105,7 @@ def test_threads_that_share_a_store_read_the_right_bytes(bare: Store) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # of other libraries' threads, since 3.12
-def test_both_sides_of_a_fork_read_the_right_bytes(bare: Store) -> None:
+def test_both_sides_of_a_fork_read_the_right_bytes(bare: Repository) -> None:
     files: dict[str, bytes | None] = {f"cameras/m/m{i}/a.yaml": b"n: %d\n" % i for i in range(20)}
     put(bare, files)
     tip = bare.tip()
@@ -140,7 +140,7 @@ def test_both_sides_of_a_fork_read_the_right_bytes(bare: Store) -> None:
     assert all_right()
 
 
-def test_a_reader_that_was_killed_is_started_again(bare: Store) -> None:
+def test_a_reader_that_was_killed_is_started_again(bare: Repository) -> None:
     assert now(bare) == b"fx: 1.0\n"
     process = bare._own.reader._process
     process.kill()
@@ -149,9 +149,9 @@ def test_a_reader_that_was_killed_is_started_again(bare: Store) -> None:
     assert now(bare) == b"fx: 1.0\n"
 
 
-def test_what_others_commit_is_seen_at_once(bare: Store) -> None:
+def test_what_others_commit_is_seen_at_once(bare: Repository) -> None:
     assert now(bare) == b"fx: 1.0\n"
-    put(Store.open(bare.path), {ENTRY: b"fx: 2.0\n"})
+    put(Repository.open(bare.path), {ENTRY: b"fx: 2.0\n"})
     assert now(bare) == b"fx: 2.0\n"
     git(bare.path, "gc", "--quiet", "--prune=now")
     git(bare.path, "pack-refs", "--all")
@@ -161,14 +161,14 @@ def test_what_others_commit_is_seen_at_once(bare: Store) -> None:
 @pytest.mark.parametrize(
     "hostile", ["--output=/nowhere/x", "-1", "main\n--all", "", "main..", "a b", "\x00", ":/fx", "x" * 300]
 )
-def test_a_hostile_revision_is_refused_and_writes_nothing(bare: Store, hostile: str) -> None:
+def test_a_hostile_revision_is_refused_and_writes_nothing(bare: Repository, hostile: str) -> None:
     with pytest.raises(RegistryError, match=r"no revision|no such revision"):
         commit_at(bare, parse_rev(hostile))
     with pytest.raises(RegistryError):
         bare.commit_of(hostile)
 
 
-def test_revisions_are_commits_tags_and_branches(bare: Store) -> None:
+def test_revisions_are_commits_tags_and_branches(bare: Repository) -> None:
     first = bare.tip()
     assert first is not None
     git(bare.path, "tag", "-a", "v1", "-m", "first", first)
@@ -179,7 +179,7 @@ def test_revisions_are_commits_tags_and_branches(bare: Store) -> None:
     assert commit_at(bare, None) == bare.tip()
 
 
-def test_a_date_means_the_end_of_that_day_in_utc(bare: Store) -> None:
+def test_a_date_means_the_end_of_that_day_in_utc(bare: Repository) -> None:
     for day, fx in ((10, b"2"), (11, b"3")):
         put(bare, {ENTRY: b"fx: %s\n" % fx}, now=datetime(2031, 5, day, 12, tzinfo=UTC))
 
@@ -198,7 +198,7 @@ def test_a_date_means_the_end_of_that_day_in_utc(bare: Store) -> None:
 
 
 def test_a_date_does_not_find_a_side_branch_that_was_merged_later(
-    checked_out: Store, monkeypatch: pytest.MonkeyPatch
+    checked_out: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, folder = checked_out.path / ENTRY, checked_out.path
     before = checked_out.tip()
@@ -212,7 +212,7 @@ def test_a_date_does_not_find_a_side_branch_that_was_merged_later(
     assert commit_at(checked_out, OnDate(datetime(2034, 1, 1, tzinfo=UTC))) == before
 
 
-def test_the_newest_revision_made_for_a_firmware_is_found(bare: Store) -> None:
+def test_the_newest_revision_made_for_a_firmware_is_found(bare: Repository) -> None:
     for number in (1, 2, 3):
         put(bare, {ENTRY: b"firmware: 01.0%d\nfx: 5\n" % number})
     put(bare, {ENTRY: b"firmware: 01.02\nfx: 6\n"})
@@ -234,59 +234,59 @@ def test_a_key_is_parted_from_its_revision_at_the_first_at_sign() -> None:
 
 @pytest.mark.parametrize("is_bare", [True, False])
 def test_an_empty_registry_has_no_tip_and_says_so(tmp_path: Path, is_bare: bool) -> None:
-    store = create(tmp_path / "empty", bare=is_bare)
-    assert store.tip() is None
+    repo = create(tmp_path / "empty", bare=is_bare)
+    assert repo.tip() is None
     with pytest.raises(RegistryError, match="empty registry"):
-        commit_at(store, None)
+        commit_at(repo, None)
 
 
 def test_a_folder_that_is_no_repository_is_told_so(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "missing"):
         with pytest.raises(RegistryError, match="wanted a registry"):
-            Store.open(path)
+            Repository.open(path)
 
 
-def test_a_folder_inside_a_repository_is_not_that_repository(checked_out: Store) -> None:
+def test_a_folder_inside_a_repository_is_not_that_repository(checked_out: Repository) -> None:
     with pytest.raises(RegistryError, match="no git repository"):
-        Store.open(checked_out.path / "cameras")
+        Repository.open(checked_out.path / "cameras")
 
 
 def test_a_repository_of_sha256_is_refused_in_words(tmp_path: Path) -> None:
     git(tmp_path, "init", "-q", "--object-format=sha256", "other")
     with pytest.raises(RegistryError, match="sha256 object names"):
-        Store.open(tmp_path / "other")
+        Repository.open(tmp_path / "other")
 
 
-def test_a_repository_of_reftables_is_refused_in_words(bare: Store) -> None:
+def test_a_repository_of_reftables_is_refused_in_words(bare: Repository) -> None:
     git(bare.path, "config", "core.repositoryformatversion", "1")
     with (bare.path / "config").open("a") as file:
         file.write("[extensions]\n\trefstorage = reftable\n")
     with pytest.raises(RegistryError, match=r"(?i)refstorage|reftable"):
-        Store.open(bare.path)
+        Repository.open(bare.path)
 
 
-def test_a_git_that_is_too_old_is_refused_in_words(bare: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("calibrary.registry.store._version", lambda _: (2, 20))
+def test_a_git_that_is_too_old_is_refused_in_words(bare: Repository, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("calibrary.registry.git.repository._version", lambda _: (2, 20))
     with pytest.raises(RegistryError, match=r"found git 2\.20, wanted 2\.24 or newer"):
-        Store.open(bare.path)
+        Repository.open(bare.path)
 
 
 def test_the_variables_of_a_hook_around_us_do_not_lead_elsewhere(
-    bare: Store, checked_out: Store, monkeypatch: pytest.MonkeyPatch
+    bare: Repository, checked_out: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(bare, {ENTRY: b"fx: 2.0\n"})
     monkeypatch.setenv("GIT_DIR", str(checked_out.git_dir))
     monkeypatch.setenv("GIT_INDEX_FILE", str(checked_out.git_dir / "nowhere"))
     monkeypatch.setenv("GIT_OBJECT_DIRECTORY", str(checked_out.git_dir / "objects"))
     monkeypatch.setenv("GIT_WORK_TREE", "/nowhere")
-    store = Store.open(bare.path)
-    assert now(store) == b"fx: 2.0\n"
-    put(store, {ENTRY: b"fx: 3.0\n"})
+    repo = Repository.open(bare.path)
+    assert now(repo) == b"fx: 2.0\n"
+    put(repo, {ENTRY: b"fx: 3.0\n"})
     assert now(checked_out) == b"fx: 1.0\n"
     assert now(bare) == b"fx: 3.0\n"
 
 
-def test_a_locale_without_utf8_changes_nothing(bare: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_locale_without_utf8_changes_nothing(bare: Repository, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LC_ALL", "C")
     monkeypatch.setenv("GIT_COMMITTER_NAME", "Ådå Kéeper")
     data = 'name: "Ölüdeniz — 相机"\n'.encode()

@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry import worktree
-from calibrary.registry.creating import create
-from calibrary.registry.store import Store
-from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
+from calibrary.registry.git import worktree
+from calibrary.registry.git.creating import create
+from calibrary.registry.git.repository import Repository
+from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
 
 
-def test_a_commit_shows_in_the_files_and_leaves_nothing_staged(checked_out: Store) -> None:
+def test_a_commit_shows_in_the_files_and_leaves_nothing_staged(checked_out: Repository) -> None:
     put(checked_out, {ENTRY: b"fx: 2.0\n", OTHER: b"new\n"})
     assert (checked_out.path / ENTRY).read_bytes() == b"fx: 2.0\n"
     assert (checked_out.path / OTHER).read_bytes() == b"new\n"
@@ -29,7 +29,7 @@ def test_a_commit_shows_in_the_files_and_leaves_nothing_staged(checked_out: Stor
 
 @pytest.mark.parametrize("how", ["edited", "staged", "removed", "untracked", "ignored", "a folder's link"])
 def test_a_persons_work_in_the_way_stops_the_write_before_anything_is_committed(
-    checked_out: Store, how: str, tmp_path: Path
+    checked_out: Repository, how: str, tmp_path: Path
 ) -> None:
     folder, entry = checked_out.path, checked_out.path / ENTRY
     path = ENTRY
@@ -66,7 +66,7 @@ def files_of(folder: Path) -> dict[str, bytes]:
     }
 
 
-def test_a_persons_work_elsewhere_is_left_as_it_is(checked_out: Store) -> None:
+def test_a_persons_work_elsewhere_is_left_as_it_is(checked_out: Repository) -> None:
     put(checked_out, {OTHER: b"other\n"})
     (checked_out.path / OTHER).write_bytes(b"by hand\n")
     (checked_out.path / "notes.txt").write_text("mine")
@@ -80,22 +80,22 @@ def test_a_persons_work_elsewhere_is_left_as_it_is(checked_out: Store) -> None:
 
 
 def test_the_first_commit_keeps_what_a_person_has_staged(tmp_path: Path) -> None:
-    store = create(tmp_path / "new", durable=False)
-    (store.path / "staged.txt").write_text("mine")
-    git(store.path, "add", "staged.txt")
-    put(store, {ENTRY: b"fx: 1.0\n"})
-    assert git(store.path, "status", "--porcelain") == "A  staged.txt"
-    assert (store.path / "staged.txt").read_text() == "mine"
+    repo = create(tmp_path / "new", durable=False)
+    (repo.path / "staged.txt").write_text("mine")
+    git(repo.path, "add", "staged.txt")
+    put(repo, {ENTRY: b"fx: 1.0\n"})
+    assert git(repo.path, "status", "--porcelain") == "A  staged.txt"
+    assert (repo.path / "staged.txt").read_text() == "mine"
 
 
-def test_a_merge_under_way_is_finished_by_the_person_first(checked_out: Store) -> None:
+def test_a_merge_under_way_is_finished_by_the_person_first(checked_out: Repository) -> None:
     (checked_out.git_dir / "MERGE_HEAD").write_text(f"{checked_out.tip()}\n")
     with pytest.raises(RegistryError, match="a merge is under way"):
         put(checked_out, {ENTRY: b"fx: 2.0\n"})
 
 
 def test_a_git_that_holds_the_index_is_waited_for_and_then_named(
-    checked_out: Store, monkeypatch: pytest.MonkeyPatch
+    checked_out: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(worktree, "INDEX_WAIT_S", 0.05)
     (checked_out.git_dir / "index.lock").touch()
@@ -124,32 +124,32 @@ def test_a_checkout_with_other_line_ends_is_no_edit_and_changes_no_bytes(
 KILLED = """
 import os, sys
 from pathlib import Path
-from calibrary.registry import worktree
-from calibrary.registry.objects import blob_id
-from calibrary.registry.store import Store
-from calibrary.registry.writing import Change, write
+from calibrary.registry.git import worktree
+from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import Change, write
 
 worktree.sync = lambda *_: os._exit(9)
-store = Store.open(Path(sys.argv[1]))
-write(store, [Change(path=sys.argv[2], data=b"fx: 2.0\\n", base=blob_id(b"fx: 1.0\\n"))], "killed\\n")
+repo = Repository.open(Path(sys.argv[1]))
+write(repo, [Change(path=sys.argv[2], data=b"fx: 2.0\\n", base=blob_id(b"fx: 1.0\\n"))], "killed\\n")
 """
 
 
-def killed_between_commit_and_files(store: Store) -> None:
-    done = subprocess.run([sys.executable, "-c", KILLED, str(store.path), ENTRY], check=False)
+def killed_between_commit_and_files(repo: Repository) -> None:
+    done = subprocess.run([sys.executable, "-c", KILLED, str(repo.path), ENTRY], check=False)
     assert done.returncode == 9
-    assert now(store) == b"fx: 2.0\n"
-    assert (store.path / ENTRY).read_bytes() == b"fx: 1.0\n"
+    assert now(repo) == b"fx: 2.0\n"
+    assert (repo.path / ENTRY).read_bytes() == b"fx: 1.0\n"
 
 
-def test_files_that_a_killed_writer_left_behind_are_brought_up_by_the_next(checked_out: Store) -> None:
+def test_files_that_a_killed_writer_left_behind_are_brought_up_by_the_next(checked_out: Repository) -> None:
     killed_between_commit_and_files(checked_out)
     put(checked_out, {OTHER: b"next\n"})
     assert (checked_out.path / ENTRY).read_bytes() == b"fx: 2.0\n"
     assert git(checked_out.path, "status", "--porcelain") == ""
 
 
-def test_files_left_behind_and_edited_since_are_not_overwritten_either(checked_out: Store) -> None:
+def test_files_left_behind_and_edited_since_are_not_overwritten_either(checked_out: Repository) -> None:
     killed_between_commit_and_files(checked_out)
     (checked_out.path / ENTRY).write_bytes(b"by hand\n")
     with pytest.raises(RegistryError, match="older than its last commit"):
@@ -158,12 +158,12 @@ def test_files_left_behind_and_edited_since_are_not_overwritten_either(checked_o
 
 
 def test_a_branch_that_another_work_tree_shows_is_written_there_only(
-    checked_out: Store, tmp_path: Path
+    checked_out: Repository, tmp_path: Path
 ) -> None:
     git(checked_out.path, "worktree", "add", "-q", "-b", "side", str(tmp_path / "side"))
     with pytest.raises(RegistryError, match="checked out in another work tree"):
         put(checked_out, {ENTRY: b"fx: 2.0\n"}, branch="side")
-    side = Store.open(tmp_path / "side", durable=False)
+    side = Repository.open(tmp_path / "side", durable=False)
     put(side, {ENTRY: b"fx: 2.0\n"})
     assert (side.path / ENTRY).read_bytes() == b"fx: 2.0\n"
     assert git(side.path, "status", "--porcelain") == ""
@@ -171,8 +171,8 @@ def test_a_branch_that_another_work_tree_shows_is_written_there_only(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="links to folders")
-def test_a_registry_opened_through_a_link_is_the_same(checked_out: Store, tmp_path: Path) -> None:
+def test_a_registry_opened_through_a_link_is_the_same(checked_out: Repository, tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(checked_out.path)
-    put(Store.open(tmp_path / "link", durable=False), {ENTRY: b"fx: 2.0\n"})
+    put(Repository.open(tmp_path / "link", durable=False), {ENTRY: b"fx: 2.0\n"})
     assert now(checked_out) == b"fx: 2.0\n"
     assert git(checked_out.path, "status", "--porcelain") == ""

@@ -9,12 +9,12 @@ import pytest
 
 from calibrary.errors import RegistryError
 from calibrary.keep.shelf import open_shelf
-from calibrary.registry import worktree
 from calibrary.registry.charter import CHARTER, charter_yaml
-from calibrary.registry.foreign import judge_settings, parse_settings
-from calibrary.registry.history import history
-from calibrary.registry.store import Store
-from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
+from calibrary.registry.git import worktree
+from calibrary.registry.git.foreign import judge_settings, parse_settings
+from calibrary.registry.git.history import history
+from calibrary.registry.git.repository import Repository
+from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
 
@@ -34,11 +34,11 @@ def plant_filter(git_dir: Path, name: str, ran: Path, *, pattern: str = "*.yaml"
 
 
 @pytest.mark.parametrize("name", ["plain", "", "two words", "a.b", "Ä"])
-def test_a_filter_of_any_name_is_silenced(checked_out: Store, ran: Path, name: str) -> None:
+def test_a_filter_of_any_name_is_silenced(checked_out: Repository, ran: Path, name: str) -> None:
     plant_filter(checked_out.git_dir, name, ran)
-    store = Store.open(checked_out.path, durable=False)
-    put(store, {ENTRY: b"fx: 2.0\n", OTHER: b"new\n"})
-    assert (store.path / ENTRY).read_bytes() == b"fx: 2.0\n"
+    repo = Repository.open(checked_out.path, durable=False)
+    put(repo, {ENTRY: b"fx: 2.0\n", OTHER: b"new\n"})
+    assert (repo.path / ENTRY).read_bytes() == b"fx: 2.0\n"
     assert not ran.exists()
 
 
@@ -46,28 +46,28 @@ def test_a_filter_of_any_name_is_silenced(checked_out: Store, ran: Path, name: s
     "section",
     ['filter "a=b"', 'diff "a=b"', 'credential "https://a.example/?x=y"', 'http "https://a.example/?x=y"'],
 )
-def test_a_key_that_no_option_can_set_back_is_refused(checked_out: Store, section: str) -> None:
+def test_a_key_that_no_option_can_set_back_is_refused(checked_out: Repository, section: str) -> None:
     with (checked_out.git_dir / "config").open("a") as file:
         file.write(f"[{section}]\n\tsmudge = x\n\ttextconv = x\n\thelper = x\n\tcookieFile = x\n")
     with pytest.raises(RegistryError, match="--unset-all"):
-        Store.open(checked_out.path)
+        Repository.open(checked_out.path)
 
 
 def test_a_configuration_that_is_a_link_is_the_repositorys_own_all_the_same(
-    checked_out: Store, ran: Path
+    checked_out: Repository, ran: Path
 ) -> None:
     plant_filter(checked_out.git_dir, "evil", ran)
     config = checked_out.git_dir / "config"
     config.rename(checked_out.path / "elsewhere")
     config.symlink_to("../elsewhere")
-    store = Store.open(checked_out.path, durable=False)
-    put(store, {ENTRY: b"fx: 2.0\n"})
-    assert "filter.evil.smudge" in store.silenced
+    repo = Repository.open(checked_out.path, durable=False)
+    put(repo, {ENTRY: b"fx: 2.0\n"})
+    assert "filter.evil.smudge" in repo.silenced
     assert not ran.exists()
 
 
 @pytest.mark.parametrize("ignore", ["", "\tignore = none\n"])
-def test_a_repository_inside_is_not_looked_into(checked_out: Store, ran: Path, ignore: str) -> None:
+def test_a_repository_inside_is_not_looked_into(checked_out: Repository, ran: Path, ignore: str) -> None:
     put(checked_out, {CHARTER: charter_yaml()})
     inner = checked_out.path / "cameras" / "inner"
     inner.mkdir()
@@ -109,7 +109,7 @@ def test_cookies_and_certificates_of_a_foreign_registry_are_not_used() -> None:
 
 @pytest.mark.parametrize("name", ["calibrary-sync", "calibrary-sync.new", "calibrary.lock"])
 def test_a_link_in_the_place_of_a_note_is_not_written_through(
-    checked_out: Store, tmp_path: Path, name: str
+    checked_out: Repository, tmp_path: Path, name: str
 ) -> None:
     precious = tmp_path / "precious"
     precious.write_text("mine")
@@ -124,7 +124,7 @@ def test_a_link_in_the_place_of_a_note_is_not_written_through(
 
 
 @pytest.mark.parametrize("note", [b"", b"\xff\xfe\x00", b"no commit main\n", b"0" * 40])
-def test_a_note_that_says_nothing_is_passed_over(checked_out: Store, note: bytes) -> None:
+def test_a_note_that_says_nothing_is_passed_over(checked_out: Repository, note: bytes) -> None:
     (checked_out.git_dir / "calibrary-sync").write_bytes(note)
     put(checked_out, {ENTRY: b"fx: 2.0\n"})
     assert (checked_out.path / ENTRY).read_bytes() == b"fx: 2.0\n"
@@ -132,7 +132,7 @@ def test_a_note_that_says_nothing_is_passed_over(checked_out: Store, note: bytes
 
 
 @pytest.mark.parametrize("how", ["graft", "replacement"])
-def test_a_history_told_otherwise_in_the_git_folder_is_not_believed(bare: Store, how: str) -> None:
+def test_a_history_told_otherwise_in_the_git_folder_is_not_believed(bare: Repository, how: str) -> None:
     first = bare.tip()
     assert first is not None
     put(bare, {ENTRY: b"fx: 2.0\n"})
@@ -144,13 +144,13 @@ def test_a_history_told_otherwise_in_the_git_folder_is_not_believed(bare: Store,
         (bare.git_dir / "info" / "grafts").write_text(f"{tip} {first}\n")
     else:
         git(bare.path, "replace", f"{tip}:{ENTRY}", f"{first}:{ENTRY}")
-    store = Store.open(bare.path)
-    assert now(store) == b"fx: 3.0\n"
-    assert len(history(store, ENTRY, tip)) == 3
+    repo = Repository.open(bare.path)
+    assert now(repo) == b"fx: 3.0\n"
+    assert len(history(repo, ENTRY, tip)) == 3
 
 
 def test_a_link_to_nowhere_in_the_place_of_a_note_makes_no_file_there(
-    checked_out: Store, tmp_path: Path
+    checked_out: Repository, tmp_path: Path
 ) -> None:
     (checked_out.git_dir / "calibrary-sync").symlink_to(tmp_path / "made")
     with pytest.raises(RegistryError, match="look at it, then remove it"):

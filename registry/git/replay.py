@@ -5,48 +5,47 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from calibrary.errors import RegistryError
-from calibrary.registry.conflicts import Conflict, EntryConflictError
-from calibrary.registry.fast_import import File, Step
-from calibrary.registry.history import ChangedFile, Revision, changed, history
-from calibrary.registry.layout import check_path
-from calibrary.registry.store import Store
-from calibrary.registry.writing import identity, moment_after
+from calibrary.registry.git.conflicts import Conflict, FileConflictError
+from calibrary.registry.git.fast_import import File, Step
+from calibrary.registry.git.history import ChangedFile, Revision, changed, history
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import identity, moment_after
 
 __all__ = ["ours_on_theirs"]
 
 
-def ours_on_theirs(store: Store, ours: str | None, theirs: str) -> tuple[list[Step], tuple[str, ...]]:
+def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[list[Step], tuple[str, ...]]:
     """What of our commits is not in theirs, as steps on top of theirs; and what a person should know of it.
 
     Authors, their dates and messages stay; who committed, and when, is new. A change that theirs holds already is
     left out, and so is a commit of which nothing is left.
 
     Raises:
-        EntryConflictError: both sides changed a file; all of them are told.
+        FileConflictError: both sides changed a file; all of them are told.
         RegistryError: our side holds a merge, or changed what is none of a registry's files.
     """
     if ours is None:
         return [], ()
-    committer, warnings = identity(store)
-    moment, skew = moment_after(store, theirs, None)
-    standing = dict[str, str | None](store.listing(theirs))
-    final = store.listing(ours)
+    committer, warnings = identity(repo)
+    moment, skew = moment_after(repo, theirs, None)
+    standing = dict[str, str | None](repo.listing(theirs))
+    final = repo.listing(ours)
     steps: list[Step] = []
     conflicts: dict[str, Conflict] = {}
-    for revision, files in _of_ours(store, ours, theirs):
+    for revision, files in _of_ours(repo, ours, theirs):
         due = []
         for file in files:
-            check_path(file.path)
+            repo.check_path(file.path)
             now = standing.get(file.path)
             if now == file.after or file.path in conflicts:
                 continue
             if now != file.before:
                 if now == final.get(file.path):
                     continue
-                conflicts[file.path] = _conflict(store, file, final.get(file.path), now)
+                conflicts[file.path] = _conflict(repo, file, final.get(file.path), now)
                 continue
             standing[file.path] = file.after
-            due.append(File(path=file.path, data=_data(store, file.after)))
+            due.append(File(path=file.path, data=_data(repo, file.after)))
         if due:
             steps.append(
                 Step(
@@ -59,34 +58,34 @@ def ours_on_theirs(store: Store, ours: str | None, theirs: str) -> tuple[list[St
                 )
             )
     if conflicts:
-        raise EntryConflictError(
+        raise FileConflictError(
             [*conflicts.values()],
             "decide for each which is right, write that on top of theirs, and pull again",
         )
     return steps, (*warnings, *skew) if steps else ()
 
 
-def _of_ours(store: Store, ours: str, theirs: str) -> Iterator[tuple[Revision, tuple[ChangedFile, ...]]]:
-    for revision in reversed(history(store, None, f"{theirs}..{ours}")):
+def _of_ours(repo: Repository, ours: str, theirs: str) -> Iterator[tuple[Revision, tuple[ChangedFile, ...]]]:
+    for revision in reversed(history(repo, None, f"{theirs}..{ours}")):
         if len(revision.parents) > 1:
             raise RegistryError(
-                f"{store.path}: {revision.commit[:12]} is a merge that theirs does not have; commits with merges "
+                f"{repo.path}: {revision.commit[:12]} is a merge that theirs does not have; commits with merges "
                 "among them are not made again: bring the two together with git"
             )
         parent = revision.parents[0] if revision.parents else None
-        yield revision, changed(store, parent, revision.commit, prefix="")
+        yield revision, changed(repo, parent, revision.commit)
 
 
-def _conflict(store: Store, file: ChangedFile, ours: str | None, theirs: str | None) -> Conflict:
+def _conflict(repo: Repository, file: ChangedFile, ours: str | None, theirs: str | None) -> Conflict:
     return Conflict(
         path=file.path,
         base_oid=file.before,
-        base=_data(store, file.before),
-        ours=_data(store, ours),
-        theirs=_data(store, theirs),
+        base=_data(repo, file.before),
+        ours=_data(repo, ours),
+        theirs=_data(repo, theirs),
         theirs_oid=theirs,
     )
 
 
-def _data(store: Store, oid: str | None) -> bytes | None:
-    return store.blob(oid) if oid is not None else None
+def _data(repo: Repository, oid: str | None) -> bytes | None:
+    return repo.blob(oid) if oid is not None else None

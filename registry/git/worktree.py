@@ -15,8 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from calibrary.errors import RegistryError
-from calibrary.registry.objects import HEX
-from calibrary.registry.store import Store
+from calibrary.registry.git.objects import HEX
+from calibrary.registry.git.repository import Repository
 
 __all__ = ["EMPTY_TREE", "begin", "catch_up", "require_clean", "sync"]
 
@@ -35,53 +35,53 @@ IN_PROGRESS = {
 }
 
 
-def shows(store: Store, ref: str) -> bool:
-    """Whether a branch is what the store's work tree shows.
+def shows(repo: Repository, ref: str) -> bool:
+    """Whether a branch is what the repo's work tree shows.
 
     Raises:
         RegistryError: another linked work tree shows it, which would then tell a false story.
     """
-    for other in _linked(store):
+    for other in _linked(repo):
         with suppress(OSError):
             if (other / "HEAD").read_text(encoding="utf-8").strip() == f"ref: {ref}":
                 raise RegistryError(
-                    f"{store.path}: {ref} is checked out in another work tree ({other}); open the registry there"
+                    f"{repo.path}: {ref} is checked out in another work tree ({other}); open the registry there"
                 )
-    return store.work_tree is not None and store.head_ref == ref
+    return repo.work_tree is not None and repo.head_ref == ref
 
 
-def _linked(store: Store) -> Iterable[Path]:
+def _linked(repo: Repository) -> Iterable[Path]:
     """The git folders of the other work trees of this repository."""
     with suppress(OSError):
-        yield from (place for place in (store.common_dir / "worktrees").iterdir() if place != store.git_dir)
-    if store.common_dir != store.git_dir:
-        yield store.common_dir
+        yield from (place for place in (repo.common_dir / "worktrees").iterdir() if place != repo.git_dir)
+    if repo.common_dir != repo.git_dir:
+        yield repo.common_dir
 
 
-def require_clean(store: Store, tip: str | None, paths: Sequence[str]) -> None:
+def require_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> None:
     """See that nothing a person has not committed stands in the way of these files.
 
     Raises:
         RegistryError: a file is edited, staged or not known to git; or a merge is under way.
     """
     for name, what in IN_PROGRESS.items():
-        if (store.git_dir / name).exists():
-            raise RegistryError(f"{store.path}: {what} is under way in the work tree; finish it first")
-    _wait_for_index(store)
-    blocked = _blocked(store, paths)
-    if not blocked and _surely_clean(store, tip, paths):
+        if (repo.git_dir / name).exists():
+            raise RegistryError(f"{repo.path}: {what} is under way in the work tree; finish it first")
+    _wait_for_index(repo)
+    blocked = _blocked(repo, paths)
+    if not blocked and _surely_clean(repo, tip, paths):
         return
-    touched = sorted(_edited(store, paths) | blocked)
+    touched = sorted(_edited(repo, paths) | blocked)
     if touched:
         shown = ", ".join(touched[:3]) + (f" and {len(touched) - 3} more" if len(touched) > 3 else "")
         raise RegistryError(
-            f"{store.path}: {shown}: changed by hand and not committed; nothing was written. Commit it, or put it "
-            f"aside: git -C {store.path} stash --include-untracked"
+            f"{repo.path}: {shown}: changed by hand and not committed; nothing was written. Commit it, or put it "
+            f"aside: git -C {repo.path} stash --include-untracked"
         )
 
 
-def _wait_for_index(store: Store) -> None:
-    lock = store.git_dir / "index.lock"
+def _wait_for_index(repo: Repository) -> None:
+    lock = repo.git_dir / "index.lock"
     deadline = time.monotonic() + INDEX_WAIT_S
     while lock.exists():
         if time.monotonic() > deadline:
@@ -92,19 +92,19 @@ def _wait_for_index(store: Store) -> None:
         time.sleep(0.02)
 
 
-def _edited(store: Store, paths: Sequence[str]) -> set[str]:
+def _edited(repo: Repository, paths: Sequence[str]) -> set[str]:
     wanted = set(paths)
     limits = list(paths) if len(paths) <= MOST_PATHSPECS else []
     options = ("--porcelain=v1", "-z", "--untracked-files=all", "--ignored=matching", "--no-renames")
-    listed = store.run("status", *options, "--", *limits).out
+    listed = repo.run("status", *options, "--", *limits).out
     found = {os.fsdecode(line[3:]) for line in listed.split(b"\0") if line}
     # A folder of which everything is ignored is told as one.
     folders = tuple(name for name in found if name.endswith("/"))
-    hidden = {path for path in wanted if path.startswith(folders) and os.path.lexists(store.path / path)}
+    hidden = {path for path in wanted if path.startswith(folders) and os.path.lexists(repo.path / path)}
     return (found & wanted) | hidden
 
 
-def _surely_clean(store: Store, tip: str | None, paths: Sequence[str]) -> bool:
+def _surely_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> bool:
     """Whether a look at a few files and the index, without starting git, settles that nobody has touched them.
 
     The index is git's own file; of its layout no more is used than that versions 2 and 3 hold each file's id, two
@@ -113,19 +113,19 @@ def _surely_clean(store: Store, tip: str | None, paths: Sequence[str]) -> bool:
     if len(paths) > MOST_LOOKED_AT:
         return False
     try:
-        index = (store.git_dir / "index").read_bytes()
+        index = (repo.git_dir / "index").read_bytes()
     except FileNotFoundError:
         index = b"DIRC\0\0\0\x02"
     except OSError:
         return False
     if not index.startswith((b"DIRC\0\0\0\x02", b"DIRC\0\0\0\x03")) or b"link\0\0" in index[-(1 << 16) :]:
         return False
-    return all(_is_as_committed(store, tip, path, index) for path in paths)
+    return all(_is_as_committed(repo, tip, path, index) for path in paths)
 
 
-def _is_as_committed(store: Store, tip: str | None, path: str, index: bytes) -> bool:
-    place, name = store.path / path, os.fsencode(path)
-    blob = store.read(tip, path) if tip is not None else None
+def _is_as_committed(repo: Repository, tip: str | None, path: str, index: bytes) -> bool:
+    place, name = repo.path / path, os.fsencode(path)
+    blob = repo.read(tip, path) if tip is not None else None
     if blob is None:
         return not os.path.lexists(place) and name not in index
     at = index.find(bytes.fromhex(blob.oid))
@@ -139,10 +139,10 @@ def _is_as_committed(store: Store, tip: str | None, path: str, index: bytes) -> 
         return False
 
 
-def _blocked(store: Store, paths: Sequence[str]) -> set[str]:
+def _blocked(repo: Repository, paths: Sequence[str]) -> set[str]:
     """Folders on the way to a file that are none: something else bears the name, or a link leads elsewhere."""
     parents = {parent for path in paths for parent in Path(path).parents if parent.parts}
-    places = {parent.as_posix(): store.path / parent for parent in parents}
+    places = {parent.as_posix(): repo.path / parent for parent in parents}
     return {
         name
         for name, place in places.items()
@@ -150,32 +150,32 @@ def _blocked(store: Store, paths: Sequence[str]) -> set[str]:
     }
 
 
-def begin(store: Store, ref: str, tip: str | None) -> None:
+def begin(repo: Repository, ref: str, tip: str | None) -> None:
     """Leave the note that the view is about to fall behind.
 
     Raises:
         RegistryError: it cannot be written.
     """
-    draft = store.git_dir / f"{NOTE}.new"
+    draft = repo.git_dir / f"{NOTE}.new"
     try:
         # A link that somebody put in its place would be written through otherwise.
         draft.unlink(missing_ok=True)
         with draft.open("x", encoding="utf-8") as file:
             file.write(f"{tip or EMPTY_TREE} {ref}\n")
-        draft.replace(store.git_dir / NOTE)
+        draft.replace(repo.git_dir / NOTE)
     except OSError as error:
         raise RegistryError(
-            f"{store.git_dir}: cannot be written: {error.strerror}; nothing was committed"
+            f"{repo.git_dir}: cannot be written: {error.strerror}; nothing was committed"
         ) from None
 
 
-def give_up(store: Store) -> None:
+def give_up(repo: Repository) -> None:
     """Take the note back: nothing was committed. One that cannot be taken is only read once more."""
     with suppress(OSError):
-        (store.git_dir / NOTE).unlink()
+        (repo.git_dir / NOTE).unlink()
 
 
-def sync(store: Store, old: str | None, new: str, paths: Sequence[str] | None = None) -> str | None:
+def sync(repo: Repository, old: str | None, new: str, paths: Sequence[str] | None = None) -> str | None:
     """Move the view from one commit to another, which differ in some paths.
 
     A few files that nobody has touched, by one more look, are put there by themselves; the merge of two whole
@@ -184,25 +184,25 @@ def sync(store: Store, old: str | None, new: str, paths: Sequence[str] | None = 
     Returns:
         what stood in the way, if something did; then the note stays, and the next write tries again.
     """
-    if paths and not _blocked(store, paths) and _surely_clean(store, old, paths):
+    if paths and not _blocked(repo, paths) and _surely_clean(repo, old, paths):
         options = ("--quiet", f"--source={new}", "--staged", "--worktree")
-        if store.run("restore", *options, "--", *paths, good=(0, 1, 128)).code == 0:
-            give_up(store)
+        if repo.run("restore", *options, "--", *paths, good=(0, 1, 128)).code == 0:
+            give_up(repo)
             return None
-    moved = store.run("read-tree", "-m", "-u", old or EMPTY_TREE, new, good=(0, 128))
+    moved = repo.run("read-tree", "-m", "-u", old or EMPTY_TREE, new, good=(0, 128))
     if moved.code:
         return f"committed, but the work tree could not be brought up to date: {moved.told.strip()}"
-    give_up(store)
+    give_up(repo)
     return None
 
 
-def catch_up(store: Store) -> None:
+def catch_up(repo: Repository) -> None:
     """Finish what a killed writer left undone: its commit is there, and the view has not followed.
 
     Raises:
         RegistryError: somebody has edited just those files since.
     """
-    note = store.git_dir / NOTE
+    note = repo.git_dir / NOTE
     try:
         told = note.read_bytes()[:LONGEST_NOTE] if os.path.lexists(note) else None
     except OSError as error:
@@ -211,14 +211,14 @@ def catch_up(store: Store) -> None:
         return
     old, _, ref = told.decode("utf-8", "replace").strip().partition(" ")
     # A note that breaks off is one of a writer killed before it had committed.
-    new = store.tip(ref) if HEX.match(old) is not None and ref == store.head_ref else None
+    new = repo.tip(ref) if HEX.match(old) is not None and ref == repo.head_ref else None
     if new is None or old == new:
-        give_up(store)
+        give_up(repo)
         return
-    blocked = sync(store, old, new)
+    blocked = sync(repo, old, new)
     if blocked is not None:
         raise RegistryError(
-            f"{store.path}: its files are older than its last commit, and some were edited by hand since; a "
-            f"commit of them would undo entries. Put them aside: git -C {store.path} stash; then: git -C "
-            f"{store.path} reset --hard. ({blocked})"
+            f"{repo.path}: its files are older than its last commit, and some were edited by hand since; a "
+            f"commit of them would undo entries. Put them aside: git -C {repo.path} stash; then: git -C "
+            f"{repo.path} reset --hard. ({blocked})"
         )

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.registry.creating import create
-from calibrary.registry.store import Store
-from calibrary.registry.writing import Change, Written, write
+from calibrary.registry.git.creating import create
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import Change, Written, write
+from calibrary.registry.layout import check_path
 
 ENTRY = "cameras/dji/fc6310/5472x3648.yaml"
 OTHER = "cameras/dji/fc330/4000x3000.yaml"
@@ -54,46 +55,48 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         seclude(patch, folder)
         put(create(folder / "bare", bare=True, durable=False), {ENTRY: b"fx: 1.0\n"})
-        store = create(folder / "checked-out", durable=False)
-        put(store, {ENTRY: b"fx: 1.0\n", ".gitattributes": b"*.yaml text eol=lf\n"})
+        repo = create(folder / "checked-out", durable=False)
+        put(repo, {ENTRY: b"fx: 1.0\n", ".gitattributes": b"*.yaml text eol=lf\n"})
     return folder
 
 
 @pytest.fixture
-def bare(made: Path, tmp_path: Path) -> Iterator[Store]:
+def bare(made: Path, tmp_path: Path) -> Iterator[Repository]:
     """A bare registry with one entry."""
-    store = Store.open(shutil.copytree(made / "bare", tmp_path / "bare"), durable=False)
-    yield store
-    store.close()
+    repo = Repository.open(
+        shutil.copytree(made / "bare", tmp_path / "bare"), durable=False, check_path=check_path
+    )
+    yield repo
+    repo.close()
 
 
 @pytest.fixture
-def checked_out(made: Path, tmp_path: Path) -> Iterator[Store]:
+def checked_out(made: Path, tmp_path: Path) -> Iterator[Repository]:
     """A registry with a work tree and one entry."""
     path = shutil.copytree(made / "checked-out", tmp_path / "checked-out")
     git(path, "status")  # the index knows files by their inode, too
-    store = Store.open(path, durable=False)
-    yield store
-    store.close()
+    repo = Repository.open(path, durable=False, check_path=check_path)
+    yield repo
+    repo.close()
 
 
 def put(
-    store: Store, files: Mapping[str, bytes | None], subject: str = "Change it", **options: object
+    repo: Repository, files: Mapping[str, bytes | None], subject: str = "Change it", **options: object
 ) -> Written:
     """Write files from whatever they are now."""
-    tip = store.tip()
+    tip = repo.tip()
     changes = []
     for path, data in files.items():
-        blob = store.read(tip, path) if tip is not None else None
+        blob = repo.read(tip, path) if tip is not None else None
         changes.append(Change(path=path, data=data, base=blob.oid if blob is not None else None))
-    return write(store, changes, f"{subject}\n", **options)  # type: ignore[arg-type]  # as write takes them
+    return write(repo, changes, f"{subject}\n", **options)  # type: ignore[arg-type]  # as write takes them
 
 
-def now(store: Store, path: str = ENTRY) -> bytes | None:
+def now(repo: Repository, path: str = ENTRY) -> bytes | None:
     """An entry's bytes at the tip."""
-    tip = store.tip()
+    tip = repo.tip()
     assert tip is not None
-    blob = store.read(tip, path)
+    blob = repo.read(tip, path)
     return blob.data if blob is not None else None
 
 

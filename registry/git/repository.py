@@ -1,4 +1,4 @@
-"""The one door to git: a repository's objects, read by the bytes and checked, and commands that run in peace.
+"""The one module that starts git: commands that run undisturbed, and objects read by the bytes and checked.
 
 GitPython is used for what it is good at, starting git and talking to it. Its index and its shared ``Repo`` are
 not: the documented ``index.add`` + ``index.commit`` loses entries when two processes write, and one ``Repo`` used by
@@ -13,15 +13,15 @@ import re
 import shutil
 import subprocess
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from calibrary.errors import RegistryError
-from calibrary.registry.explained import explain
-from calibrary.registry.foreign import (
+from calibrary.registry.git.failures import explain
+from calibrary.registry.git.foreign import (
     ALWAYS,
     PEACE,
     Environment,
@@ -30,12 +30,13 @@ from calibrary.registry.foreign import (
     parse_settings,
     repository_environment,
 )
-from calibrary.registry.objects import HEX, Blob, ObjectReader, object_id
+from calibrary.registry.git.objects import HEX, Blob, ObjectReader, object_id
+from calibrary.registry.git.paths import check_path
 
 if TYPE_CHECKING:
     from git import Git
 
-__all__ = ["Output", "Store", "git_version", "run_git"]
+__all__ = ["Output", "Repository", "git_version", "run_git"]
 
 OLDEST_GIT = (2, 24)
 CHUNK = 20_000
@@ -117,8 +118,8 @@ def _version(executable: str) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Store:
-    """A git repository that files of a registry are read from and written to; knows nothing of cameras.
+class Repository:
+    """A git repository that files are read from and written to.
 
     Safe to share between threads and to carry over a fork.
 
@@ -130,6 +131,7 @@ class Store:
         settings: what the repository's and the person's configuration say.
         durable: whether a write waits for the disk.
         stale_lock_s: age at which a lock file of a dead git may be taken away.
+        check_path: raises RegistryError for a path that must not be written, else returns it.
     """
 
     path: Path
@@ -142,10 +144,18 @@ class Store:
     environment: Environment
     durable: bool = True
     stale_lock_s: float = STALE_LOCK_S
+    check_path: Callable[[str], str] = check_path
     _own: threading.local = field(default_factory=threading.local, repr=False)
 
     @classmethod
-    def open(cls, path: Path, *, durable: bool = True, stale_lock_s: float = STALE_LOCK_S) -> Store:
+    def open(
+        cls,
+        path: Path,
+        *,
+        durable: bool = True,
+        stale_lock_s: float = STALE_LOCK_S,
+        check_path: Callable[[str], str] = check_path,
+    ) -> Repository:
         """A repository that is there, bare or checked out.
 
         Raises:
@@ -175,6 +185,7 @@ class Store:
             environment=environment,
             durable=durable,
             stale_lock_s=stale_lock_s,
+            check_path=check_path,
         )
 
     @property

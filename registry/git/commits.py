@@ -15,12 +15,12 @@ from datetime import datetime
 from pathlib import Path
 
 from calibrary.errors import RegistryError
-from calibrary.registry import worktree
-from calibrary.registry.explained import explain
-from calibrary.registry.fast_import import Person, Step, stream
-from calibrary.registry.locks import WriterLock, lock_in_the_way
-from calibrary.registry.objects import HEX
-from calibrary.registry.store import Output, Store
+from calibrary.registry.git import worktree
+from calibrary.registry.git.failures import explain
+from calibrary.registry.git.fast_import import Person, Step, stream
+from calibrary.registry.git.locks import WriterLock, lock_in_the_way
+from calibrary.registry.git.objects import HEX
+from calibrary.registry.git.repository import Output, Repository
 
 __all__ = ["advance", "build", "is_signing", "land", "move_branch"]
 
@@ -31,7 +31,7 @@ OVERTAKEN = ("Not updating refs/", "but expected", "reference already exists", "
 
 
 def advance(
-    store: Store,
+    repo: Repository,
     lock: WriterLock,
     ref: str,
     old: str | None,
@@ -41,7 +41,7 @@ def advance(
     """Move a branch, and what shows it.
 
     Args:
-        store: the repository.
+        repo: the repository.
         lock: the writer's lock, held.
         ref: the branch's full name.
         old: where it was seen to stand.
@@ -54,72 +54,72 @@ def advance(
     Raises:
         RegistryError: it failed for good, or a person's work is in the way; nothing was changed.
     """
-    shown = worktree.shows(store, ref)
+    shown = worktree.shows(repo, ref)
     if shown:
-        worktree.require_clean(store, old, paths)
-        worktree.begin(store, ref, old)
+        worktree.require_clean(repo, old, paths)
+        worktree.begin(repo, ref, old)
     try:
         output = move()
-        new = _commit(store, lock, output)
+        new = _commit(repo, lock, output)
     except BaseException:
-        if shown and store.tip(ref) == old:
-            worktree.give_up(store)
+        if shown and repo.tip(ref) == old:
+            worktree.give_up(repo)
         raise
     if new is None:
         if shown:
-            worktree.give_up(store)
+            worktree.give_up(repo)
         return None, (output.told.strip(),)
     if not shown:
         return new, ()
-    behind = worktree.sync(store, old, new, paths)
+    behind = worktree.sync(repo, old, new, paths)
     return new, (behind,) if behind else ()
 
 
-def _commit(store: Store, lock: WriterLock, output: Output) -> str | None:
+def _commit(repo: Repository, lock: WriterLock, output: Output) -> str | None:
     if output.code == 0:
         new = output.out.split()[-1].decode("ascii", "replace") if output.out.strip() else ""
         if HEX.match(new) is None:
             raise RegistryError(
-                f"{store.path}: git told no commit: {output.out[:200]!r} {output.told.strip()}"
+                f"{repo.path}: git told no commit: {output.out[:200]!r} {output.told.strip()}"
             )
         return new
-    _sweep(store, output.told)
+    _sweep(repo, output.told)
     if any(sign in output.told for sign in OVERTAKEN):
         return None
     in_the_way = lock_in_the_way(output.told)
     if in_the_way is not None:
-        lock.heal(in_the_way, older_than_s=store.stale_lock_s)
+        lock.heal(in_the_way, older_than_s=repo.stale_lock_s)
         return None
-    raise RegistryError(f"{store.path}: nothing was written: {explain(output.told)}")
+    raise RegistryError(f"{repo.path}: nothing was written: {explain(output.told)}")
 
 
-def _sweep(store: Store, told: str) -> None:
+def _sweep(repo: Repository, told: str) -> None:
     """Remove the report that a failed fast-import leaves in the repository."""
     found = CRASH_REPORT.search(told)
     if found is not None:
-        report = Path(os.path.realpath(store.path / found["path"]))
-        if report.is_relative_to(store.git_dir):
+        report = Path(os.path.realpath(repo.path / found["path"]))
+        if report.is_relative_to(repo.git_dir):
             with suppress(OSError):
                 report.unlink()
 
 
-def land(store: Store, ref: str, parent: str | None, steps: Sequence[Step], old: str | None) -> Output:
+def land(repo: Repository, ref: str, parent: str | None, steps: Sequence[Step], old: str | None) -> Output:
     """Make commits on a parent and move a branch onto the last."""
-    if old in {None, parent} and not is_signing(store):
-        return _fast_import(store, stream(ref, parent, steps))
-    built = build(store, parent, steps)
-    return built if built.code else move_branch(store, ref, old, built.out.split()[-1].decode())
+    if old in {None, parent} and not is_signing(repo):
+        return _fast_import(repo, stream(ref, parent, steps))
+    built = build(repo, parent, steps)
+    return built if built.code else move_branch(repo, ref, old, built.out.split()[-1].decode())
 
 
-def build(store: Store, parent: str | None, steps: Sequence[Step]) -> Output:
+def build(repo: Repository, parent: str | None, steps: Sequence[Step]) -> Output:
     """Make commits that no branch stands on yet; their ids, one a line."""
-    built = _fast_import(store, stream(BUILD_REF, parent, steps), "--force")
-    if built.code or not is_signing(store):
+    built = _fast_import(repo, stream(BUILD_REF, parent, steps), "--force")
+    if built.code or not is_signing(repo):
         return built
     signed: list[str] = []
     for commit, step in zip(built.out.split(), steps, strict=True):
         above = signed[-1] if signed else parent
-        made = store.run(
+        made = repo.run(
             "commit-tree",
             "-S",
             *(("-p", above) if above else ()),
@@ -142,20 +142,20 @@ def _as(role: str, person: Person, moment: datetime) -> dict[str, str]:
     }
 
 
-def move_branch(store: Store, ref: str, old: str | None, new: str) -> Output:
+def move_branch(repo: Repository, ref: str, old: str | None, new: str) -> Output:
     """Move a branch from where it was seen to a commit; what we built on goes in the same transaction."""
     orders = f"update {ref} {new} {old or NOBODY}\n"
-    if store.tip(BUILD_REF) is not None:
+    if repo.tip(BUILD_REF) is not None:
         orders += f"delete {BUILD_REF}\n"
-    moved = store.run("update-ref", "-m", "calibrary", "--stdin", stdin=orders.encode(), good=(0, 1, 128))
+    moved = repo.run("update-ref", "-m", "calibrary", "--stdin", stdin=orders.encode(), good=(0, 1, 128))
     return Output(moved.code, new.encode(), moved.told)
 
 
-def _fast_import(store: Store, written: bytes, *options: str) -> Output:
+def _fast_import(repo: Repository, written: bytes, *options: str) -> Output:
     command = ("fast-import", "--quiet", "--date-format=raw", *options)
-    return store.run(*command, stdin=written, good=(0, 1, 128))
+    return repo.run(*command, stdin=written, good=(0, 1, 128))
 
 
-def is_signing(store: Store) -> bool:
+def is_signing(repo: Repository) -> bool:
     """Whether the person's configuration asks for signed commits."""
-    return (store.setting("commit.gpgsign") or "").lower() in {"true", "yes", "on", "1"}
+    return (repo.setting("commit.gpgsign") or "").lower() in {"true", "yes", "on", "1"}

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry.creating import create
-from calibrary.registry.history import history
-from calibrary.registry.revisions import commit_at, parse_rev
-from calibrary.registry.store import Store, run_git
-from calibrary.registry.writing import identity
-from tests.registry.stores import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
+from calibrary.registry.git.creating import create
+from calibrary.registry.git.history import history
+from calibrary.registry.git.repository import Repository, run_git
+from calibrary.registry.git.revisions import commit_at, parse_rev
+from calibrary.registry.git.writing import identity
+from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
 
@@ -39,7 +39,7 @@ class _Interrupted:
         return data
 
 
-def test_an_answer_that_was_not_waited_for_is_not_taken_for_the_next(bare: Store) -> None:
+def test_an_answer_that_was_not_waited_for_is_not_taken_for_the_next(bare: Repository) -> None:
     put(bare, {OTHER: b"other\n"})
     tip = bare.tip()
     assert tip is not None
@@ -69,27 +69,28 @@ def test_an_answer_that_was_not_waited_for_is_not_taken_for_the_next(bare: Store
     ],
 )
 def test_no_variable_around_us_changes_what_is_written_or_told(
-    checked_out: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, value: str
+    checked_out: Repository, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, value: str
 ) -> None:
     monkeypatch.setenv(name, value)
-    store = Store.open(checked_out.path, durable=False)
-    put(store, {ENTRY: b"fx: 2.0\n"})
-    put(store, {OTHER: b"new\n"})
-    tip = store.tip()
+    repo = Repository.open(checked_out.path, durable=False)
+    put(repo, {ENTRY: b"fx: 2.0\n"})
+    put(repo, {OTHER: b"new\n"})
+    tip = repo.tip()
     assert tip is not None
-    assert [revision.subject for revision in history(store, ENTRY, tip)] == ["Change it", "Change it"]
-    assert (store.path / OTHER).read_bytes() == b"new\n"
+    assert [revision.subject for revision in history(repo, ENTRY, tip)] == ["Change it", "Change it"]
+    assert (repo.path / OTHER).read_bytes() == b"new\n"
     assert put(create(tmp_path / "new", bare=True), {ENTRY: b"a\n"}).commit
 
 
-def test_a_hook_that_judges_a_push_sees_what_was_pushed(bare: Store, tmp_path: Path) -> None:
+def test_a_hook_that_judges_a_push_sees_what_was_pushed(bare: Repository, tmp_path: Path) -> None:
     git(tmp_path, "clone", "-q", str(bare.path), "clone")
     told = tmp_path / "told"
     (bare.git_dir / "hooks").mkdir(exist_ok=True)
     hook = bare.git_dir / "hooks" / "pre-receive"
     hook.write_text(
-        f"#!{sys.executable}\nimport sys\nfrom pathlib import Path\nfrom calibrary.registry.store import Store\n"
-        f"new = sys.stdin.read().split()[1]\nfound = Store.open(Path({str(bare.path)!r})).read(new, {ENTRY!r})\n"
+        f"#!{sys.executable}\nimport sys\nfrom pathlib import Path\n"
+        "from calibrary.registry.git.repository import Repository\n"
+        f"new = sys.stdin.read().split()[1]\nfound = Repository.open(Path({str(bare.path)!r})).read(new, {ENTRY!r})\n"
         f"Path({str(told)!r}).write_bytes(found.data)\n"
     )
     hook.chmod(0o755)
@@ -100,20 +101,20 @@ def test_a_hook_that_judges_a_push_sees_what_was_pushed(bare: Store, tmp_path: P
 
 
 def test_a_name_in_another_encoding_does_not_stop_a_write(
-    bare: Store, nobodys_git: Path, monkeypatch: pytest.MonkeyPatch
+    bare: Repository, nobodys_git: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("GIT_COMMITTER_NAME", "GIT_COMMITTER_EMAIL"):
         monkeypatch.delenv(name)
     nobodys_git.write_bytes(b"[user]\n\tname = Jos\xe9\n\temail = jose@example.com\n")
-    store = Store.open(bare.path, durable=False)
-    put(store, {ENTRY: b"fx: 2.0\n"})
-    assert identity(store)[0].name == "Jos\N{REPLACEMENT CHARACTER}"
+    repo = Repository.open(bare.path, durable=False)
+    put(repo, {ENTRY: b"fx: 2.0\n"})
+    assert identity(repo)[0].name == "Jos\N{REPLACEMENT CHARACTER}"
     monkeypatch.setenv("GIT_COMMITTER_NAME", os.fsdecode(b"Jos\xe9"))
-    assert identity(store)[0].name == "Jos\N{REPLACEMENT CHARACTER}"
+    assert identity(repo)[0].name == "Jos\N{REPLACEMENT CHARACTER}"
 
 
 @pytest.mark.parametrize("day", ["0001-01-01", "1969-12-31", "1970-01-01", "1971-05-01", "1973-03-03"])
-def test_a_day_before_there_was_a_registry_is_never_its_newest_state(bare: Store, day: str) -> None:
+def test_a_day_before_there_was_a_registry_is_never_its_newest_state(bare: Repository, day: str) -> None:
     with pytest.raises(RegistryError, match="begins later"):
         commit_at(bare, parse_rev(day))
 
@@ -124,7 +125,7 @@ def test_a_moment_outside_of_all_calendars_is_no_date(moment: str) -> None:
         parse_rev(moment)
 
 
-def test_a_name_of_two_things_is_told_and_not_guessed(bare: Store) -> None:
+def test_a_name_of_two_things_is_told_and_not_guessed(bare: Repository) -> None:
     first = bare.tip()
     put(bare, {ENTRY: b"fx: 2.0\n"})
     git(bare.path, "branch", "season", "main")
@@ -134,14 +135,14 @@ def test_a_name_of_two_things_is_told_and_not_guessed(bare: Store) -> None:
     assert commit_at(bare, parse_rev("refs/tags/season")) == first
 
 
-def test_a_tag_of_what_is_no_commit_is_no_revision(bare: Store) -> None:
+def test_a_tag_of_what_is_no_commit_is_no_revision(bare: Repository) -> None:
     git(bare.path, "tag", "-a", "thing", "-m", "a file", f"HEAD:{ENTRY}")
     with pytest.raises(RegistryError, match="no such revision"):
         commit_at(bare, parse_rev("thing"))
 
 
 @pytest.mark.parametrize("date", ["99999999999999999999 +0000", "253402300800 +0000", "-5 +0000", "", "x"])
-def test_a_commit_with_an_impossible_date_is_written_on(bare: Store, date: str) -> None:
+def test_a_commit_with_an_impossible_date_is_written_on(bare: Repository, date: str) -> None:
     tree, tip = git(bare.path, "rev-parse", "HEAD^{tree}"), bare.tip()
     text = f"tree {tree}\nparent {tip}\nauthor A <a@b> {date}\ncommitter A <a@b> {date}\n\nodd\0more\n"
     options = ("hash-object", "-t", "commit", "-w", "--stdin", "--literally")
@@ -155,7 +156,7 @@ def test_a_commit_with_an_impossible_date_is_written_on(bare: Store, date: str) 
 
 
 @pytest.mark.parametrize("umask", [0o077, 0o022])
-def test_the_lock_of_a_shared_registry_is_shared(bare: Store, umask: int) -> None:
+def test_the_lock_of_a_shared_registry_is_shared(bare: Repository, umask: int) -> None:
     bare.git_dir.chmod(0o2775)
     (bare.git_dir / "calibrary.lock").unlink(missing_ok=True)
     before = os.umask(umask)
@@ -167,22 +168,24 @@ def test_the_lock_of_a_shared_registry_is_shared(bare: Store, umask: int) -> Non
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
-def test_a_registry_of_another_user_is_not_opened_unasked(bare: Store, nobodys_git: Path) -> None:
+def test_a_registry_of_another_user_is_not_opened_unasked(bare: Repository, nobodys_git: Path) -> None:
     subprocess.run(["chown", "-R", "65534", str(bare.path)], check=True)
     with pytest.raises(RegistryError, match=r"belongs to another user.*safe\.directory"):
-        Store.open(bare.path)
+        Repository.open(bare.path)
     with nobodys_git.open("a") as file:
         file.write(f"[safe]\n\tdirectory = {bare.path}\n")
-    assert Store.open(bare.path).tip() == bare.tip()
+    assert Repository.open(bare.path).tip() == bare.tip()
 
 
-def test_a_bare_registry_opens_where_git_is_told_to_overlook_them(bare: Store, nobodys_git: Path) -> None:
+def test_a_bare_registry_opens_where_git_is_told_to_overlook_them(
+    bare: Repository, nobodys_git: Path
+) -> None:
     with nobodys_git.open("a") as file:
         file.write("[safe]\n\tbareRepository = explicit\n")
-    assert Store.open(bare.path).tip() == bare.tip()
+    assert Repository.open(bare.path).tip() == bare.tip()
 
 
-def test_a_message_that_is_no_utf8_does_not_hide_the_history(bare: Store) -> None:
+def test_a_message_that_is_no_utf8_does_not_hide_the_history(bare: Repository) -> None:
     tree, tip = git(bare.path, "rev-parse", "HEAD^{tree}"), bare.tip()
     head = (
         f"tree {tree}\nparent {tip}\nauthor \xc4 <a@b> 2000000000 +0000\ncommitter A <a@b> 2000000000 +0000\n"
@@ -199,8 +202,8 @@ def test_a_message_that_is_no_utf8_does_not_hide_the_history(bare: Store) -> Non
 
 
 def test_a_day_before_the_cut_of_a_shallow_clone_says_how_to_get_the_rest(
-    bare: Store, tmp_path: Path
+    bare: Repository, tmp_path: Path
 ) -> None:
     git(tmp_path, "clone", "-q", "--bare", "--depth=1", bare.path.as_uri(), "shallow")
     with pytest.raises(RegistryError, match="--unshallow"):
-        commit_at(Store.open(tmp_path / "shallow"), parse_rev("2001-01-01"))
+        commit_at(Repository.open(tmp_path / "shallow"), parse_rev("2001-01-01"))

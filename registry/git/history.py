@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
 
 from calibrary.errors import RegistryError
-from calibrary.registry.fast_import import Person
-from calibrary.registry.layout import CAMERAS
-from calibrary.registry.messages import subject_of, trailers_of
-from calibrary.registry.objects import HEX, Blob
-from calibrary.registry.store import REGULAR, Store
-from calibrary.registry.worktree import EMPTY_TREE
+from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.messages import subject_of, trailers_of
+from calibrary.registry.git.objects import HEX, Blob
+from calibrary.registry.git.repository import REGULAR, Repository
+from calibrary.registry.git.worktree import EMPTY_TREE
 
 __all__ = ["ChangedFile", "Revision", "changed", "history", "newest_where"]
 
@@ -81,45 +80,45 @@ class ChangedFile:
     after: str | None
 
 
-def history(store: Store, path: str | None, at: str, *, most: int | None = None) -> tuple[Revision, ...]:
+def history(repo: Repository, path: str | None, at: str, *, most: int | None = None) -> tuple[Revision, ...]:
     """Every revision of a file up to a commit, newest first; through moves that were told in a trailer.
 
-    In a shallow clone it ends at the cut (``store.is_shallow``), where a file looks as if it had been added.
+    In a shallow clone it ends at the cut (``repo.is_shallow``), where a file looks as if it had been added.
 
     Args:
-        store: the repository.
+        repo: the repository.
         path: the file; ``None`` for all commits, then without contents.
         at: 40 hex digits, or two times that with ``..`` between.
         most: at most so many.
     """
     limit = (f"--max-count={most}",) if most is not None else ()
     where = ("--", path) if path is not None else ()
-    told = store.run(*LOG, *limit, at, *where).out.decode("utf-8", "replace")
+    told = repo.run(*LOG, *limit, at, *where).out.decode("utf-8", "replace")
     # Before each commit's first field stands what git tells of the files of the commit before.
     fields = told.split("\0")
     size = len(FIELDS)
     revisions = [
-        _revision(store, fields[start : start + size], fields[start + size], path)
+        _revision(repo, fields[start : start + size], fields[start + size], path)
         for start in range(0, len(fields) - size, size)
     ]
     if path is None or not revisions or (most is not None and len(revisions) >= most):
         return tuple(revisions)
     rest = most - len(revisions) if most is not None else None
-    return (*revisions, *_before_the_move(store, revisions[-1], path, rest))
+    return (*revisions, *_before_the_move(repo, revisions[-1], path, rest))
 
 
-def _revision(store: Store, fields: list[str], files: str, path: str | None) -> Revision:
+def _revision(repo: Repository, fields: list[str], files: str, path: str | None) -> Revision:
     commit, parents, author, author_mail, authored, committer, committer_mail, committed, message = fields
     commit = commit.rpartition("\n")[2]
     if HEX.match(commit) is None:
         raise RegistryError(
-            f"{store.path}: git log told {commit[:60]!r}, wanted a commit; git fsck tells more"
+            f"{repo.path}: git log told {commit[:60]!r}, wanted a commit; git fsck tells more"
         )
     return Revision(
         commit=commit,
         parents=tuple(parents.split()),
         path=path or "",
-        oid=_content(store, commit, files, path) if path is not None else None,
+        oid=_content(repo, commit, files, path) if path is not None else None,
         author=Person(name=author, email=author_mail),
         authored=_moment(authored),
         committer=Person(name=committer, email=committer_mail),
@@ -128,23 +127,23 @@ def _revision(store: Store, fields: list[str], files: str, path: str | None) -> 
     )
 
 
-def _content(store: Store, commit: str, files: str, path: str) -> str | None:
+def _content(repo: Repository, commit: str, files: str, path: str) -> str | None:
     """The id that a commit gave a file; of a merge git's log does not tell it, so that is looked up."""
     for line in files.splitlines():
         if line.startswith(":") and line.endswith(f"\t{path}"):
             _, mode, _, oid, _ = line.removeprefix(":").encode().split(maxsplit=4)
             return _there(mode, oid)
-    blob = store.read(commit, path)
+    blob = repo.read(commit, path)
     return blob.oid if blob is not None else None
 
 
-def _before_the_move(store: Store, first: Revision, path: str, most: int | None) -> tuple[Revision, ...]:
+def _before_the_move(repo: Repository, first: Revision, path: str, most: int | None) -> tuple[Revision, ...]:
     """The file's life under the name it had before, if its first commit tells one."""
     names = [value.partition(" => ") for key, value in first.trailers if key == MOVED_FROM]
     earlier = next((old for old, _, new in names if new == path and old != path), None)
     if earlier is None or not first.parents:
         return ()
-    return history(store, earlier, first.parents[0], most=most)
+    return history(repo, earlier, first.parents[0], most=most)
 
 
 def _moment(raw: str) -> datetime:
@@ -158,14 +157,14 @@ def _moment(raw: str) -> datetime:
         return datetime.fromtimestamp(0, UTC)
 
 
-def changed(store: Store, before: str | None, after: str, prefix: str = CAMERAS) -> tuple[ChangedFile, ...]:
+def changed(repo: Repository, before: str | None, after: str, prefix: str = "") -> tuple[ChangedFile, ...]:
     """The files that differ between two commits, in the order of their paths; a link counts as no file.
 
-    Without ``before`` everything is new.
+    Without ``before`` everything is new; ``prefix`` is the folder to look in, the whole tree when left out.
     """
     options = ("-r", "-z", "--raw", "--no-abbrev", "--no-renames", "--no-ext-diff", "--no-textconv")
     where = ("--", prefix) if prefix else ()
-    fields = store.run("diff-tree", *options, before or EMPTY_TREE, after, *where).out.split(b"\0")
+    fields = repo.run("diff-tree", *options, before or EMPTY_TREE, after, *where).out.split(b"\0")
     files = []
     for head, name in zip(fields[0::2], fields[1::2], strict=False):
         mode, new_mode, oid, new_oid, _ = head.removeprefix(b":").split()
@@ -179,18 +178,18 @@ def _there(mode: bytes, oid: bytes) -> str | None:
 
 
 def newest_where(
-    store: Store, path: str, at: str, holds: Callable[[bytes], bool]
+    repo: Repository, path: str, at: str, holds: Callable[[bytes], bool]
 ) -> tuple[Revision, Blob] | None:
     """The newest revision of a file, up to a commit, whose content has a property."""
-    for revision in history(store, path, at):
+    for revision in history(repo, path, at):
         if revision.oid is not None:
-            data = store.blob(revision.oid)
+            data = repo.blob(revision.oid)
             if holds(data):
                 return revision, Blob(revision.oid, data)
     return None
 
 
-def at_date(store: Store, moment: datetime, at: str) -> str:
+def at_date(repo: Repository, moment: datetime, at: str) -> str:
     """The commit that a branch stood at, at a moment, by the dates of its own line of commits.
 
     Side branches do not count: what was merged in May was not in the registry in April, whenever it was made.
@@ -200,9 +199,9 @@ def at_date(store: Store, moment: datetime, at: str) -> str:
     """
     # git takes a small number for anything but seconds since 1970, unless it is written as here.
     seconds = max(int(moment.timestamp()), 0)
-    found = store.run("rev-list", "--max-count=1", "--first-parent", f"--before=@{seconds} +0000", at)
+    found = repo.run("rev-list", "--max-count=1", "--first-parent", f"--before=@{seconds} +0000", at)
     commit = found.out.decode().strip()
     if not commit:
-        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if store.is_shallow else ""
+        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if repo.is_shallow else ""
         raise RegistryError(f"no commit as old as {moment:%Y-%m-%d %H:%M %Z}; the history begins later{hint}")
     return commit

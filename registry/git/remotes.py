@@ -16,18 +16,18 @@ from functools import partial
 from pathlib import Path
 
 from calibrary.errors import ConflictError, RegistryError
-from calibrary.registry import worktree
-from calibrary.registry.commits import advance, build, move_branch
-from calibrary.registry.creating import create
-from calibrary.registry.explained import explain
-from calibrary.registry.fast_import import Step
-from calibrary.registry.history import changed
-from calibrary.registry.layout import check_branch, check_remote_name
-from calibrary.registry.locks import backoff, writer_lock
-from calibrary.registry.replay import ours_on_theirs
-from calibrary.registry.store import Output, Store
-from calibrary.registry.urls import check_url, without_secret
-from calibrary.registry.writing import GIVE_UP_S, LOCK_WAIT_S, branch_ref
+from calibrary.registry.git import worktree
+from calibrary.registry.git.commits import advance, build, move_branch
+from calibrary.registry.git.creating import create
+from calibrary.registry.git.failures import explain
+from calibrary.registry.git.fast_import import Step
+from calibrary.registry.git.history import changed
+from calibrary.registry.git.locks import backoff, writer_lock
+from calibrary.registry.git.paths import check_branch, check_path, check_remote_name
+from calibrary.registry.git.replay import ours_on_theirs
+from calibrary.registry.git.repository import Output, Repository
+from calibrary.registry.git.urls import check_url, without_secret
+from calibrary.registry.git.writing import GIVE_UP_S, LOCK_WAIT_S, branch_ref
 
 __all__ = ["Pulled", "clone", "fetch", "pull", "push", "set_remote", "sync"]
 
@@ -66,8 +66,14 @@ class Pulled:
 
 
 def clone(
-    url: str, path: Path, *, bare: bool = False, depth: int | None = None, durable: bool = True
-) -> Store:
+    url: str,
+    path: Path,
+    *,
+    bare: bool = False,
+    depth: int | None = None,
+    durable: bool = True,
+    check_path: Callable[[str], str] = check_path,
+) -> Repository:
     """A copy of a registry, checked out unless it is bare; its own hooks and settings stay where they are.
 
     Raises:
@@ -78,32 +84,32 @@ def clone(
     if existed and (not path.is_dir() or any(path.iterdir())):
         raise RegistryError(f"{path}: wanted a new or empty folder to clone into")
     try:
-        store = create(path, bare=bare, durable=durable)
-        set_remote(store, "origin", url)
-        fetch(store, "origin", depth=depth)
-        branch = _default_branch(store, url)
-        store.run("symbolic-ref", "HEAD", f"refs/heads/{branch}")
-        _check_out(store, f"refs/heads/{branch}", store.tip(f"refs/remotes/origin/{branch}"))
+        repo = create(path, bare=bare, durable=durable, check_path=check_path)
+        set_remote(repo, "origin", url)
+        fetch(repo, "origin", depth=depth)
+        branch = _default_branch(repo, url)
+        repo.run("symbolic-ref", "HEAD", f"refs/heads/{branch}")
+        _check_out(repo, f"refs/heads/{branch}", repo.tip(f"refs/remotes/origin/{branch}"))
     except BaseException:
         for made in path.iterdir() if existed else [path]:
             shutil.rmtree(made, ignore_errors=True)
         raise
-    return store
+    return repo
 
 
-def _check_out(store: Store, ref: str, theirs: str | None) -> None:
+def _check_out(repo: Repository, ref: str, theirs: str | None) -> None:
     if theirs is None:
         return
-    paths = [*store.listing(theirs)]
-    with writer_lock(store.common_dir, wait_s=LOCK_WAIT_S) as lock:
-        new, told = advance(store, lock, ref, None, paths, partial(move_branch, store, ref, None, theirs))
+    paths = [*repo.listing(theirs)]
+    with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
+        new, told = advance(repo, lock, ref, None, paths, partial(move_branch, repo, ref, None, theirs))
     if new is None or told:
-        raise RegistryError(f"{store.path}: cannot be checked out: {' '.join(told)}")
+        raise RegistryError(f"{repo.path}: cannot be checked out: {' '.join(told)}")
 
 
-def _default_branch(store: Store, url: str) -> str:
+def _default_branch(repo: Repository, url: str) -> str:
     """The branch that a remote stands for."""
-    listed = _over_network(store, "ls-remote", "--upload-pack=git-upload-pack", "--symref", "--", url, "HEAD")
+    listed = _over_network(repo, "ls-remote", "--upload-pack=git-upload-pack", "--symref", "--", url, "HEAD")
     if listed.code:
         raise RegistryError(f"{without_secret(url)}: {explain(without_secret(listed.told))}")
     for line in listed.out.decode("utf-8", "replace").splitlines():
@@ -112,22 +118,22 @@ def _default_branch(store: Store, url: str) -> str:
     return "main"
 
 
-def set_remote(store: Store, name: str, url: str) -> None:
+def set_remote(repo: Repository, name: str, url: str) -> None:
     """Note a remote's address under a name, as ``git remote add`` would.
 
     Raises:
         RegistryError: the name or the address is none.
     """
     name, url = check_remote_name(name), check_url(url)
-    store.run("config", "--local", "--replace-all", f"remote.{name}.url", url)
-    store.run(
+    repo.run("config", "--local", "--replace-all", f"remote.{name}.url", url)
+    repo.run(
         "config", "--local", "--replace-all", f"remote.{name}.fetch", f"+refs/heads/*:refs/remotes/{name}/*"
     )
 
 
-def _address(store: Store, name: str, *, pushing: bool = False) -> str:
+def _address(repo: Repository, name: str, *, pushing: bool = False) -> str:
     check_remote_name(name)
-    listed = store.run(
+    listed = repo.run(
         "config", "--get-regexp", "-z", rf"^remote\.{re.escape(name)}\.(push)?url$", good=(0, 1)
     )
     pairs = [line.partition("\n") for line in listed.out.decode("utf-8", "replace").split("\0") if line]
@@ -135,7 +141,7 @@ def _address(store: Store, name: str, *, pushing: bool = False) -> str:
     url = urls.get("pushurl", urls.get("url")) if pushing else urls.get("url")
     if url is None:
         raise RegistryError(
-            f"{store.path}: no remote {name!r}; name one: git -C {store.path} remote add {name} URL"
+            f"{repo.path}: no remote {name!r}; name one: git -C {repo.path} remote add {name} URL"
         )
     return check_url(url)
 
@@ -144,20 +150,20 @@ def _tracking(name: str, ref: str) -> str:
     return f"refs/remotes/{name}/{ref.removeprefix('refs/heads/')}"
 
 
-def fetch(store: Store, name: str = "origin", *, depth: int | None = None) -> None:
+def fetch(repo: Repository, name: str = "origin", *, depth: int | None = None) -> None:
     """Bring what a remote has, without touching any branch of ours; tries again where the network failed.
 
     Raises:
         RegistryError: it cannot be reached, or sends what is no sound repository.
     """
-    url = _address(store, name)
+    url = _address(repo, name)
     options = (*SIDES, "--prune", "--quiet", *((f"--depth={depth:d}",) if depth is not None else ()))
     refspec = f"+refs/heads/*:refs/remotes/{name}/*"
-    _patiently(url, lambda: _over_network(store, "fetch", *options, "--", url, refspec))
+    _patiently(url, lambda: _over_network(repo, "fetch", *options, "--", url, refspec))
 
 
-def _over_network(store: Store, *arguments: str) -> Output:
-    return store.run(*arguments, good=(0, 1, 128), timeout_s=NETWORK_S)
+def _over_network(repo: Repository, *arguments: str) -> Output:
+    return repo.run(*arguments, good=(0, 1, 128), timeout_s=NETWORK_S)
 
 
 def _patiently(url: str, attempt: Callable[[], Output]) -> Output:
@@ -173,50 +179,50 @@ def _patiently(url: str, attempt: Callable[[], Output]) -> Output:
     raise RegistryError(f"{without_secret(url)}: {explain(without_secret(output.told))}")
 
 
-def pull(store: Store, name: str = "origin", *, branch: str | None = None) -> Pulled:
+def pull(repo: Repository, name: str = "origin", *, branch: str | None = None) -> Pulled:
     """Bring a branch up to what a remote has: forward where it can, else our commits again on top of theirs.
 
     Raises:
-        EntryConflictError: both sides changed an entry; nothing was changed, and all of them are told.
+        FileConflictError: both sides changed an entry; nothing was changed, and all of them are told.
         RegistryError: the remote cannot be reached, or has no such branch.
     """
-    ref = branch_ref(store, branch)
-    fetch(store, name)
-    theirs = store.tip(_tracking(name, ref))
+    ref = branch_ref(repo, branch)
+    fetch(repo, name)
+    theirs = repo.tip(_tracking(name, ref))
     if theirs is None:
         short = ref.removeprefix("refs/heads/")
-        raise RegistryError(f"{store.path}: {name} has no branch {short}; push it first")
-    with writer_lock(store.common_dir, wait_s=LOCK_WAIT_S) as lock:
-        if worktree.shows(store, ref):
-            worktree.catch_up(store)
-        deadline = time.monotonic() + GIVE_UP_S + store.stale_lock_s
+        raise RegistryError(f"{repo.path}: {name} has no branch {short}; push it first")
+    with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
+        if worktree.shows(repo, ref):
+            worktree.catch_up(repo)
+        deadline = time.monotonic() + GIVE_UP_S + repo.stale_lock_s
         for pause_s in backoff():
-            ours = store.tip(ref)
-            if ours is not None and is_ancestor(store, theirs, ours):
+            ours = repo.tip(ref)
+            if ours is not None and is_ancestor(repo, theirs, ours):
                 return Pulled(before=ours, commit=ours, theirs=theirs, replayed=0)
-            base = common_ancestor(store, ours, theirs)
-            steps, told = ours_on_theirs(store, ours, theirs)
-            move = partial(_move, store, ref, ours, theirs, steps)
-            paths = [file.path for file in changed(store, base, theirs, prefix="")]
-            new, words = advance(store, lock, ref, ours, paths, move)
+            base = common_ancestor(repo, ours, theirs)
+            steps, told = ours_on_theirs(repo, ours, theirs)
+            move = partial(_move, repo, ref, ours, theirs, steps)
+            paths = [file.path for file in changed(repo, base, theirs)]
+            new, words = advance(repo, lock, ref, ours, paths, move)
             if new is not None:
                 return Pulled(
                     before=ours, commit=new, theirs=theirs, replayed=len(steps), warnings=(*told, *words)
                 )
             if time.monotonic() > deadline:
-                raise RegistryError(f"{store.path}: {ref} kept moving; nothing was pulled, try again")
+                raise RegistryError(f"{repo.path}: {ref} kept moving; nothing was pulled, try again")
             time.sleep(pause_s)
     raise AssertionError  # backoff() has no end
 
 
-def _move(store: Store, ref: str, ours: str | None, theirs: str, steps: Sequence[Step]) -> Output:
+def _move(repo: Repository, ref: str, ours: str | None, theirs: str, steps: Sequence[Step]) -> Output:
     if not steps:
-        return move_branch(store, ref, ours, theirs)
-    built = build(store, theirs, steps)
-    return built if built.code else move_branch(store, ref, ours, built.out.split()[-1].decode())
+        return move_branch(repo, ref, ours, theirs)
+    built = build(repo, theirs, steps)
+    return built if built.code else move_branch(repo, ref, ours, built.out.split()[-1].decode())
 
 
-def common_ancestor(store: Store, ours: str | None, theirs: str) -> str | None:
+def common_ancestor(repo: Repository, ours: str | None, theirs: str) -> str | None:
     """The newest commit that two histories share; ``None`` where ours has not begun.
 
     Raises:
@@ -224,21 +230,19 @@ def common_ancestor(store: Store, ours: str | None, theirs: str) -> str | None:
     """
     if ours is None:
         return None
-    found = store.run("merge-base", ours, theirs, good=(0, 1))
+    found = repo.run("merge-base", ours, theirs, good=(0, 1))
     if found.code:
-        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if store.is_shallow else ""
-        raise RegistryError(
-            f"{store.path}: ours and theirs share no commit, so they are two registries{hint}"
-        )
+        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if repo.is_shallow else ""
+        raise RegistryError(f"{repo.path}: ours and theirs share no commit, so they are two registries{hint}")
     return found.out.split()[0].decode()
 
 
-def is_ancestor(store: Store, older: str, newer: str) -> bool:
+def is_ancestor(repo: Repository, older: str, newer: str) -> bool:
     """Whether a commit's history holds another."""
-    return store.run("merge-base", "--is-ancestor", older, newer, good=(0, 1)).code == 0
+    return repo.run("merge-base", "--is-ancestor", older, newer, good=(0, 1)).code == 0
 
 
-def push(store: Store, name: str = "origin", *, branch: str | None = None) -> str:
+def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -> str:
     """Give a remote our branch: forward only, and only from where we saw it stand.
 
     Returns:
@@ -248,21 +252,19 @@ def push(store: Store, name: str = "origin", *, branch: str | None = None) -> st
         ConflictError: it has moved on; pull first.
         RegistryError: it cannot be reached, or does not take it.
     """
-    ref = branch_ref(store, branch)
-    ours, known = store.tip(ref), store.tip(_tracking(name, ref))
+    ref = branch_ref(repo, branch)
+    ours, known = repo.tip(ref), repo.tip(_tracking(name, ref))
     if ours is None:
-        raise RegistryError(f"{store.path}: nothing to push; the branch has no commit")
-    if known is not None and not is_ancestor(store, known, ours):
+        raise RegistryError(f"{repo.path}: nothing to push; the branch has no commit")
+    if known is not None and not is_ancestor(repo, known, ours):
         raise ConflictError(f"{name} holds commits that are not here; nothing was pushed: pull first")
-    url = _address(store, name, pushing=True)
+    url = _address(repo, name, pushing=True)
     options = ("--porcelain", "--no-verify", "--receive-pack=git-receive-pack", "--no-recurse-submodules")
     lease = f"--force-with-lease={ref}:{known or ''}"
-    pushed = _patiently(
-        url, lambda: _over_network(store, "push", *options, lease, "--", url, f"{ours}:{ref}")
-    )
+    pushed = _patiently(url, lambda: _over_network(repo, "push", *options, lease, "--", url, f"{ours}:{ref}"))
     if pushed.code:
         raise _not_taken(url, pushed)
-    store.run("update-ref", _tracking(name, ref), ours)
+    repo.run("update-ref", _tracking(name, ref), ours)
     return ours
 
 
@@ -280,21 +282,21 @@ def _not_taken(url: str, pushed: Output) -> RegistryError:
     return RegistryError(f"{without_secret(url)}: nothing was pushed: {without_secret(why)}")
 
 
-def sync(store: Store, name: str = "origin", *, branch: str | None = None) -> str:
+def sync(repo: Repository, name: str = "origin", *, branch: str | None = None) -> str:
     """Pull and push until both stand at one commit; a few times, if others push meanwhile.
 
     Raises:
-        EntryConflictError: both sides changed an entry.
+        FileConflictError: both sides changed an entry.
         ConflictError: the others were quicker every time.
         RegistryError: as of :func:`pull` and :func:`push`.
     """
-    ref = branch_ref(store, branch)
+    ref = branch_ref(repo, branch)
     for tries, pause_s in enumerate(backoff(first_s=0.1, longest_s=2.0), start=1):
-        fetch(store, name)
-        if store.tip(_tracking(name, ref)) is not None:
-            pull(store, name, branch=branch)
+        fetch(repo, name)
+        if repo.tip(_tracking(name, ref)) is not None:
+            pull(repo, name, branch=branch)
         try:
-            return push(store, name, branch=branch)
+            return push(repo, name, branch=branch)
         except ConflictError:
             if tries == TRIES:
                 raise

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.registry.store import Store
-from tests.registry.stores import ENTRY, bare, git, made, nobodys_git, now, put
+from calibrary.registry.git.repository import Repository
+from tests.registry.git.repositories import ENTRY, bare, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "made", "nobodys_git"]
 
@@ -20,16 +20,16 @@ ADD = """
 import os, sys
 from pathlib import Path
 import git
-from calibrary.registry.store import Store
-from calibrary.registry.writing import Change, write
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import Change, write
 
 path, processes, each = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
 for writer in range(processes):
     if os.fork() == 0:
-        store = Store.open(path, durable=False)
+        repo = Repository.open(path, durable=False)
         for number in range(each):
             change = Change(path=f"cameras/make/w{writer}/n{number}.yaml", data=f"{writer} {number}\\n".encode())
-            write(store, [change], f"add {writer} {number}\\n")
+            write(repo, [change], f"add {writer} {number}\\n")
         os._exit(0)
 sys.exit(max(os.waitstatus_to_exitcode(os.wait()[1]) for _ in range(processes)))
 """
@@ -38,22 +38,22 @@ COUNT = """
 import os, sys
 from pathlib import Path
 import git
-from calibrary.registry.conflicts import EntryConflictError
-from calibrary.registry.store import Store
-from calibrary.registry.writing import Change, write
+from calibrary.registry.git.conflicts import FileConflictError
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import Change, write
 
 path, entry, processes, each = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
 for writer in range(processes):
     if os.fork() == 0:
-        store = Store.open(path, durable=False)
+        repo = Repository.open(path, durable=False)
         done = 0
         while done < each:
-            blob = store.read(store.tip(), entry)
+            blob = repo.read(repo.tip(), entry)
             change = Change(path=entry, data=b"%d\\n" % (int(blob.data) + 1), base=blob.oid)
             try:
-                write(store, [change], "count\\n")
+                write(repo, [change], "count\\n")
                 done += 1
-            except EntryConflictError:
+            except FileConflictError:
                 pass
         os._exit(0)
 sys.exit(max(os.waitstatus_to_exitcode(os.wait()[1]) for _ in range(processes)))
@@ -63,24 +63,24 @@ KILL = """
 import os, random, signal, sys, time
 from pathlib import Path
 import git
-from calibrary.registry.conflicts import EntryConflictError
-from calibrary.registry.store import Store
-from calibrary.registry.writing import Change, write
+from calibrary.registry.git.conflicts import FileConflictError
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import Change, write
 
 path, told, kills, writers = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
 
-store = Store.open(path, durable=False, stale_lock_s=0.1)
+repo = Repository.open(path, durable=False, stale_lock_s=0.1)
 
 def work():
     os.setpgid(0, 0)
     acknowledged = os.open(told, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     while True:
         name = f"cameras/make/model/shared-{random.randrange(6)}.yaml"
-        blob = store.read(store.tip(), name)
+        blob = repo.read(repo.tip(), name)
         data = b"- %d\\n" % random.getrandbits(64) * 20
         try:
-            written = write(store, [Change(path=name, data=data, base=blob.oid if blob else None)], "work\\n")
-        except EntryConflictError:
+            written = write(repo, [Change(path=name, data=data, base=blob.oid if blob else None)], "work\\n")
+        except FileConflictError:
             continue
         os.write(acknowledged, f"{written.commit}\\n".encode())
 
@@ -125,7 +125,7 @@ def run(code: str, *arguments: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_eight_processes_that_add_fifty_entries_each_lose_none(bare: Store) -> None:
+def test_eight_processes_that_add_fifty_entries_each_lose_none(bare: Repository) -> None:
     run(ADD, bare.path, 8, 50)
     tip = bare.tip()
     assert tip is not None
@@ -137,14 +137,16 @@ def test_eight_processes_that_add_fifty_entries_each_lose_none(bare: Store) -> N
     assert git(bare.path, "rev-list", "--count", "main") == "401"
 
 
-def test_processes_that_count_up_one_entry_never_overwrite_each_other(bare: Store) -> None:
+def test_processes_that_count_up_one_entry_never_overwrite_each_other(bare: Repository) -> None:
     put(bare, {ENTRY: b"0\n"})
     run(COUNT, bare.path, ENTRY, 4, 12)
     assert now(bare) == b"48\n"
     assert git(bare.path, "rev-list", "--count", "main") == "50"
 
 
-def test_writers_killed_two_hundred_times_lose_nothing_they_acknowledged(bare: Store, tmp_path: Path) -> None:
+def test_writers_killed_two_hundred_times_lose_nothing_they_acknowledged(
+    bare: Repository, tmp_path: Path
+) -> None:
     told = tmp_path / "acknowledged"
     run(KILL, bare.path, told, 200, 4)
     acknowledged = told.read_text().split()
@@ -157,5 +159,5 @@ def test_writers_killed_two_hundred_times_lose_nothing_they_acknowledged(bare: S
         lines = data.split(b"\n")
         assert len(lines) == 21
         assert len(set(lines[:-1])) == 1
-    put(Store.open(bare.path, stale_lock_s=0.3), {ENTRY: b"after all\n"})
+    put(Repository.open(bare.path, stale_lock_s=0.3), {ENTRY: b"after all\n"})
     assert now(bare) == b"after all\n"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from calibrary.errors import RegistryError
-from calibrary.registry.foreign import PEACE
-from calibrary.registry.layout import check_branch
-from calibrary.registry.store import Store, git_version, run_git
+from calibrary.registry.git.foreign import PEACE
+from calibrary.registry.git.paths import check_branch, check_path
+from calibrary.registry.git.repository import Repository, git_version, run_git
 
 __all__ = ["create"]
 
@@ -15,7 +16,14 @@ FORMATS = (("object", "sha1", (2, 29)), ("ref", "files", (2, 45)))
 """Said where git knows the option: its coming defaults are of kinds that GitPython does not read."""
 
 
-def create(path: Path, *, bare: bool = False, branch: str = "main", durable: bool = True) -> Store:
+def create(
+    path: Path,
+    *,
+    bare: bool = False,
+    branch: str = "main",
+    durable: bool = True,
+    check_path: Callable[[str], str] = check_path,
+) -> Repository:
     """A new repository without a commit, and without the hooks that templates would bring.
 
     Raises:
@@ -43,4 +51,4 @@ def create(path: Path, *, bare: bool = False, branch: str = "main", durable: boo
         # Noted of the place by init; with it the folder could not be moved.
         forget = ("config", "--unset-all", "core.worktree")
         run_git(forget, folder=path, environment=PEACE | {"GIT_DIR": str(place)})
-    return Store.open(path, durable=durable)
+    return Repository.open(path, durable=durable, check_path=check_path)

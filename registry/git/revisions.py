@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from calibrary.errors import RegistryError
-from calibrary.registry.history import at_date
-from calibrary.registry.store import Store
+from calibrary.registry.git.history import at_date
+from calibrary.registry.git.repository import Repository
 
 __all__ = ["Firmware", "Named", "OnDate", "Rev", "commit_at", "parse_rev", "split_key"]
 
@@ -84,15 +84,15 @@ def _moment(text: str) -> datetime:
         ) from None
 
 
-def commit_at(store: Store, rev: Rev | None) -> str:
+def commit_at(repo: Repository, rev: Rev | None) -> str:
     """The commit that a revision means; for a firmware the newest, since that is searched in an entry's history.
 
     Raises:
         RegistryError: there is none, or none yet.
     """
     if isinstance(rev, Named):
-        return store.commit_of(rev.name)
-    tip = store.tip()
+        return repo.commit_of(rev.name)
+    tip = repo.tip()
     if tip is None:
-        raise RegistryError(f"{store.path}: an empty registry, without a first commit")
-    return at_date(store, rev.moment, tip) if isinstance(rev, OnDate) else tip
+        raise RegistryError(f"{repo.path}: an empty registry, without a first commit")
+    return at_date(repo, rev.moment, tip) if isinstance(rev, OnDate) else tip

@@ -20,14 +20,14 @@ from functools import partial
 from typing import Final
 
 from calibrary.errors import RegistryError
-from calibrary.registry import worktree
-from calibrary.registry.commits import advance, land
-from calibrary.registry.conflicts import Conflict, EntryConflictError
-from calibrary.registry.fast_import import File, Person, Step
-from calibrary.registry.layout import LARGEST_FILE, check_branch, check_path
-from calibrary.registry.locks import backoff, writer_lock
-from calibrary.registry.objects import blob_id
-from calibrary.registry.store import Store
+from calibrary.registry.git import worktree
+from calibrary.registry.git.commits import advance, land
+from calibrary.registry.git.conflicts import Conflict, FileConflictError
+from calibrary.registry.git.fast_import import File, Person, Step
+from calibrary.registry.git.locks import backoff, writer_lock
+from calibrary.registry.git.objects import LARGEST_FILE, blob_id
+from calibrary.registry.git.paths import check_branch
+from calibrary.registry.git.repository import Repository
 
 __all__ = ["ANY", "Base", "Change", "Written", "branch_ref", "identity", "moment_after", "still_due", "write"]
 
@@ -79,7 +79,7 @@ class Written:
 
 
 def write(
-    store: Store,
+    repo: Repository,
     changes: Sequence[Change],
     message: str,
     *,
@@ -90,7 +90,7 @@ def write(
     """Make one commit of some changes, all or none of them.
 
     Args:
-        store: the repository.
+        repo: the repository.
         changes: at most one a file.
         message: whole, trailers included.
         author: whose work it is, if not the committer's.
@@ -98,23 +98,23 @@ def write(
         now: the moment it is dated.
 
     Raises:
-        EntryConflictError: a file is not what its change started from; nothing was written.
+        FileConflictError: a file is not what its change started from; nothing was written.
         RegistryError: a path or content that no registry holds, work of a person's in the way, no access.
     """
-    _check(changes)
-    ref = branch_ref(store, branch)
-    committer, warnings = identity(store)
-    with writer_lock(store.common_dir, wait_s=LOCK_WAIT_S) as lock:
-        if worktree.shows(store, ref):
-            worktree.catch_up(store)
-        deadline = time.monotonic() + GIVE_UP_S + store.stale_lock_s
+    _check(repo, changes)
+    ref = branch_ref(repo, branch)
+    committer, warnings = identity(repo)
+    with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
+        if worktree.shows(repo, ref):
+            worktree.catch_up(repo)
+        deadline = time.monotonic() + GIVE_UP_S + repo.stale_lock_s
         for pause_s in backoff():
-            old = store.tip(ref)
-            parent = old if old is not None or branch is None else store.tip()
-            due = still_due(store, parent, changes)
+            old = repo.tip(ref)
+            parent = old if old is not None or branch is None else repo.tip()
+            due = still_due(repo, parent, changes)
             if not due:
-                return Written(commit=_nothing_due(store, parent), parent=parent, paths={}, warnings=warnings)
-            moment, skew = moment_after(store, parent, now)
+                return Written(commit=_nothing_due(repo, parent), parent=parent, paths={}, warnings=warnings)
+            moment, skew = moment_after(repo, parent, now)
             step = Step(
                 files=[File(path=change.path, data=change.data) for change in due],
                 message=message,
@@ -124,45 +124,45 @@ def write(
                 committed=moment,
             )
             paths = {file.path: blob_id(file.data) if file.data is not None else None for file in step.files}
-            move = partial(land, store, ref, parent, [step], old)
-            new, told = advance(store, lock, ref, old, [*paths], move)
+            move = partial(land, repo, ref, parent, [step], old)
+            new, told = advance(repo, lock, ref, old, [*paths], move)
             if new is not None:
                 return Written(commit=new, parent=parent, paths=paths, warnings=(*warnings, *skew, *told))
             if time.monotonic() > deadline:
                 raise RegistryError(
-                    f"{store.path}: {ref} kept moving, or stayed locked; nothing was written, try again "
+                    f"{repo.path}: {ref} kept moving, or stayed locked; nothing was written, try again "
                     f"({' '.join(told)})"
                 )
             time.sleep(pause_s)
     raise AssertionError  # backoff() has no end
 
 
-def _check(changes: Sequence[Change]) -> None:
+def _check(repo: Repository, changes: Sequence[Change]) -> None:
     seen = set()
     for change in changes:
-        if check_path(change.path) in seen:
+        if repo.check_path(change.path) in seen:
             raise RegistryError(f"{change.path} is changed twice; wanted one change a file")
         seen.add(change.path)
         if change.data is not None and len(change.data) > LARGEST_FILE:
             raise RegistryError(f"{change.path}: {len(change.data)} bytes, wanted at most {LARGEST_FILE}")
 
 
-def _nothing_due(store: Store, parent: str | None) -> str:
+def _nothing_due(repo: Repository, parent: str | None) -> str:
     if parent is None:
-        raise RegistryError(f"{store.path}: nothing to write; a history begins with a file")
+        raise RegistryError(f"{repo.path}: nothing to write; a history begins with a file")
     return parent
 
 
-def still_due(store: Store, commit: str | None, changes: Sequence[Change]) -> list[Change]:
+def still_due(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[Change]:
     """The changes that alter something.
 
     Raises:
-        EntryConflictError: files are not what their changes started from; even if by chance they have become what
+        FileConflictError: files are not what their changes started from; even if by chance they have become what
             the change would make of them, for two who count up by one have counted up by two.
     """
     due: list[Change] = []
     conflicts = []
-    for change, theirs in zip(changes, _standing(store, commit, changes), strict=True):
+    for change, theirs in zip(changes, _standing(repo, commit, changes), strict=True):
         if change.base is ANY or change.base == theirs:
             becomes = blob_id(change.data) if change.data is not None else None
             due += [change] if becomes != theirs else []
@@ -171,38 +171,38 @@ def still_due(store: Store, commit: str | None, changes: Sequence[Change]) -> li
             Conflict(
                 path=change.path,
                 base_oid=change.base if isinstance(change.base, str) else None,
-                base=_content(store, change.base),
+                base=_content(repo, change.base),
                 ours=change.data,
-                theirs=_content(store, theirs),
+                theirs=_content(repo, theirs),
                 theirs_oid=theirs,
             )
         )
     if conflicts:
-        raise EntryConflictError(conflicts, "read it again, and decide which of the two is right")
+        raise FileConflictError(conflicts, "read it again, and decide which of the two is right")
     return due
 
 
-def _standing(store: Store, commit: str | None, changes: Sequence[Change]) -> list[str | None]:
+def _standing(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[str | None]:
     """The ids that stand where changes go."""
     if commit is None:
         return [None] * len(changes)
     if len(changes) > FEW:
-        files = store.listing(commit)
+        files = repo.listing(commit)
         return [files.get(change.path) for change in changes]
-    found = [store.read(commit, change.path) for change in changes]
+    found = [repo.read(commit, change.path) for change in changes]
     return [blob.oid if blob is not None else None for blob in found]
 
 
-def _content(store: Store, oid: str | Base | None) -> bytes | None:
+def _content(repo: Repository, oid: str | Base | None) -> bytes | None:
     if oid is None or isinstance(oid, Base):
         return None
     try:
-        return store.blob(oid)
+        return repo.blob(oid)
     except RegistryError:
         return None
 
 
-def branch_ref(store: Store, branch: str | None) -> str:
+def branch_ref(repo: Repository, branch: str | None) -> str:
     """The full name of a branch to write to.
 
     Raises:
@@ -210,17 +210,19 @@ def branch_ref(store: Store, branch: str | None) -> str:
     """
     if branch is not None:
         return f"refs/heads/{check_branch(branch)}"
-    ref = store.head_ref
+    ref = repo.head_ref
     if ref is None or not ref.startswith("refs/heads/"):
         raise RegistryError(
-            f"{store.path}: HEAD is detached, so a commit would belong to no branch; check one out (git -C "
-            f"{store.path} switch main) or name one"
+            f"{repo.path}: HEAD is detached, so a commit would belong to no branch; check one out (git -C "
+            f"{repo.path} switch main) or name one"
         )
     check_branch(ref.removeprefix("refs/heads/"))
     return ref
 
 
-def moment_after(store: Store, parent: str | None, now: datetime | None) -> tuple[datetime, tuple[str, ...]]:
+def moment_after(
+    repo: Repository, parent: str | None, now: datetime | None
+) -> tuple[datetime, tuple[str, ...]]:
     """When a commit is dated: now, but not before its parent, or a look at the registry by date would go wrong.
 
     A parent dated days ahead was made by a clock that was wrong: then the true time is kept, and told.
@@ -228,7 +230,7 @@ def moment_after(store: Store, parent: str | None, now: datetime | None) -> tupl
     moment = (now or datetime.now(UTC)).astimezone()
     if parent is None:
         return moment, ()
-    before = datetime.fromtimestamp(store.committed_at(parent), UTC)
+    before = datetime.fromtimestamp(repo.committed_at(parent), UTC)
     if before <= moment:
         return moment, ()
     if before - moment <= SKEW:
@@ -239,10 +241,10 @@ def moment_after(store: Store, parent: str | None, now: datetime | None) -> tupl
     )
 
 
-def identity(store: Store) -> tuple[Person, tuple[str, ...]]:
+def identity(repo: Repository) -> tuple[Person, tuple[str, ...]]:
     """Who commits: as git is told, by its variables or its configuration; else the login's name, with a warning."""
-    name = _told(os.environ.get("GIT_COMMITTER_NAME") or store.setting("user.name"))
-    email = _told(os.environ.get("GIT_COMMITTER_EMAIL") or store.setting("user.email"))
+    name = _told(os.environ.get("GIT_COMMITTER_NAME") or repo.setting("user.name"))
+    email = _told(os.environ.get("GIT_COMMITTER_EMAIL") or repo.setting("user.email"))
     if name and email:
         return Person(name=name, email=email), ()
     try:
