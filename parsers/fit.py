@@ -8,20 +8,19 @@ pixels see, and the distance that remains is measured on a finer grid than the o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, Intrinsics
-from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
+from calibrary.distortion import Distortion, NoDistortion
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.format import Capacity, Fit
 from calibrary.parsers.least_squares import least_squares
 from calibrary.records import replace
 
-__all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "Convertible", "adapt", "compare", "exact", "refit"]
+__all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "adapt", "compare", "refit"]
 
 
 DEFAULT_MAX_ERROR_PX = 0.05
@@ -32,38 +31,6 @@ EXACT = 1e-12
 
 FITTED_GRID = 25
 MEASURED_GRID = 49
-
-NESTED: tuple[type[Distortion], ...] = (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted)
-"""OpenCV's perspective models: each holds the ones before it, coefficient by coefficient of the same name."""
-
-_NESTED_NAMES = {member: dict.fromkeys(member.names(), 0.0) for member in NESTED}
-
-
-@runtime_checkable
-class Convertible(Protocol):
-    """A model of one format that is, for some of its coefficients, exactly one of the library's own."""
-
-    def equivalents(self) -> tuple[Distortion, ...]:
-        """The same map in other models, as many as hold it exactly."""
-        ...
-
-    @classmethod
-    def from_equivalent(cls, other: Distortion) -> Distortion | None:
-        """The same map in this model, None where this model cannot hold it exactly."""
-        ...
-
-
-def exact(distortion: Distortion, target: type[Distortion]) -> Distortion | None:
-    """The same map in the model ``target``, None when that has no exact place for it."""
-    for same in _equals(distortion, (target,)):
-        if type(same) is target:
-            return same
-    if issubclass(target, Convertible):
-        for same in _equals(distortion):
-            converted = target.from_equivalent(same)
-            if converted is not None:
-                return converted
-    return None
 
 
 def refit(
@@ -196,18 +163,6 @@ def _refuse_another_k(calibration: Calibration, K: Intrinsics, max_error_px: flo
 
 def _misses(fit: Fit) -> str:
     return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give max_error_px to accept that"
-
-
-def _equals(distortion: Distortion, members: tuple[type[Distortion], ...] = NESTED) -> Iterator[Distortion]:
-    """The same map in every model known to hold it, itself first; of the nested ones in ``members`` alone."""
-    for value in (distortion, *(distortion.equivalents() if isinstance(distortion, Convertible) else ())):
-        yield value
-        if isinstance(value, NESTED):
-            given = {name: c for name, c in value.coefficients.items() if c != 0.0}
-            for member in members:
-                names = _NESTED_NAMES.get(member)
-                if names is not None and member is not type(value) and given.keys() <= names.keys():
-                    yield member(**(names | given))
 
 
 def _held(K: Intrinsics, capacity: Capacity) -> Intrinsics:

@@ -19,9 +19,9 @@ from typing import Final
 from calibrary.calibration import Calibration, ImageSize, Intrinsics
 from calibrary.conventions import Origin
 from calibrary.distortion import BrownConrady, Distortion, Fisheye624, KannalaBrandt, NoDistortion
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers.convention import Convention, Native, Unit
-from calibrary.parsers.fit import exact
 
 __all__ = ["CONVENTION", "PROJECTIONS", "ProjectionType", "calibrated", "opensfm_camera", "projection_named"]
 

@@ -24,12 +24,12 @@ from collections.abc import Mapping
 
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, FisheyePolynomial, NoDistortion
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
-from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Sniff, Sure
 from calibrary.records import Json
 

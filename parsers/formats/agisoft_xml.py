@@ -31,12 +31,12 @@ from xml.sax.saxutils import escape
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, ThinPrismFisheye
 from calibrary.distortion.equidistant import EquidistantDistortion, PlanarPolynomial
+from calibrary.distortion.equivalence import exact
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
-from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.xml import parse_xml
 

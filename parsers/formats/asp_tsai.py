@@ -47,11 +47,11 @@ from calibrary.distortion import (
     NoDistortion,
     OffCentreBrown,
 )
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._metric_lens import normalised
 from calibrary.parsers.formats._text_rows import rows_of

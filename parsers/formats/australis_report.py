@@ -36,11 +36,11 @@ from dataclasses import dataclass, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Quality
 from calibrary.distortion import Australis, Distortion, NoDistortion
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Direction, Native, Origin, Tangential, Unit, YAxis
-from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._metric_lens import normalised, per_length
 from calibrary.parsers.formats._text_rows import rows_of

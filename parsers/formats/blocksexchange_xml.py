@@ -30,10 +30,10 @@ from xml.sax.saxutils import escape
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
-from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bentley import CONVENTION, perspective_camera
 from calibrary.parsers.xml import parse_xml

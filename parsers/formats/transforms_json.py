@@ -24,12 +24,12 @@ from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
-from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._json_text import Writable, dumped, extra, loaded, restored
 from calibrary.records import replace

@@ -28,11 +28,11 @@ import re
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import Distortion, InverseBrown, InversePolynomial
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import MissingTagError, ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Direction, Native, Origin, Tangential, Unit, YAxis
-from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._metric_lens import normalised
 from calibrary.parsers.formats._text_rows import text_of

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from calibrary.distortion import BrownConrady, FisheyePolynomial, KannalaBrandt, distortion_from
-from calibrary.parsers.fit import exact
+from calibrary.distortion.equivalence import exact
 
 LENSES = st.builds(
     FisheyePolynomial, k2=st.floats(-0.1, 0.1), k3=st.floats(-0.1, 0.1), k4=st.floats(-0.05, 0.05)

@@ -17,7 +17,7 @@ from calibrary.distortion import (
     NoDistortion,
     distortion_from,
 )
-from calibrary.parsers.fit import exact
+from calibrary.distortion.equivalence import exact
 
 SMALL = {name: st.floats(-0.005, 0.005) for name in ("p1", "p2", "s1", "s2", "s3", "s4")}
 RADIAL = {name: st.floats(-0.2, 0.2) for name in ("k1", "k2", "k3", "k4")}

@@ -23,7 +23,7 @@ from calibrary.distortion import (
     ThinPrismFisheye,
     distortion_from,
 )
-from calibrary.parsers.fit import exact
+from calibrary.distortion.equivalence import exact
 from tests.strategies import calibration
 
 Array = NDArray[np.float64]

@@ -22,8 +22,8 @@ from calibrary.distortion import (
     Unified,
     distortion_from,
 )
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError
-from calibrary.parsers.fit import exact
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
-from calibrary.parsers.fit import exact
+from calibrary.distortion.equivalence import exact
 from calibrary.parsers.format import Capacity
 from calibrary.records import replace
 

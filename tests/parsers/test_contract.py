@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, Quality
 from calibrary.distortion import Distortion, NoDistortion
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import (
     InputError,
     MissingTagError,
@@ -23,7 +24,6 @@ from calibrary.errors import (
     UnsupportedModelError,
 )
 from calibrary.parsers.content import Content
-from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Capacity, Format, Outcome
 from calibrary.parsers.reading import identified
 from calibrary.records import replace

@@ -21,9 +21,10 @@ from calibrary.distortion import (
     ThinPrism,
     Tilted,
 )
+from calibrary.distortion.equivalence import exact
 from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.errors import InputError, UnsupportedModelError
-from calibrary.parsers.fit import adapt, compare, exact, refit
+from calibrary.parsers.fit import adapt, compare, refit
 from calibrary.parsers.format import Capacity
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera, distortions

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError
-from calibrary.parsers.fit import exact
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.slug import slug

@@ -1,0 +1,57 @@
+"""One distortion model written as another, where both are the same map: coefficients renamed, never fitted.
+
+What has no closed form here is fitted, and measured, by :mod:`calibrary.parsers.fit`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol, runtime_checkable
+
+from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
+
+__all__ = ["Convertible", "exact"]
+
+NESTED: tuple[type[Distortion], ...] = (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted)
+"""OpenCV's perspective models: each holds the ones before it, coefficient by coefficient of the same name."""
+
+_NESTED_NAMES = {member: dict.fromkeys(member.names(), 0.0) for member in NESTED}
+
+
+@runtime_checkable
+class Convertible(Protocol):
+    """A model of one format that is, for some of its coefficients, exactly one of the library's own."""
+
+    def equivalents(self) -> tuple[Distortion, ...]:
+        """The same map in other models, as many as hold it exactly."""
+        ...
+
+    @classmethod
+    def from_equivalent(cls, other: Distortion) -> Distortion | None:
+        """The same map in this model, None where this model cannot hold it exactly."""
+        ...
+
+
+def exact(distortion: Distortion, target: type[Distortion]) -> Distortion | None:
+    """The same map in the model ``target``, None when that has no exact place for it."""
+    for same in _equals(distortion, (target,)):
+        if type(same) is target:
+            return same
+    if issubclass(target, Convertible):
+        for same in _equals(distortion):
+            converted = target.from_equivalent(same)
+            if converted is not None:
+                return converted
+    return None
+
+
+def _equals(distortion: Distortion, members: tuple[type[Distortion], ...] = NESTED) -> Iterator[Distortion]:
+    """The same map in every model known to hold it, itself first; of the nested ones in ``members`` alone."""
+    for value in (distortion, *(distortion.equivalents() if isinstance(distortion, Convertible) else ())):
+        yield value
+        if isinstance(value, NESTED):
+            given = {name: c for name, c in value.coefficients.items() if c != 0.0}
+            for member in members:
+                names = _NESTED_NAMES.get(member)
+                if names is not None and member is not type(value) and given.keys() <= names.keys():
+                    yield member(**(names | given))
