@@ -1,18 +1,54 @@
-"""What COLMAP's text file, binary file and database share: a list of cameras by number."""
+"""What COLMAP's text file, binary file and database share: how they count, and a list of cameras by number."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
-from calibrary.distortion import Distortion, FieldOfView
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
+from calibrary.conventions import Origin
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    Division,
+    ExtendedUnified,
+    FieldOfView,
+    KannalaBrandt,
+    NoDistortion,
+    RadTanThinPrismFisheye,
+    Rational,
+    ThinPrismFisheye,
+)
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
-from calibrary.parsers.colmap_models import ColmapModel, calibrated, colmap_camera
-from calibrary.parsers.format import ReadContext
+from calibrary.interop.colmap import ColmapCamera, ColmapModel, lens_from
+from calibrary.parsers.convention import Convention
+from calibrary.parsers.format import Capacity, ReadContext
 from calibrary.records import replace
 
-__all__ = ["MAX_CAMERAS", "ColmapCamera", "cameras", "records"]
+__all__ = ["CAPACITY", "CONVENTION", "MAX_CAMERAS", "StoredCamera", "cameras", "records"]
+
+CONVENTION: Final = Convention(
+    origin=Origin.CORNER,
+    remarks=(
+        "one or two focal lengths, the principal point, and then the coefficients, as the camera's model has them",
+        "RAD_TAN_THIN_PRISM_FISHEYE has p0 and p1 the other way round than OpenCV",
+    ),
+)
+CAPACITY: Final = Capacity(
+    models=(
+        NoDistortion,
+        BrownConrady,
+        Rational,
+        KannalaBrandt,
+        ExtendedUnified,
+        FieldOfView,
+        Division,
+        ThinPrismFisheye,
+        RadTanThinPrismFisheye,
+    ),
+    several_cameras=True,
+)
 
 MAX_CAMERAS = 20_000
 """A camera for every image of a large collection, read in a second or two."""
@@ -23,7 +59,7 @@ SERIES_BELOW = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ColmapCamera:
+class StoredCamera:
     """One camera as COLMAP stores it.
 
     Attributes:
@@ -41,7 +77,7 @@ class ColmapCamera:
     place: str
 
 
-def cameras(found: Sequence[ColmapCamera], context: ReadContext, *, grade: Grade) -> list[Calibration]:
+def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade) -> list[Calibration]:
     """Every camera that has a K, in order; the others are named in a note.
 
     Raises:
@@ -65,17 +101,16 @@ def cameras(found: Sequence[ColmapCamera], context: ReadContext, *, grade: Grade
     ]
 
 
-def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, str, ImageSize, list[float]]]:
-    """Id, model name, image size and parameters of each; ids that came from COLMAP stay if no two are alike."""
+def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, ColmapCamera]]:
+    """Each with its id; ids that came from COLMAP stay if no two are alike."""
     kept = [dict(item.extras).get(CAMERA_ID) or item.camera.sub_camera or "" for item in calibrations]
     keep = all(text.isdecimal() and int(text) < 1 << 32 for text in kept) and len(set(kept)) == len(kept)
     for index, item in enumerate(calibrations):
-        name, parameters = colmap_camera(item, dict(item.extras).get(MODEL))
-        yield int(kept[index]) if keep else index + 1, name, item.intrinsics.image_size, parameters
+        yield int(kept[index]) if keep else index + 1, item.to_colmap(dict(item.extras).get(MODEL))
 
 
 def _calibration(
-    item: ColmapCamera,
+    item: StoredCamera,
     model: ColmapModel,
     context: ReadContext,
     *,
@@ -85,7 +120,7 @@ def _calibration(
 ) -> Calibration:
     size = context.size(item.image_size)
     try:
-        intrinsics, distortion = calibrated(model, item.parameters, size)
+        intrinsics, distortion = _k_and_lens(model, item.parameters, size)
     except InputError as error:
         raise ParseError(error.message, source=context.name, place=item.place) from None
     calibration = Calibration(
@@ -97,9 +132,30 @@ def _calibration(
         notes=(*notes, *_series(distortion)),
     )
     extras = ((CAMERA_ID, str(item.number)),) if not several and item.number != 1 else ()
-    if colmap_camera(calibration)[0] != model.name:
+    if calibration.to_colmap().model != model.name:
         extras = (*extras, (MODEL, model.name))
     return replace(calibration, extras=extras)
+
+
+def _k_and_lens(
+    model: ColmapModel, parameters: Sequence[float], size: ImageSize
+) -> tuple[Intrinsics, Distortion]:
+    """K and the lens from COLMAP's parameters.
+
+    Args:
+        model: what they are parameters of.
+        parameters: finite numbers, as many as the model has, in COLMAP's order.
+        size: (width, height) px.
+
+    Raises:
+        InputError: there are too many or too few, or they make no K or no lens.
+    """
+    if len(parameters) != model.count:
+        raise InputError(f"{model.name} with {len(parameters)} parameters, wanted {model.count}")
+    fx, fy = parameters[0], parameters[model.focals - 1]
+    cx, cy = parameters[model.focals : model.focals + 2]
+    intrinsics = Intrinsics(fx=fx, fy=fy, cx=cx, cy=cy, image_size=size)
+    return intrinsics, lens_from(model, parameters[model.focals + 2 :])
 
 
 def _series(distortion: Distortion) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ In the format's own words, all of it little endian::
         double  parameters[as many as the model has]
 
 So nothing says how long a camera is but its model, and a model that is not known leaves the rest unreadable.
-The parameters are those of ``cameras.txt``, see :mod:`calibrary.parsers.colmap_models`. A file is recognised by
+The parameters are those of ``cameras.txt``, see :mod:`calibrary.interop.colmap`. A file is recognised by
 being filled by its cameras to the last byte.
 
 Source: COLMAP, ``WriteCamerasBinary`` and ``scripts/python/read_write_model.py``.
@@ -23,17 +23,18 @@ from collections.abc import Iterator, Sequence
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.interop.colmap import PANORAMAS, model_named, model_numbered
 from calibrary.parsers import text as strict
-from calibrary.parsers.colmap_models import (
-    CAPACITY,
-    CONVENTION,
-    PANORAMAS,
-    model_named,
-    model_numbered,
-)
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
-from calibrary.parsers.formats._colmap import MAX_CAMERAS, ColmapCamera, cameras, records
+from calibrary.parsers.formats._colmap import (
+    CAPACITY,
+    CONVENTION,
+    MAX_CAMERAS,
+    StoredCamera,
+    cameras,
+    records,
+)
 
 __all__ = ["FORMAT"]
 
@@ -69,15 +70,15 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     """As COLMAP writes it."""
     parts = [COUNT.pack(len(calibrations))]
-    for number, name, (width, height), parameters in records(calibrations):
-        model = model_named(name)
+    for number, camera in records(calibrations):
+        model = model_named(camera.model)
         assert model is not None  # noqa: S101  the name is from the same table
-        parts.append(HEAD.pack(number, model.number, width, height))
-        parts.append(struct.pack(f"<{len(parameters)}d", *parameters))
+        parts.append(HEAD.pack(number, model.number, camera.width, camera.height))
+        parts.append(struct.pack(f"<{model.count}d", *camera.params))
     return b"".join(parts)
 
 
-def _cameras(data: bytes, source: str) -> Iterator[ColmapCamera]:
+def _cameras(data: bytes, source: str) -> Iterator[StoredCamera]:
     if len(data) < COUNT.size:
         raise ParseError(f"{len(data)} bytes, wanted a number of cameras in the first 8", source=source)
     (count,) = COUNT.unpack_from(data)
@@ -102,7 +103,7 @@ def _cameras(data: bytes, source: str) -> Iterator[ColmapCamera]:
         at += 8 * parameters
         if not all(map(math.isfinite, numbers)):
             raise ParseError("a parameter is not finite", source=source, place=place)
-        yield ColmapCamera(
+        yield StoredCamera(
             number=number,
             model=model_numbered(model) or PANORAMAS[model][0],
             image_size=strict.image_size(width, height, source=source, place=place),

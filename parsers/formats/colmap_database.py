@@ -29,14 +29,14 @@ from typing import TypeAlias
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import FieldOfView, NoDistortion
+from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.interop.colmap import PANORAMAS, model_numbered
 from calibrary.parsers import text as strict
-from calibrary.parsers.colmap_models import CONVENTION, PANORAMAS, model_numbered
 from calibrary.parsers.content import Content
 from calibrary.parsers.files import read_head
-from calibrary.parsers.fit import exact
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._colmap import MAX_CAMERAS, ColmapCamera, cameras
+from calibrary.parsers.formats._colmap import CONVENTION, MAX_CAMERAS, StoredCamera, cameras
 from calibrary.records import replace
 
 __all__ = ["FORMAT"]
@@ -116,7 +116,7 @@ def _is_untouched(item: Calibration) -> bool:
     return initial_fov or exact(lens, NoDistortion) is not None or not any(lens.coefficients.values())
 
 
-def _camera(row: Row, source: str) -> ColmapCamera:
+def _camera(row: Row, source: str) -> StoredCamera:
     number, model, width, height, blob, _flag = row
     place = f"camera {number!r:.20}"
     if not (
@@ -135,7 +135,7 @@ def _camera(row: Row, source: str) -> ColmapCamera:
     parameters = struct.unpack(f"<{len(blob) // 8}d", blob)
     if not all(map(math.isfinite, parameters)):
         raise ParseError("a parameter is not finite", source=source, place=place)
-    return ColmapCamera(
+    return StoredCamera(
         number=number,
         model=known or PANORAMAS[model][0],
         image_size=strict.image_size(width, height, source=source, place=place),

@@ -8,7 +8,7 @@ In the format's own words::
     1 OPENCV 5472 3648 3650.12 3648.77 2745.81 1820.37 -0.0125 0.0231 -0.00037 0.00081
     2 SIMPLE_RADIAL 4000 3000 2981.4 2000 1500 -0.03
 
-The parameters are those of the model, see :mod:`calibrary.parsers.colmap_models`. Lines that begin with # are
+The parameters are those of the model, see :mod:`calibrary.interop.colmap`. Lines that begin with # are
 comments, but where the last of them counts more cameras than there are, the file was cut short. COLMAP writes
 it after bundle adjustment; a folder that holds ``cameras.bin`` as well is read from that.
 
@@ -22,11 +22,18 @@ from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS, model_named
 from calibrary.parsers import text as strict
-from calibrary.parsers.colmap_models import CAPACITY, COLMAP_MODELS, CONVENTION, PANORAMAS, model_named
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
-from calibrary.parsers.formats._colmap import MAX_CAMERAS, ColmapCamera, cameras, records
+from calibrary.parsers.formats._colmap import (
+    CAPACITY,
+    CONVENTION,
+    MAX_CAMERAS,
+    StoredCamera,
+    cameras,
+    records,
+)
 
 __all__ = ["FORMAT"]
 
@@ -56,7 +63,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in the order of the lines."""
     if len(data) > MAX_BYTES:
         raise ParseError(f"{len(data)} bytes of cameras; at most {MAX_BYTES} are read", source=context.name)
-    found: list[ColmapCamera] = []
+    found: list[StoredCamera] = []
     announced = 0
     rows = strict.lines(strict.decode(data, source=context.name), source=context.name)
     for index, row in enumerate(rows, start=1):
@@ -79,12 +86,14 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     """As COLMAP writes it, with digits that read back bit for bit."""
     lines = [*HEADING, f"# Number of cameras: {len(calibrations)}"]
-    for number, model, (width, height), parameters in records(calibrations):
-        lines.append(f"{number} {model} {width} {height} {' '.join(map(repr, parameters))}")
+    for number, camera in records(calibrations):
+        lines.append(
+            f"{number} {camera.model} {camera.width} {camera.height} {' '.join(map(repr, camera.params))}"
+        )
     return "".join(f"{line}\n" for line in lines).encode()
 
 
-def _camera(words: list[str], *, source: str, place: str) -> ColmapCamera:
+def _camera(words: list[str], *, source: str, place: str) -> StoredCamera:
     """One line's camera."""
     if len(words) < 5:
         raise ParseError(
@@ -109,7 +118,7 @@ def _camera(words: list[str], *, source: str, place: str) -> ColmapCamera:
         raise ParseError(
             f"{name} with {len(words) - 4} parameters, wanted {count}", source=source, place=place
         )
-    return ColmapCamera(
+    return StoredCamera(
         number=number,
         model=model or name,
         image_size=strict.image_size(width, height, source=source, place=place),

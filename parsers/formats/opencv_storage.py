@@ -48,6 +48,7 @@ from calibrary.distortion import (
     Unified,
 )
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.interop.opencv import OPENCV_MODELS
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
@@ -75,13 +76,6 @@ CONVENTION = Convention(
         "with xi of cv2.omnidir, K holds the file's focal lengths, (1 + xi) times those of the pinhole near the axis",
     ),
 )
-MODELS: dict[int, type[Distortion]] = {
-    4: BrownConrady,
-    5: BrownConrady,
-    8: Rational,
-    12: ThinPrism,
-    14: Tilted,
-}
 DISTORTION = Option(
     name="distortion",
     values=("brown", "fisheye"),
@@ -247,8 +241,8 @@ def _distortion(keys: Keys, label: str, context: ReadContext) -> Distortion | No
     values = storage.numbers(node)
     if not values:
         return NoDistortion()
-    if len(values) not in MODELS:
-        node.fail(f"{len(values)} distortion coefficients, wanted {', '.join(map(str, MODELS))}")
+    if len(values) not in OPENCV_MODELS:
+        node.fail(f"{len(values)} distortion coefficients, wanted {', '.join(map(str, OPENCV_MODELS))}")
     if len(values) == 4:
         asked = context.option(DISTORTION.name)
         marked = keys.fisheye_mark()
@@ -265,7 +259,7 @@ def _distortion(keys: Keys, label: str, context: ReadContext) -> Distortion | No
         node.fail(f"{len(values)} coefficients of a fisheye, wanted 4")
     if not any(values):
         return NoDistortion()
-    kind = MODELS[len(values)]
+    kind = OPENCV_MODELS[len(values)]
     return kind(**dict(zip(kind.names(), values, strict=False)))
 
 

@@ -23,9 +23,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion import Distortion
+from calibrary.conventions import Origin, canonical_from_file, file_from_canonical
+from calibrary.distortion import Distortion, NoDistortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
-from calibrary.errors import FrameError, InputError
+from calibrary.errors import FrameError, InputError, UnsupportedModelError
+from calibrary.interop import colmap, opencv
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
 
@@ -336,6 +338,98 @@ class Calibration:
         """The same camera with a part of its frame; see :meth:`Intrinsics.cropped`."""
         cut = self.intrinsics.cropped(box)
         return replace(self, intrinsics=cut, camera=replace(self.camera, image_size=cut.image_size))
+
+    def to_opencv(self) -> tuple[FloatArray, FloatArray | None]:
+        """K and the distortion coefficients as ``cv2`` takes them.
+
+        Returns:
+            K, (3, 3), its principal point from the centre of the top-left pixel; and the coefficients in OpenCV's
+            order, five or more of a perspective lens, (4,) of one that is for ``cv2.fisheye``, None where the
+            distortion is unknown.
+
+        Raises:
+            UnsupportedModelError: OpenCV has no model that is exactly this one, or ignores the skew of this K.
+
+        >>> camera = Calibration.from_opencv([[3650, 0, 2735.5], [0, 3650, 1823.5], [0, 0, 1]], image_size=(5472, 3648))
+        >>> K, dist = camera.to_opencv()
+        >>> float(K[0, 2]), camera.intrinsics.cx
+        (2735.5, 2736.0)
+        """
+        K = self.intrinsics
+        if K.skew:
+            raise UnsupportedModelError(
+                f"OpenCV's functions ignore skew, this K has {K.skew:g} px; use camera.project and camera.unproject"
+            )
+        matrix = K.matrix
+        matrix[:2, 2] = file_from_canonical((K.cx, K.cy), Origin.PIXEL_CENTRE, K.image_size)
+        return matrix, opencv.coefficients_of(self.distortion) if self.distortion is not None else None
+
+    @classmethod
+    def from_opencv(
+        cls,
+        K: ArrayLike,
+        dist: ArrayLike | None = None,
+        *,
+        image_size: ImageSize,
+        fisheye: bool = False,
+        make: str | None = None,
+        model: str | None = None,
+        rms_px: float | None = None,
+        grade: Grade = Grade.CALIBRATED,
+    ) -> Calibration:
+        """What ``cv2.calibrateCamera`` or ``cv2.fisheye.calibrate`` found.
+
+        Args:
+            K: (3, 3), principal point from the centre of the top-left pixel.
+            dist: 0, 4, 5, 8, 12 or 14 coefficients in OpenCV's order, 4 of a fisheye; None where unknown.
+            image_size: (width, height) px.
+            fisheye: whether they are those of ``cv2.fisheye``.
+            make: of the camera, as EXIF writes it.
+            model: of the camera, as EXIF writes it.
+            rms_px: the reprojection error that OpenCV returned.
+            grade: how K came about.
+
+        Raises:
+            InputError: K is not an intrinsic matrix, or OpenCV has no model of so many coefficients.
+
+        >>> K = [[3650, 0, 2735.5], [0, 3650, 1823.5], [0, 0, 1]]
+        >>> camera = Calibration.from_opencv(K, [-0.01, 0.02, 0, 0, 0], image_size=(5472, 3648), model="FC6310R")
+        >>> camera.distortion.model
+        'brown'
+        """
+        native = Intrinsics.from_matrix(K, image_size)
+        cx, cy = canonical_from_file((native.cx, native.cy), Origin.PIXEL_CENTRE, native.image_size)
+        return cls(
+            camera=CameraKey(make=make, model=model, image_size=native.image_size),
+            intrinsics=replace(native, cx=cx, cy=cy),
+            distortion=opencv.lens_from(dist, fisheye=fisheye) if dist is not None else None,
+            grade=grade,
+            quality=Quality(rms_px=rms_px) if rms_px is not None else None,
+            provenance=Provenance(kind="opencv"),
+        )
+
+    def to_colmap(self, model: str | None = None) -> colmap.ColmapCamera:
+        """The camera as COLMAP takes it; an unknown distortion becomes none.
+
+        Args:
+            model: COLMAP's model to use if it holds the calibration exactly; else the plainest that does.
+
+        Raises:
+            UnsupportedModelError: COLMAP has no model that is exactly this one, or K has skew.
+
+        >>> camera = Calibration.from_opencv([[3650, 0, 2735.5], [0, 3650, 1823.5], [0, 0, 1]], image_size=(5472, 3648))
+        >>> camera.to_colmap()
+        ColmapCamera(model='PINHOLE', width=5472, height=3648, params=(3650.0, 3650.0, 2736.0, 1824.0))
+
+        ``pycolmap.Camera(**camera.to_colmap()._asdict())`` is the same camera in COLMAP's own library.
+        """
+        K = self.intrinsics
+        if K.skew:
+            raise UnsupportedModelError(f"COLMAP's models have no skew, this K has {K.skew:g} px")
+        lens = self.distortion if self.distortion is not None else NoDistortion()
+        held, coefficients = colmap.model_for(lens, one_focal=K.fx == K.fy, preferred=model)
+        focals = (K.fx, K.fy)[: held.focals]
+        return colmap.ColmapCamera(held.name, *K.image_size, (*focals, K.cx, K.cy, *coefficients))
 
 
 def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE) -> bool:

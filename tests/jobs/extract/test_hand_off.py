@@ -27,7 +27,6 @@ from calibrary.errors import UnsupportedModelError
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.jobs.extract.hand_off import Candidate, Solver, hand_off, seed_command
 from calibrary.jobs.extract.outputs import plan
-from calibrary.parsers.colmap_models import colmap_camera
 from calibrary.records import replace
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 
@@ -93,9 +92,9 @@ class TestColmap:
         self, distortion: Distortion | None, model: str
     ) -> None:
         calibration = calibrated(distortion)
-        name, parameters = colmap_camera(calibration)
-        camera = pycolmap.Camera(model=name, width=SIZE[0], height=SIZE[1], params=parameters)
-        assert name == model
+        given = calibration.to_colmap()
+        camera = pycolmap.Camera(**given._asdict())
+        assert given.model == model
         assert_same_px(camera.img_from_cam(POINTS), calibration)
 
     @pytest.mark.parametrize(

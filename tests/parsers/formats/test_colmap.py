@@ -29,7 +29,7 @@ from calibrary.distortion import (
     ThinPrismFisheye,
 )
 from calibrary.errors import InputError, ParseError, UnknownFormatError, UnsupportedModelError
-from calibrary.parsers.colmap_models import COLMAP_MODELS, PANORAMAS, colmap_camera
+from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS
 from calibrary.parsers.format import Outcome
 from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera
@@ -176,10 +176,9 @@ def test_among_other_cameras_a_panorama_is_left_out_with_a_note(tmp_path: Path) 
 def test_a_lens_goes_to_the_model_that_holds_it_with_two_focal_lengths(
     lens: Distortion | None, model: str
 ) -> None:
-    name, parameters = colmap_camera(camera(lens))
-    assert name == model
-    theirs = pycolmap.Camera.create_from_model_name(1, name, 1.0, *SIZE)
-    theirs.params = parameters
+    given = camera(lens).to_colmap()
+    assert given.model == model
+    theirs = pycolmap.Camera(**given._asdict())
     ours = camera(lens).project(rays())
     np.testing.assert_allclose(ours, np.asarray(theirs.img_from_cam(rays())), rtol=0, atol=1e-9)
 
@@ -187,9 +186,9 @@ def test_a_lens_goes_to_the_model_that_holds_it_with_two_focal_lengths(
 def test_what_colmap_has_no_model_for_is_refused() -> None:
     prism = ThinPrism(k1=0.1, k2=0, p1=0, p2=0, k3=0, k4=0, k5=0, k6=0, s1=1e-3, s2=0, s3=0, s4=0)
     with pytest.raises(UnsupportedModelError, match="thin-prism"):
-        colmap_camera(camera(prism))
+        camera(prism).to_colmap()
     with pytest.raises(UnsupportedModelError, match="skew"):
-        colmap_camera(camera(skew=0.1))
+        camera(skew=0.1).to_colmap()
 
 
 def test_a_model_with_one_focal_length_is_kept_while_it_holds_the_camera() -> None:

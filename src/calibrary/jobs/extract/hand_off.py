@@ -19,7 +19,6 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.parsers.colmap_models import colmap_camera
 from calibrary.parsers.opensfm_models import opensfm_camera
 
 __all__ = [
@@ -103,7 +102,7 @@ def refusal(solver: Solver, calibration: Calibration) -> str | None:
     """Why a solver cannot hold a calibration exactly, None when it can."""
     try:
         if solver is Solver.COLMAP:
-            colmap_camera(calibration)
+            calibration.to_colmap()
         elif solver in {Solver.OPENSFM, Solver.ODM}:
             opensfm_camera(calibration)
         elif solver is Solver.OPENCV:
@@ -139,10 +138,10 @@ def seed_command(seed: Calibration) -> str:
 
 
 def _reader_options(calibration: Calibration) -> str:
-    model, parameters = colmap_camera(calibration)
-    values = ",".join(repr(value) for value in parameters)
+    camera = calibration.to_colmap()
+    values = ",".join(repr(value) for value in camera.params)
     return (
-        f"--ImageReader.single_camera 1 --ImageReader.camera_model {model} "
+        f"--ImageReader.single_camera 1 --ImageReader.camera_model {camera.model} "
         f'--ImageReader.camera_params "{values}"'
     )
 

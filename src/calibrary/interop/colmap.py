@@ -1,4 +1,4 @@
-"""COLMAP's camera models: what each holds, and how a calibration becomes one and back.
+"""COLMAP's camera models: what each holds, and how K and a lens become one and back.
 
 COLMAP counts pixels from the outer corner of the top-left one, as calibrary does, and has no skew. Each of its
 models is a K with one or two focal lengths and the first coefficients of a lens; which ones, in COLMAP's
@@ -12,10 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
-from calibrary.calibration import Calibration, ImageSize, Intrinsics
-from calibrary.conventions import Origin
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
@@ -28,22 +26,34 @@ from calibrary.distortion import (
     Rational,
     ThinPrismFisheye,
 )
-from calibrary.errors import InputError, UnsupportedModelError
-from calibrary.parsers.convention import Convention
-from calibrary.parsers.fit import exact
-from calibrary.parsers.format import Capacity
+from calibrary.distortion.equivalence import exact
+from calibrary.errors import UnsupportedModelError
 
 __all__ = [
-    "CAPACITY",
     "COLMAP_MODELS",
-    "CONVENTION",
     "PANORAMAS",
+    "ColmapCamera",
     "ColmapModel",
-    "calibrated",
-    "colmap_camera",
+    "lens_from",
+    "model_for",
     "model_named",
     "model_numbered",
 ]
+
+
+class ColmapCamera(NamedTuple):
+    """A camera as ``pycolmap.Camera`` and COLMAP's command line take it.
+
+    Attributes:
+        model: COLMAP's name of it.
+        width, height: px.
+        params: in COLMAP's order, principal point from the outer corner of the top-left pixel.
+    """
+
+    model: str
+    width: int
+    height: int
+    params: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,28 +120,6 @@ _WRITTEN = (
 _BY_NAME = {model.name: model for model in COLMAP_MODELS}
 _BY_NUMBER = {model.number: model for model in COLMAP_MODELS}
 
-CONVENTION: Final = Convention(
-    origin=Origin.CORNER,
-    remarks=(
-        "one or two focal lengths, the principal point, and then the coefficients, as the camera's model has them",
-        "RAD_TAN_THIN_PRISM_FISHEYE has p0 and p1 the other way round than OpenCV",
-    ),
-)
-CAPACITY: Final = Capacity(
-    models=(
-        NoDistortion,
-        BrownConrady,
-        Rational,
-        KannalaBrandt,
-        ExtendedUnified,
-        FieldOfView,
-        Division,
-        ThinPrismFisheye,
-        RadTanThinPrismFisheye,
-    ),
-    several_cameras=True,
-)
-
 
 def model_named(name: str) -> ColmapModel | None:
     """The model of that name, None when COLMAP has none with a K."""
@@ -143,50 +131,42 @@ def model_numbered(number: int) -> ColmapModel | None:
     return _BY_NUMBER.get(number)
 
 
-def calibrated(
-    model: ColmapModel, parameters: Sequence[float], size: ImageSize
-) -> tuple[Intrinsics, Distortion]:
-    """K and the lens from COLMAP's parameters.
+def lens_from(model: ColmapModel, coefficients: Sequence[float]) -> Distortion:
+    """The lens of a model.
 
     Args:
-        model: what they are parameters of.
-        parameters: finite numbers, as many as the model has, in COLMAP's order.
-        size: (width, height) px.
+        model: what they are coefficients of.
+        coefficients: what follows the principal point, in COLMAP's order.
 
     Raises:
-        InputError: there are too many or too few, or they make no K or no lens.
+        InputError: they make no lens.
     """
-    if len(parameters) != model.count:
-        raise InputError(f"{model.name} with {len(parameters)} parameters, wanted {model.count}")
-    fx, fy = parameters[0], parameters[model.focals - 1]
-    cx, cy = parameters[model.focals : model.focals + 2]
-    intrinsics = Intrinsics(fx=fx, fy=fy, cx=cx, cy=cy, image_size=size)
-    given = dict(zip(model.coefficients, parameters[model.focals + 2 :], strict=True))
-    return intrinsics, _plainest(model.lens(**{name: given.get(name, 0.0) for name in model.lens.names()}))
+    given = dict(zip(model.coefficients, coefficients, strict=True))
+    return _plainest(model.lens(**{name: given.get(name, 0.0) for name in model.lens.names()}))
 
 
-def colmap_camera(calibration: Calibration, model: str | None = None) -> tuple[str, list[float]]:
-    """COLMAP's model name and parameters, in COLMAP's order.
+def model_for(
+    lens: Distortion, *, one_focal: bool, preferred: str | None = None
+) -> tuple[ColmapModel, list[float]]:
+    """COLMAP's model that is exactly a lens, and its coefficients in COLMAP's order.
 
     Args:
-        calibration: with an unknown lens it becomes a pinhole.
-        model: the model to use if it holds the calibration exactly.
+        lens: the distortion.
+        one_focal: whether fx equals fy; a model with one focal length is taken only if it is ``preferred``.
+        preferred: the model to use if it holds the lens exactly.
 
     Raises:
         UnsupportedModelError: COLMAP has no model that is exactly this.
     """
-    K, lens = calibration.intrinsics, calibration.distortion or NoDistortion()
-    if K.skew:
-        raise UnsupportedModelError(f"COLMAP's models have no skew, this K has {K.skew:g} px")
     written = [_BY_NAME[name] for name in _WRITTEN]
     # A lens that merely happens to be straight stays a lens: bundle adjustment may bend it.
     candidates = [item for item in written if item.lens is type(lens)] + written
-    if model in _BY_NAME:
-        candidates.insert(0, _BY_NAME[model])
+    if preferred in _BY_NAME:
+        candidates.insert(0, _BY_NAME[preferred])
     for candidate in candidates:
         coefficients = _held(lens, candidate)
-        if coefficients is not None and (candidate.focals == 2 or K.fx == K.fy):
-            return candidate.name, [*(K.fx, K.fy)[: candidate.focals], K.cx, K.cy, *coefficients]
+        if coefficients is not None and (candidate.focals == 2 or one_focal):
+            return candidate, coefficients
     raise UnsupportedModelError(f"COLMAP has no model that is exactly {lens.model!r}")
 
 

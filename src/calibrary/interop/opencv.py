@@ -1,0 +1,94 @@
+"""OpenCV's distortion coefficients: which model a count of them means, and the coefficients of a lens.
+
+The order is ``k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [τx τy]]]]`` for ``cv2``'s perspective functions and
+``k1 k2 k3 k4`` for ``cv2.fisheye``.
+
+Source: OpenCV, "Camera Calibration and 3D Reconstruction" and "Fisheye camera model".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calibrary.arrays import FloatArray
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    KannalaBrandt,
+    NoDistortion,
+    Rational,
+    ThinPrism,
+    Tilted,
+)
+from calibrary.distortion.equivalence import exact
+from calibrary.errors import InputError, UnsupportedModelError
+
+__all__ = ["OPENCV_MODELS", "coefficients_of", "lens_from"]
+
+OPENCV_MODELS: Final[Mapping[int, type[Distortion]]] = MappingProxyType(
+    {4: BrownConrady, 5: BrownConrady, 8: Rational, 12: ThinPrism, 14: Tilted}
+)
+"""What so many coefficients are to cv2's perspective functions."""
+
+_SIMPLEST_FIRST = (BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt)
+
+
+def lens_from(coefficients: ArrayLike, *, fisheye: bool = False) -> Distortion:
+    """The lens that OpenCV's coefficients describe.
+
+    Args:
+        coefficients: in OpenCV's order, (N,), (N, 1) or (1, N); none at all is a lens without distortion.
+        fisheye: whether they are those of ``cv2.fisheye``, which takes 4.
+
+    Raises:
+        InputError: they are of a count that OpenCV does not know, or not finite numbers.
+    """
+    try:
+        values = np.asarray(coefficients, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("the distortion coefficients are not an array of numbers") from None
+    if values.ndim > 2 or (values.ndim == 2 and 1 not in values.shape and values.size):
+        raise InputError(
+            f"the distortion coefficients have shape {values.shape}, wanted one row or one column"
+        )
+    given = values.ravel().tolist()
+    if fisheye:
+        if len(given) != 4:
+            raise InputError(f"{len(given)} coefficients of a fisheye, wanted cv2.fisheye's k1 k2 k3 k4")
+        return KannalaBrandt(**dict(zip(KannalaBrandt.names(), given, strict=True)))
+    if not given:
+        return NoDistortion()
+    if len(given) not in OPENCV_MODELS:
+        counts = ", ".join(map(str, OPENCV_MODELS))
+        raise InputError(f"{len(given)} distortion coefficients, OpenCV has models of 0, {counts}")
+    kind = OPENCV_MODELS[len(given)]
+    lens = kind(**dict(zip(kind.names(), given, strict=False)))
+    return lens if any(given) else NoDistortion()
+
+
+def coefficients_of(lens: Distortion) -> FloatArray:
+    """A lens's coefficients in OpenCV's order.
+
+    Returns:
+        (5,), (8,), (12,) or (14,) for cv2's perspective functions, the fewest that hold the lens exactly;
+        (4,) for ``cv2.fisheye`` and for nothing else.
+
+    Raises:
+        UnsupportedModelError: OpenCV has no model that is exactly this.
+    """
+    if isinstance(lens, NoDistortion):
+        return np.zeros(5)
+    # A lens of one of OpenCV's own models keeps its count, though higher terms may be zero.
+    for kind in (type(lens), *_SIMPLEST_FIRST):
+        same = exact(lens, kind) if kind in _SIMPLEST_FIRST else None
+        if same is not None:
+            return np.array(list(same.coefficients.values()))
+    raise UnsupportedModelError(
+        f"OpenCV has no model that is exactly {lens.model!r}; calibrary.refit(camera, max_error_px=…) gives the "
+        "nearest one it has, and camera.project and camera.unproject need none"
+    )
