@@ -135,7 +135,7 @@ def clean(seeds: int) -> Iterator[Row]:
     errors = Errors.of(runs, camera((1920, 1440)))
     kappa = [run.evidence.kappa2 or np.inf for run in runs]
     warped = np.mean([run.evidence.is_warped for run in runs])
-    passed = sum(run.verdict.outcome.value == "pass" for run in runs)
+    passed = sum(run.verdict.value == "pass" for run in runs)
     models = {model.value: sum(run.model is model for run in runs) for model in Solvable}
     yield _at_most("corners, σ 0.05: worst fx", errors.worst_fx, 0.03, "%")
     yield _row(
@@ -167,7 +167,7 @@ def bow(seeds: int) -> Iterator[Row]:
     flat = [calibrate(each, warp=False) for each in sets]
     planar = Errors.of(flat, camera((1920, 1440)))
     kappa = [run.evidence.kappa2 or 0.0 for run in flat]
-    flagged = np.mean([run.verdict.outcome.value == "refuse" for run in flat])
+    flagged = np.mean([run.verdict.value == "refuse" for run in flat])
     yield _at_most("bow 0.2 mm: worst fx, warp solved for", errors.worst_fx, 0.03, "%")
     yield _row("  z rms", f"{errors.z_rms:.2f}", "0.7 … 1.4", good=0.7 <= errors.z_rms <= 1.4)
     yield _row("  F-test power", f"{power:.0%}", "≥ 95 %", good=bool(power >= 0.95))
@@ -231,21 +231,20 @@ def _rolling(seed: int) -> Observations:
 
 FAULTS: dict[str, Callable[[int], Observations]] = {
     "duplicates": _burst,
-    "views-set-aside": _dragged,
-    "corners-set-aside": _bad_corners,
+    "views-rejected": _dragged,
+    "corners-rejected": _bad_corners,
     "rolling-shutter": _rolling,
     "centre-only": lambda seed: shoot(700 + seed, reach=0.4, fill=(0.1, 0.35)),
     "low-tilt": lambda seed: shoot(800 + seed, tilt=4.0),
     "stretched-print": lambda seed: shoot(900 + seed, stretch=(1.0, 1.001)),
-    "bent-board": lambda seed: shoot(1000 + seed, bow_mm=0.2),
+    "board-warp": lambda seed: shoot(1000 + seed, bow_mm=0.2),
 }
 
 
 def named(seeds: int) -> Iterator[Row]:
     """Each fault by its name, and no other fault by that name."""
     named_in: dict[str, list[tuple[str, ...]]] = {
-        fault: [calibrate(make(seed)).verdict.codes for seed in range(seeds)]
-        for fault, make in FAULTS.items()
+        fault: [calibrate(make(seed)).rules for seed in range(seeds)] for fault, make in FAULTS.items()
     }
     for fault, codes in named_in.items():
         caught = sum(fault in each for each in codes)

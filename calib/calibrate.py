@@ -110,7 +110,7 @@ def calibrate(
         condition=weak.condition,
         is_rational=adjusted.state.model is Solvable.RATIONAL,
         culprits=weak.culprits,
-        folds=not has_sound_lens(adjusted, usable.image_size),
+        is_monotonic=has_sound_lens(adjusted, usable.image_size),
         edge_px=_largest(uncertainty),
         warp=tested,
         is_warped=solution.is_warped,
@@ -120,7 +120,7 @@ def calibrate(
     )
     return CalibrationResult(
         calibration=calibration,
-        verdict=judge(judged, limits),
+        findings=judge(judged, limits),
         evidence=judged,
         limits=limits,
         model=adjusted.state.model,

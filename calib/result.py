@@ -13,10 +13,11 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import ProjectionDifference, Uncertainty
-from calibrary.calib.verdict import Evidence, Limits, Reason, Verdict
+from calibrary.calib.verdict import BoardVerdict, Evidence, Limits
 from calibrary.calibration import Calibration
 from calibrary.calibration_json import calibration_json
 from calibrary.records import Json
+from calibrary.validation import Finding, finding_json
 
 __all__ = ["CalibrationResult", "ViewResult", "Why", "Without", "result_json"]
 
@@ -71,7 +72,7 @@ class CalibrationResult:
 
     Attributes:
         calibration: K and distortion, its quality with covariance and κ², its provenance.
-        verdict: whether to trust it, and why.
+        findings: what speaks against it, the gravest first.
         evidence: what the verdict was judged by.
         limits: what it was held against.
         model: the lens model, chosen or given.
@@ -86,7 +87,7 @@ class CalibrationResult:
     """
 
     calibration: Calibration
-    verdict: Verdict
+    findings: tuple[Finding, ...]
     evidence: Evidence
     limits: Limits
     model: Solvable
@@ -98,6 +99,16 @@ class CalibrationResult:
     uncertainty: Uncertainty | None
     observations: Observations
     versions: Mapping[str, str]
+
+    @property
+    def verdict(self) -> BoardVerdict:
+        """Whether to trust it: the worst finding decides."""
+        return BoardVerdict.of(self.findings)
+
+    @property
+    def rules(self) -> tuple[str, ...]:
+        """The names of the findings."""
+        return tuple(finding.rule for finding in self.findings)
 
     @property
     def rms_by_view(self) -> dict[str, float]:
@@ -120,8 +131,8 @@ def result_json(result: CalibrationResult) -> dict[str, Json]:
     limits: dict[str, Json] = asdict(result.limits)
     return {
         "schema": "calibration-result-1",
-        "verdict": result.verdict.outcome.value,
-        "reasons": [_reason(reason) for reason in result.verdict.reasons],
+        "verdict": result.verdict.value,
+        "findings": [finding_json(finding) for finding in result.findings],
         "calibration": calibration_json(result.calibration),
         "model": result.model.value,
         "candidates": [_candidate(candidate) for candidate in result.candidates],
@@ -150,16 +161,6 @@ def result_json(result: CalibrationResult) -> dict[str, Json]:
         else None,
         "limits": limits,
         "versions": versions,
-    }
-
-
-def _reason(reason: Reason) -> dict[str, Json]:
-    return {
-        "code": reason.code,
-        "severity": reason.severity.value,
-        "measured": _finite(reason.measured),
-        "limit": reason.limit,
-        "message": reason.message,
     }
 
 

@@ -19,9 +19,9 @@ from calibrary.registry.entry import ROOT, SUFFIX, UNSTATED, Entry, folder_of, p
 from calibrary.registry.entry_yaml import PARAMETERS, parse_entry
 from calibrary.registry.resolution import answering
 from calibrary.registry.slug import match_key, scripts
-from calibrary.validation import Severity, validate
+from calibrary.validation import Finding, Severity, validate
 
-__all__ = ["CheckFinding", "CheckReport", "check"]
+__all__ = ["BOARD_BLOCK", "CheckReport", "check"]
 
 SENSOR_AGREEMENT: Final = 0.05
 """Between a principal distance and a nominal focal length lie some per cent; a wrong sensor is off by more."""
@@ -36,28 +36,6 @@ BOARD_BLOCK: Final = "x-board-calibration"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CheckFinding:
-    """One thing that is wrong, or looks so.
-
-    Attributes:
-        path: of the entry.
-        rule: the rule's name.
-        severity: an error keeps the registry from being good, a warning does not.
-        message: found and wanted, and what to do.
-    """
-
-    path: str
-    rule: str
-    severity: Severity
-    message: str
-
-    def __str__(self) -> str:
-        # Errors of reading name the file themselves.
-        said = self.message.removeprefix(f"{self.path}: ")
-        return f"{self.path}: {self.severity.value}: {said} [{self.rule}]"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
     """What a check found.
 
@@ -67,10 +45,10 @@ class CheckReport:
     """
 
     entries: int
-    findings: tuple[CheckFinding, ...]
+    findings: tuple[Finding, ...]
 
     @property
-    def errors(self) -> tuple[CheckFinding, ...]:
+    def errors(self) -> tuple[Finding, ...]:
         """The findings that keep the registry from being good."""
         return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
 
@@ -107,12 +85,14 @@ def check(entries: Mapping[str, bytes], policy: Policy) -> CheckReport:
     return CheckReport(entries=len(tree.paths), findings=tuple(sorted(findings, key=_place)))
 
 
-def _place(finding: CheckFinding) -> tuple[str, str, str]:
-    return finding.path, finding.rule, finding.message
+def _place(finding: Finding) -> tuple[str, str, str]:
+    return finding.place or "", finding.rule, finding.message
 
 
-def _finding(path: str, rule: str, message: str, severity: Severity = Severity.ERROR) -> CheckFinding:
-    return CheckFinding(path=path, rule=rule, severity=severity, message=message)
+def _finding(path: str, rule: str, message: str, severity: Severity = Severity.ERROR) -> Finding:
+    # Errors of reading name the file themselves.
+    said = message.removeprefix(f"{path}: ")
+    return Finding(rule=rule, severity=severity, place=path, message=said)
 
 
 def _folder(path: str) -> str:
@@ -127,7 +107,7 @@ class _Tree:
         self.paths: Sequence[str] = sorted(entries)
         self._named: dict[tuple[str, str], dict[str, str]] = {}
 
-    def names(self) -> Iterator[CheckFinding]:
+    def names(self) -> Iterator[Finding]:
         """Paths that a file system without letter case takes for one."""
         seen: dict[str, str] = {}
         for path in self.paths:
@@ -135,7 +115,7 @@ class _Tree:
             if other != path:
                 yield _finding(path, "unique", f"only letter case tells it from {other}; remove one of them")
 
-    def references(self, path: str, entry: Entry) -> Iterator[CheckFinding]:
+    def references(self, path: str, entry: Entry) -> Iterator[Finding]:
         """What an entry says of others: the one it supersedes, and the names it claims."""
         if entry.supersedes is not None:
             yield from self._superseded(path, entry, entry.supersedes)
@@ -155,7 +135,7 @@ class _Tree:
                 names = match_key(alias.make), match_key(alias.model)
                 self._named.setdefault(names, {}).setdefault(own, path)
 
-    def _superseded(self, path: str, entry: Entry, target: str) -> Iterator[CheckFinding]:
+    def _superseded(self, path: str, entry: Entry, target: str) -> Iterator[Finding]:
         there = f"{ROOT}{target}{SUFFIX}"
         if there == path:
             yield _finding(path, "supersedes", "it supersedes itself")
@@ -171,7 +151,7 @@ class _Tree:
             message = f"it supersedes {target}, which is still {other.status.value}; retire that one"
             yield _finding(path, "supersedes", message)
 
-    def shared_aliases(self) -> Iterator[CheckFinding]:
+    def shared_aliases(self) -> Iterator[Finding]:
         """One name for two cameras."""
         for (make, model), owners in self._named.items():
             first, *others = owners.values()
@@ -181,28 +161,27 @@ class _Tree:
                 )
 
 
-def _path(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+def _path(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     if entry.path != path:
         yield _finding(path, "path", f"its key says {entry.path}; move it there, or put the key right")
 
 
-def _provenance(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+def _provenance(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     if entry.is_usable and entry.calibration.provenance == UNSTATED:
         yield _finding(path, "provenance", f"{entry.status.value} without a provenance; say where K is from")
 
 
-def _plausible(path: str, entry: Entry, policy: Policy) -> Iterator[CheckFinding]:
+def _plausible(path: str, entry: Entry, policy: Policy) -> Iterator[Finding]:
     """The policy's own rules. An entry is what knows its camera: it is not held to the band of unknown ones."""
     known = replace(entry.calibration, provenance=replace(entry.calibration.provenance, kind="registry"))
     for finding in validate(known, policy).findings:
         if finding.severity is Severity.PASS:
             continue
         is_error = finding.severity is Severity.ERROR and entry.is_usable
-        severity = Severity.ERROR if is_error else Severity.WARNING
-        yield _finding(path, finding.rule, finding.message, severity)
+        yield replace(finding, severity=Severity.ERROR if is_error else Severity.WARNING, place=path)
 
 
-def _sensor(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+def _sensor(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     sensor, K, camera = entry.sensor, entry.calibration.intrinsics, entry.calibration.camera
     if sensor is None:
         return
@@ -229,7 +208,7 @@ def _sensor(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
         yield _finding(path, "sensor", message, Severity.WARNING)
 
 
-def _uncertainty(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+def _uncertainty(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     quality, lens = entry.calibration.quality, entry.calibration.distortion
     if quality is None:
         return
@@ -261,7 +240,7 @@ def _not_positive(matrix: FloatArray, spread: FloatArray) -> str | None:
     return f"the covariance is none: its correlations have the eigenvalue {smallest:.3g}, wanted none below 0"
 
 
-def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     """A Cyrillic letter in a Latin name is equal to the eye and to nothing else."""
     camera = entry.calibration.camera
     for name, text in (("make", camera.make), ("model", camera.model)):
@@ -270,7 +249,7 @@ def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
             yield _finding(path, "spelling", message, Severity.WARNING)
 
 
-def _board(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
+def _board(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     """A calibration from a board says itself whether it may be used."""
     block = entry.extensions.get(BOARD_BLOCK)
     verdict = block.get("verdict") if isinstance(block, dict) else None
@@ -286,7 +265,7 @@ def _board(path: str, entry: Entry, _: Policy) -> Iterator[CheckFinding]:
     )
 
 
-_RULES: Final[tuple[Callable[[str, Entry, Policy], Iterator[CheckFinding]], ...]] = (
+_RULES: Final[tuple[Callable[[str, Entry, Policy], Iterator[Finding]], ...]] = (
     _path,
     _provenance,
     _plausible,
@@ -297,7 +276,7 @@ _RULES: Final[tuple[Callable[[str, Entry, Policy], Iterator[CheckFinding]], ...]
 )
 
 
-def _overlaps(group: Mapping[str, Entry]) -> Iterator[CheckFinding]:
+def _overlaps(group: Mapping[str, Entry]) -> Iterator[Finding]:
     """Entries of one camera whose ranges of firmware and whose days both overlap: neither is the one to take."""
     ranged = [
         (path, entry) for path, entry in group.items() if entry.is_usable and entry.firmware is not None
@@ -320,7 +299,7 @@ def _overlaps(group: Mapping[str, Entry]) -> Iterator[CheckFinding]:
                 yield _finding(path, "overlap", message)
 
 
-def _resolves_to_itself(group: Mapping[str, Entry]) -> Iterator[CheckFinding]:
+def _resolves_to_itself(group: Mapping[str, Entry]) -> Iterator[Finding]:
     """An entry that its own key does not lead to is dead, or stands in another's way."""
     by_unit: dict[str | None, dict[str, Entry]] = {}
     for path, entry in group.items():
@@ -334,7 +313,7 @@ def _resolves_to_itself(group: Mapping[str, Entry]) -> Iterator[CheckFinding]:
                 yield from _leads_home(path, entry, candidates)
 
 
-def _leads_home(path: str, entry: Entry, candidates: Mapping[str, Entry]) -> Iterator[CheckFinding]:
+def _leads_home(path: str, entry: Entry, candidates: Mapping[str, Entry]) -> Iterator[Finding]:
     firmware, validity = entry.firmware, entry.validity
     key: CameraKey = entry.calibration.camera
     if firmware is not None:

@@ -16,17 +16,29 @@ import numpy as np
 from calibrary.calibration import Calibration
 from calibrary.errors import ValidationError
 from calibrary.policy import Policy
+from calibrary.records import Json
 
-__all__ = ["Circumstances", "Expected", "Finding", "NamedFocal", "Report", "Severity", "Verdict", "validate"]
+__all__ = [
+    "Circumstances",
+    "Expected",
+    "Finding",
+    "NamedFocal",
+    "Report",
+    "Severity",
+    "Verdict",
+    "finding_json",
+    "validate",
+]
 
 REGISTER = "register the camera (--registry)"
 GIVE_FILES = "give the files as the camera wrote them"
 
 
 class Severity(StrEnum):
-    """What a finding does to the verdict."""
+    """What a finding does to the verdict, the mildest first: only the last two keep a K from being used."""
 
     PASS = "pass"  # noqa: S105  a word of the report, no password
+    NOTE = "note"
     WARNING = "warning"
     UNPROVEN = "unproven"
     ERROR = "error"
@@ -42,27 +54,50 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One rule, measured.
+    """One rule, measured: what validation, the registry's check, an audit and a board calibration report.
 
     Attributes:
         rule: its name.
         severity: what the measurement means.
+        camera: in words, where the findings are of several cameras.
+        place: the entry or file, where the findings are of several.
         measured: the number, in the unit the message names; None where the rule measures none.
-        limit: what it was held against.
-        message: found and wanted.
-        remedy: what to do about it, for whoever flies this camera; None where nothing is wrong.
+        limit: of that number.
+        message: what was found and what was expected.
+        remedy: what to do about it; None where there is nothing to do.
     """
 
     rule: str
     severity: Severity
+    camera: str | None = None
+    place: str | None = None
     measured: float | None = None
     limit: float | None = None
     message: str
     remedy: str | None = None
 
     def __str__(self) -> str:
-        text = f"{self.rule}: {self.message}"
-        return f"{text}; {self.remedy}" if self.remedy else text
+        where = f"{self.place}: " if self.place else ""
+        remedy = f"; {self.remedy}" if self.remedy else ""
+        return f"{where}{self.rule}: {self.message}{remedy}"
+
+
+def finding_json(finding: Finding) -> dict[str, Json]:
+    """The JSON form of a finding, the same wherever one is written (schemas/finding-1.schema.json)."""
+    return {
+        "rule": str(finding.rule),
+        "severity": finding.severity.value,
+        "camera": finding.camera,
+        "place": finding.place,
+        "measured": _finite(finding.measured),
+        "limit": _finite(finding.limit),
+        "message": finding.message,
+        "remedy": finding.remedy,
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

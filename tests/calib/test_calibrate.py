@@ -15,11 +15,12 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.result import CalibrationResult, Why, result_json
 from calibrary.calib.synthesis import Shutter, observe, poses
-from calibrary.calib.verdict import LIMITS, Outcome, Severity
+from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calibration import CameraKey, Grade, Intrinsics
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
 from calibrary.schemas import require
+from calibrary.validation import Severity
 
 from .solving import BOARD, SIZE, Session, camera, moved, shoot
 
@@ -30,15 +31,15 @@ def clean() -> CalibrationResult:
 
 
 def _grave(result: CalibrationResult) -> set[str]:
-    return {reason.code for reason in result.verdict.reasons if reason.severity is not Severity.NOTE}
+    return {finding.rule for finding in result.findings if finding.severity is not Severity.NOTE}
 
 
 def _codes(result: CalibrationResult) -> set[str]:
-    return set(result.verdict.codes)
+    return set(result.rules)
 
 
 def test_a_good_session_passes(clean: CalibrationResult) -> None:
-    assert clean.verdict.outcome is Outcome.PASS
+    assert clean.verdict is BoardVerdict.PASS
     assert not _grave(clean)
     assert not clean.views_out
 
@@ -79,7 +80,7 @@ def test_corners_solved_again_from_their_file_give_the_same_calibration(clean: C
     for name in ("fx", "fy", "cx", "cy"):
         found, expected = (getattr(result.calibration.intrinsics, name) for result in (again, clean))
         assert found == pytest.approx(expected, rel=1e-9)
-    assert again.verdict.codes == clean.verdict.codes
+    assert again.rules == clean.rules
     assert again.calibration.provenance == clean.calibration.provenance
 
 
@@ -136,22 +137,22 @@ def _unrelated() -> Observations:
 
 
 FAULTS: dict[str, tuple[Callable[[], Observations], Severity]] = {
-    "corners-set-aside": (_bad_corners, Severity.NOTE),
-    "views-set-aside": (_dragged, Severity.NOTE),
+    "corners-rejected": (_bad_corners, Severity.NOTE),
+    "views-rejected": (_dragged, Severity.NOTE),
     "duplicates": (_burst, Severity.NOTE),
-    "rolling-shutter": (_rolling, Severity.PROVISIONAL),
-    "few-views": (_burst, Severity.REFUSE),
-    "centre-only": (lambda: shoot(how=Session(reach=0.4, fill=(0.1, 0.35))), Severity.REFUSE),
-    "low-coverage": (lambda: shoot(how=Session(reach=0.55, fill=(0.1, 0.35))), Severity.PROVISIONAL),
-    "low-tilt": (lambda: shoot(how=Session(tilt_deg=2.0)), Severity.REFUSE),
-    "stretched-print": (lambda: shoot(how=Session(stretch=(1.0, 1.001))), Severity.PROVISIONAL),
-    "bent-board": (lambda: shoot(how=Session(bow_mm=0.3)), Severity.NOTE),
-    "poor-fit": (_unrelated, Severity.REFUSE),
+    "rolling-shutter": (_rolling, Severity.UNPROVEN),
+    "few-views": (_burst, Severity.ERROR),
+    "centre-only": (lambda: shoot(how=Session(reach=0.4, fill=(0.1, 0.35))), Severity.ERROR),
+    "low-coverage": (lambda: shoot(how=Session(reach=0.55, fill=(0.1, 0.35))), Severity.UNPROVEN),
+    "low-tilt": (lambda: shoot(how=Session(tilt_deg=2.0)), Severity.ERROR),
+    "stretched-print": (lambda: shoot(how=Session(stretch=(1.0, 1.001))), Severity.UNPROVEN),
+    "board-warp": (lambda: shoot(how=Session(bow_mm=0.3)), Severity.NOTE),
+    "poor-fit": (_unrelated, Severity.ERROR),
     "wrong-square": (
         lambda: replace(shoot(), board=Board(columns=11, rows=8, square_mm=0.04)),
-        Severity.PROVISIONAL,
+        Severity.UNPROVEN,
     ),
-    "focus-not-locked": (lambda: replace(shoot(), focus="autofocus"), Severity.PROVISIONAL),
+    "focus-not-locked": (lambda: replace(shoot(), focus="autofocus"), Severity.UNPROVEN),
     "focus-unknown": (shoot, Severity.NOTE),
 }
 
@@ -160,16 +161,16 @@ FAULTS: dict[str, tuple[Callable[[], Observations], Severity]] = {
 def test_each_fault_is_called_by_its_name(code: str) -> None:
     make, severity = FAULTS[code]
     result = calibrate(make())
-    found = {reason.code: reason for reason in result.verdict.reasons}
+    found = {finding.rule: finding for finding in result.findings}
     assert code in found
     assert found[code].severity is severity
     outcome = {
-        Severity.NOTE: Outcome.PASS,
-        Severity.PROVISIONAL: Outcome.PROVISIONAL,
-        Severity.REFUSE: Outcome.REFUSE,
+        Severity.NOTE: BoardVerdict.PASS,
+        Severity.UNPROVEN: BoardVerdict.PROVISIONAL,
+        Severity.ERROR: BoardVerdict.REFUSE,
     }
-    order = list(Outcome)
-    assert order.index(result.verdict.outcome) >= order.index(outcome[severity])
+    order = list(BoardVerdict)
+    assert order.index(result.verdict) >= order.index(outcome[severity])
 
 
 def test_a_rolling_shutter_is_not_seen_where_there_is_another_fault() -> None:
@@ -179,14 +180,15 @@ def test_a_rolling_shutter_is_not_seen_where_there_is_another_fault() -> None:
 
 def test_a_bow_that_is_not_to_be_solved_for_is_named_and_halves_disagree() -> None:
     result = calibrate(shoot(how=Session(bow_mm=0.3)), warp=False)
-    assert _grave(result) >= {"bent-board", "unstable"}
-    assert result.verdict.outcome is Outcome.REFUSE
+    assert _grave(result) >= {"board-warp", "unstable"}
+    assert result.verdict is BoardVerdict.REFUSE
 
 
 def test_low_tilt_says_what_to_do() -> None:
     result = calibrate(shoot(how=Session(tilt_deg=2.0)))
-    message = next(reason.message for reason in result.verdict.reasons if reason.code == "low-tilt")
-    assert re.match(r"tilt the board: normals spread \d°, need 20°", message)
+    found = next(finding for finding in result.findings if finding.rule == "low-tilt")
+    assert re.match(r"board normals spread \d°, need 20°", found.message)
+    assert found.remedy == "tilt the board"
 
 
 @pytest.mark.parametrize("tilt_deg", [0.0, 0.1, 0.5])
@@ -197,7 +199,7 @@ def test_boards_parallel_to_the_sensor_are_refused_and_nothing_worse(tilt_deg: f
         message = str(error)
         assert "tilt the board" in message
     else:
-        assert result.verdict.outcome is Outcome.REFUSE
+        assert result.verdict is BoardVerdict.REFUSE
         assert "low-tilt" in _grave(result)
 
 
@@ -292,7 +294,7 @@ def test_corners_of_no_board_at_all_are_refused() -> None:
     rng = np.random.default_rng(0)
     seen = shoot(how=Session(views=10))
     views = tuple(replace(view, image_points=rng.uniform(0, 1, (88, 2)) * SIZE) for view in seen.views)
-    assert calibrate(replace(seen, views=views)).verdict.outcome is Outcome.REFUSE
+    assert calibrate(replace(seen, views=views)).verdict is BoardVerdict.REFUSE
 
 
 def test_an_unknown_model_is_refused() -> None:

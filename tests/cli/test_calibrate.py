@@ -99,7 +99,7 @@ def test_frames_lead_to_the_camera_that_took_them(calibrated: Run, photographed:
     # Eleven views are too few to pass, whatever they show.
     assert code == 1
     assert document["verdict"] == "provisional"
-    assert "few-views" in [reason["code"] for reason in document["reasons"]]
+    assert "few-views" in [finding["rule"] for finding in document["findings"]]
     assert err == ""
 
 
@@ -167,7 +167,8 @@ def test_a_refused_calibration_writes_its_report_and_nothing_else(
     code, _, err = calibrated("--from", kept, *outputs, "--registry", "fleet", "--approve", "--yes")
     assert code == 1
     assert err.startswith("REFUSE")
-    assert "low-tilt: tilt the board" in err
+    assert "low-tilt: board normals spread" in err
+    assert "; tilt the board\n" in err
     assert not re.search(r"^ +fx ", err, re.MULTILINE)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fleet", "kept.json", "r.html"]
     assert list(fleet.entries()) == []
@@ -305,8 +306,8 @@ def test_a_wrong_square_moves_the_poses_and_not_k(calibrated: Run, tmp_path: Pat
     assert wrong["calibration"]["intrinsics"]["fx"] == pytest.approx(
         right["calibration"]["intrinsics"]["fx"], rel=1e-6
     )
-    assert "wrong-square" in [reason["code"] for reason in wrong["reasons"]]
-    assert "wrong-square" not in [reason["code"] for reason in right["reasons"]]
+    assert "wrong-square" in [finding["rule"] for finding in wrong["findings"]]
+    assert "wrong-square" not in [finding["rule"] for finding in right["findings"]]
 
 
 def test_a_seed_starts_the_search_and_decides_nothing(calibrated: Run, tmp_path: Path) -> None:

@@ -63,13 +63,13 @@ def test_nothing_stops_at_the_first() -> None:
     tree["cameras/dji/c/1x1.yaml"] = tree[an_entry().path]
     tree["cameras/dji/d/1x1.yaml"] = b"schema: calibrary/entry-9\n"
     report = check(tree, FLEET)
-    assert [(finding.path.split("/")[2], finding.rule) for finding in report.findings] == [
+    assert [((finding.place or '').split("/")[2], finding.rule) for finding in report.findings] == [
         ("a", "entry"), ("b", "digest"), ("c", "path"), ("d", "entry"), ("fc220", "focal-plausibility"),
         ("fc220", "focal-symmetry"), ("fc220", "provenance"),
     ]  # fmt: skip
     assert report.entries == 6
     for finding in report.findings:
-        assert str(finding).count(finding.path) == 1
+        assert str(finding).count(finding.place or "") == 1
 
 
 def test_an_entry_without_a_digest_is_told_what_writes_one() -> None:

@@ -17,11 +17,11 @@ from calibrary.keep.fields import FieldChange, differences
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.keep.operand import Reading
 from calibrary.records import replace
-from calibrary.registry.check import CheckFinding
 from calibrary.registry.digest import digest
 from calibrary.registry.entry import UNSTATED, Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.writing import Written, identity
+from calibrary.validation import Finding
 
 __all__ = ["Proposal", "Wish", "propose", "write_proposals"]
 
@@ -50,7 +50,7 @@ class Proposal:
 
 def propose(
     keeper: Keeper, path: Path, reading: Reading, wish: Wish
-) -> tuple[tuple[Proposal, ...], tuple[CheckFinding, ...]]:
+) -> tuple[tuple[Proposal, ...], tuple[Finding, ...]]:
     """The entries that a file would become, and what the registry's check says of them.
 
     Args:

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from calibrary.keep.keeper import Keeper
-from calibrary.records import Json
-from calibrary.registry.check import CheckFinding, check
+from calibrary.registry.check import check
 from calibrary.registry.entry import ROOT, SUFFIX, Entry, folder_of
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.validation import Severity
+from calibrary.validation import Finding, Severity
 
-__all__ = ["finding_json", "objections", "stands_against"]
+__all__ = ["objections", "stands_against"]
 
 
-def objections(keeper: Keeper, entries: Sequence[Entry]) -> tuple[CheckFinding, ...]:
+def objections(keeper: Keeper, entries: Sequence[Entry]) -> tuple[Finding, ...]:
     """What :func:`calibrary.registry.check.check` says of some entries once they are written.
 
     Only what they can meet is looked at: the entries of their models, of the names they claim, and those they
@@ -27,22 +26,12 @@ def objections(keeper: Keeper, entries: Sequence[Entry]) -> tuple[CheckFinding, 
     own = {entry.path for entry in entries}
     known = set(check(before, keeper.charter.policy).findings)
     found = check(after, keeper.charter.policy).findings
-    return tuple(finding for finding in found if finding.path in own or finding not in known)
+    return tuple(finding for finding in found if finding.place in own or finding not in known)
 
 
-def stands_against(findings: Iterable[CheckFinding]) -> tuple[CheckFinding, ...]:
+def stands_against(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Those that keep an entry from being written."""
     return tuple(finding for finding in findings if finding.severity is Severity.ERROR)
-
-
-def finding_json(finding: CheckFinding) -> dict[str, Json]:
-    """The JSON form of one finding."""
-    return {
-        "path": finding.path,
-        "rule": finding.rule,
-        "severity": finding.severity.value,
-        "message": finding.message,
-    }
 
 
 def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:

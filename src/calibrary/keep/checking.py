@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Final
 
 from calibrary.errors import InputError, RegistryError
-from calibrary.keep.admission import finding_json
 from calibrary.keep.names import id_of
 from calibrary.keep.shelf import Shelf
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json
-from calibrary.registry.check import CheckFinding, CheckReport, check
+from calibrary.registry.check import CheckReport, check
 from calibrary.registry.entry import ROOT, SUFFIX, folder_of
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.folder import entry_paths, read_entry_file
@@ -22,7 +21,7 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.revisions import commit_at, parse_rev
 from calibrary.registry.git.signatures import signatures
 from calibrary.registry.layout import CAMERAS, check_path
-from calibrary.validation import Severity
+from calibrary.validation import Finding, Severity, finding_json
 
 __all__ = [
     "Checked",
@@ -95,13 +94,14 @@ def check_all(shelf: Shelf, policy: Policy | None = None, *, progress: Progress 
     return Checked(what=f"{_entries(len(files))} at {shelf.commit[:12]}", commit=shelf.commit, report=report)
 
 
-def _no_files(paths: Iterable[str]) -> Iterator[CheckFinding]:
+def _no_files(paths: Iterable[str]) -> Iterator[Finding]:
     for path in paths:
-        yield CheckFinding(
-            path=path,
+        yield Finding(
             rule="regular-file",
             severity=Severity.ERROR,
-            message="is a link or another repository, which nothing here follows; wanted a file: take it out",
+            place=path,
+            message="is a link or another repository, which nothing here follows; wanted a file",
+            remedy="take it out",
         )
 
 
@@ -166,7 +166,7 @@ def check_range(
     was = _Files(_met(repo, old, touched), _in_git(repo, old))
     found = _completed(check(files, policy), files, own).findings
     known = set(check(was, policy).findings) if len(own) < len(files) else set()
-    findings = tuple(item for item in found if item.path in own or item not in known)
+    findings = tuple(item for item in found if item.place in own or item not in known)
     return Checked(
         what=f"{_entries(len(own))} changed from {start[:12]} to {end[:12]}",
         commit=end,
@@ -289,19 +289,20 @@ def _completed(report: CheckReport, files: _Files, paths: Iterable[str]) -> Chec
 
     A name may be one that some disk or git would stumble over, whatever is in the file.
     """
-    told = [finding for finding in report.findings if finding.path not in files.unreadable]
+    told = [finding for finding in report.findings if finding.place not in files.unreadable]
     told += [_error(path, "entry", message) for path, message in files.unreadable.items()]
     for path in paths:
         try:
             check_path(path)
         except RegistryError as error:
             told.append(_error(path, "place", f"{error}; move it"))
-    told.sort(key=lambda finding: (finding.path, finding.rule, finding.message))
+    told.sort(key=lambda finding: (finding.place or "", finding.rule, finding.message))
     return CheckReport(entries=report.entries, findings=tuple(told))
 
 
-def _error(path: str, rule: str, message: str) -> CheckFinding:
-    return CheckFinding(path=path, rule=rule, severity=Severity.ERROR, message=message)
+def _error(path: str, rule: str, message: str) -> Finding:
+    said = message.removeprefix(f"{path}: ")
+    return Finding(rule=rule, severity=Severity.ERROR, place=path, message=said)
 
 
 def _met(repo: Repository, listed: Mapping[str, str], touched: Collection[str]) -> set[str]:

@@ -15,18 +15,17 @@ from typing import Final
 
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.keep.adding import Proposal, Wish, propose
-from calibrary.keep.admission import finding_json, objections
+from calibrary.keep.admission import objections
 from calibrary.keep.catalogue_entries import KIND, catalogue_entries
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.keep.operand import Reading
 from calibrary.parsers.image_names import is_image
 from calibrary.records import Json, replace
-from calibrary.registry.check import CheckFinding
 from calibrary.registry.digest import digest
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.writing import Written
-from calibrary.validation import Severity
+from calibrary.validation import Finding, Severity, finding_json
 
 __all__ = ["Fate", "Import", "Item", "import_catalogue", "import_folder", "imported_json", "write_import"]
 
@@ -74,7 +73,7 @@ class Import:
     what: str
     items: tuple[Item, ...]
     due: tuple[tuple[Entry, str | None], ...]
-    findings: tuple[CheckFinding, ...]
+    findings: tuple[Finding, ...]
 
     def count(self, fate: Fate) -> int:
         """How many calibrations have this fate."""
@@ -258,7 +257,7 @@ def _judged(
     refused: dict[str, str] = {}
     for finding in findings:
         if finding.severity is Severity.ERROR:
-            refused.setdefault(finding.path, finding.message)
+            refused.setdefault(finding.place or "", finding.message)
     ids = {entry.path: entry.id for entry in entries}
     bad = {ids[path]: message for path, message in refused.items() if path in ids}
     judged = tuple(

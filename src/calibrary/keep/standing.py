@@ -10,9 +10,9 @@ from calibrary.keep.admission import objections
 from calibrary.keep.fields import FieldChange, differences
 from calibrary.keep.keeper import Held, Keeper, note_of
 from calibrary.records import replace
-from calibrary.registry.check import CheckFinding
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.writing import Written
+from calibrary.validation import Finding
 
 __all__ = ["Decision", "decide", "decide_from", "write_decisions"]
 
@@ -40,7 +40,7 @@ class Decision:
 
 def decide(
     keeper: Keeper, keys: Sequence[str], status: Status, reason: str | None, successor: str | None = None
-) -> tuple[tuple[Decision, ...], tuple[CheckFinding, ...]]:
+) -> tuple[tuple[Decision, ...], tuple[Finding, ...]]:
     """What giving entries a status would change, and what the registry's check says of it.
 
     Args:
@@ -64,7 +64,7 @@ def decide(
 
 def decide_from(
     keeper: Keeper, keys: Sequence[str], branch: str, status: Status, reason: str | None
-) -> tuple[tuple[Decision, ...], tuple[CheckFinding, ...]]:
+) -> tuple[tuple[Decision, ...], tuple[Finding, ...]]:
     """The same of entries that are proposed on another branch: they come from there, and are put to use here.
 
     Args:

@@ -44,7 +44,7 @@ def audited(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Any:
 
 
 def rules(document: Any, level: str | None = None) -> list[str]:
-    return [one["rule"] for one in document["findings"] if level in {None, one["level"]}]
+    return [one["rule"] for one in document["findings"] if level in {None, one["severity"]}]
 
 
 @pytest.fixture
@@ -68,8 +68,8 @@ def test_a_camera_without_an_entry_is_told_with_the_next_step(
     flight: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     [finding] = audited(capsys, flight)["findings"]
-    assert (finding["rule"], finding["level"]) == ("no entry", "error")
-    assert finding["action"] == f"calibrary onboard {flight}"
+    assert (finding["rule"], finding["severity"]) == ("no entry", "error")
+    assert finding["remedy"] == f"calibrary onboard {flight}"
     code, out, _ = run(capsys, "audit", flight)
     assert (code, "no entry" in out) == (1, True)
 
@@ -80,7 +80,7 @@ def test_a_draft_that_flies_is_no_entry_to_use(
     add(xml(tmp_path / "a.xml"))
     assert held(fleet).entry.status is Status.DRAFT
     [finding] = audited(capsys, flight)["findings"]
-    assert (finding["rule"], finding["entry"]) == ("draft in use", P4R)
+    assert (finding["rule"], finding["place"]) == ("draft in use", P4R)
 
 
 def test_a_retired_entry_that_flies_is_told_with_its_reason(
@@ -117,7 +117,7 @@ def test_another_firmware_than_the_calibrations_is_told(
 ) -> None:
     approved(fleet, xml(tmp_path / "a.xml"), "--firmware", "v01.08.0000")
     [finding] = audited(capsys, flight)["findings"]
-    assert (finding["rule"], finding["level"]) == ("firmware changed", "warning")
+    assert (finding["rule"], finding["severity"]) == ("firmware changed", "warning")
     assert "v01.08.0000" in finding["message"]
     assert "v01.09.1691" in finding["message"]
 
@@ -160,7 +160,7 @@ def test_a_k_beyond_the_entrys_tolerance_is_a_drift(
 ) -> None:
     approved(fleet, xml(tmp_path / "a.xml", 3800.0))
     [finding] = audited(capsys, flight)["findings"]
-    assert (finding["rule"], finding["level"]) == ("K drifted", "error")
+    assert (finding["rule"], finding["severity"]) == ("K drifted", "error")
     assert "3.0%" in finding["message"]
     restate(fleet, STATUS, f"{STATUS}tolerance: 0.05\n")
     assert rules(audited(capsys, flight)) == []
@@ -172,7 +172,7 @@ def test_a_wrong_tag_is_a_note_where_another_source_confirms_the_entry(
     approved(fleet, xml(tmp_path / "a.xml"))
     phantom(tmp_path / "flight" / "a.jpg", focal_35mm=35)
     [finding] = audited(capsys, tmp_path / "flight")["findings"]
-    assert (finding["rule"], finding["level"]) == ("tags disagree", "note")
+    assert (finding["rule"], finding["severity"]) == ("tags disagree", "note")
     assert "DewarpData confirms the entry" in finding["message"]
 
 
@@ -182,7 +182,7 @@ def test_a_focal_length_of_another_lens_speaks_against_the_entry_and_is_heard(
     approved(fleet, xml(tmp_path / "a.xml"))
     phantom(tmp_path / "flight" / "a.jpg", focal_mm=(72, 10), dewarp=None)
     [finding] = audited(capsys, tmp_path / "flight")["findings"]
-    assert (finding["rule"], finding["level"]) == ("K drifted", "error")
+    assert (finding["rule"], finding["severity"]) == ("K drifted", "error")
 
 
 def test_units_that_measure_otherwise_want_entries_of_their_own(

@@ -145,7 +145,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Find, solve, judge, tell, write."""
     from calibrary.atomic import write_files
     from calibrary.calib.result import result_json
-    from calibrary.calib.verdict import Outcome
+    from calibrary.calib.verdict import BoardVerdict
     from calibrary.cli.calibrate.solve_display import Display
     from calibrary.jobs.calibrate_board.sights import read_seed
     from calibrary.jobs.calibrate_board.solving import Wanted, solved
@@ -169,7 +169,7 @@ def run(arguments: argparse.Namespace) -> int:
     files = places.files(result, sights)
     write_files(files.content)
     display.tell(files)
-    passed = result.verdict.outcome is Outcome.PASS
+    passed = result.verdict is BoardVerdict.PASS
     kept = keeper is None or _keep(arguments, keeper, result, wanted, display)
     if arguments.json:
         sys.stdout.write(json.dumps(result_json(result), allow_nan=False) + "\n")
@@ -324,16 +324,16 @@ def _keep(
     arguments: argparse.Namespace, keeper: Keeper, result: CalibrationResult, wanted: Wanted, display: Display
 ) -> bool:
     """Write the entry, if the verdict, the check and the person allow it; whether nothing stands against it."""
-    from calibrary.calib.verdict import Outcome
+    from calibrary.calib.verdict import BoardVerdict
     from calibrary.jobs.calibrate_board.entry import entry_of, proposed
     from calibrary.keep.adding import Wish, write_proposals
     from calibrary.keep.admission import stands_against
 
-    outcome = result.verdict.outcome
-    if outcome is Outcome.REFUSE:
+    outcome = result.verdict
+    if outcome is BoardVerdict.REFUSE:
         display.say("a refused calibration becomes no entry; nothing was written into the registry")
         return False
-    approve = arguments.approve and outcome is Outcome.PASS
+    approve = arguments.approve and outcome is BoardVerdict.PASS
     if arguments.approve and not approve:
         display.say("only a calibration that passes is approved; this one becomes a draft at most")
     wish = Wish(

@@ -14,26 +14,26 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import Outcome, Severity
+from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Quality
 from calibrary.cli.console import make_console, plain
 from calibrary.cli.registry.changes import EntryChange, show_changes, show_findings, tell_written
 from calibrary.jobs.calibrate_board.outputs import Files
 from calibrary.jobs.calibrate_board.sights import Sights
 from calibrary.keep.adding import Proposal
-from calibrary.registry.check import CheckFinding
 from calibrary.registry.entry import Status
 from calibrary.registry.git.writing import Written
+from calibrary.validation import Finding, Severity
 
 __all__ = ["Display"]
 
 STYLES: Final = {
-    Outcome.PASS: "bold green",
-    Outcome.PROVISIONAL: "bold yellow",
-    Outcome.REFUSE: "bold red",
+    BoardVerdict.PASS: "bold green",
+    BoardVerdict.PROVISIONAL: "bold yellow",
+    BoardVerdict.REFUSE: "bold red",
     Severity.NOTE: "dim",
-    Severity.PROVISIONAL: "yellow",
-    Severity.REFUSE: "red",
+    Severity.UNPROVEN: "yellow",
+    Severity.ERROR: "red",
 }
 MOST_VIEWS: Final = 40
 """Of those that count; the ones that do not are all listed."""
@@ -83,7 +83,7 @@ class Display:
             return
         self._verdict(result, sights)
         # Of a refused calibration there is no K; its report keeps the numbers for who wants to know why.
-        if result.verdict.outcome is not Outcome.REFUSE:
+        if result.verdict is not BoardVerdict.REFUSE:
             self._indented(_parameters(result.calibration))
             if correlations and result.calibration.quality is not None:
                 self._indented(_correlations(result.calibration.quality))
@@ -104,7 +104,7 @@ class Display:
         if files.losses:
             self.say(f"the format has no place for: {', '.join(files.losses)}")
 
-    def show_entry(self, proposal: Proposal, findings: Sequence[CheckFinding]) -> None:
+    def show_entry(self, proposal: Proposal, findings: Sequence[Finding]) -> None:
         """The entry beside what stands at its place; of a new one everything was told already."""
         if proposal.base is None:
             self.say(f"{proposal.entry.id}  new")
@@ -129,15 +129,16 @@ class Display:
             self.say(f"a draft is not used yet; next: calibrary registry approve {proposal.entry.id}")
 
     def _verdict(self, result: CalibrationResult, sights: Sights) -> None:
-        outcome, quality = result.verdict.outcome, result.calibration.quality or Quality()
+        outcome, quality = result.verdict, result.calibration.quality or Quality()
         board = sights.observations.board
         self._print(
             f"[{STYLES[outcome]}]{outcome.value.upper()}[/]  {plain(str(result.calibration.camera))}: "
             f"{quality.views} of {len(result.views) + len(sights.rejected)} views of {plain(str(board))}, rms "
             f"{quality.rms_px:.3f} px"
         )
-        for reason in result.verdict.reasons:
-            self._print(f"  [{STYLES[reason.severity]}]{reason.code}[/]: {plain(reason.message)}")
+        for finding in result.findings:
+            said = str(finding).removeprefix(finding.rule)
+            self._print(f"  [{STYLES[finding.severity]}]{finding.rule}[/]{plain(said)}")
         for note in sights.notes:
             self._print(f"  [dim]note[/]: {plain(note)}")
         self._print("")

@@ -111,22 +111,23 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _show(console: Console, done: Audit) -> None:
     from calibrary.cli.console import plain
-    from calibrary.jobs.audit.findings import Level, Rule
+    from calibrary.jobs.audit.rules import Rule
+    from calibrary.jobs.audit.run import LEVELS
 
     console.print(_table(done.answers))
     quiet = [finding for finding in done.findings if finding.rule is Rule.NOT_FLOWN]
     for finding in done.findings:
         if finding in quiet:
             continue
-        about = plain(finding.camera or finding.entry or "")
+        about = plain(finding.camera or finding.place or "")
         console.print(
-            f"[{STYLES[finding.level.value]}]{finding.level.value}[/] {finding.rule.value}: {about}",
+            f"[{STYLES[finding.severity.value]}]{finding.severity.value}[/] {finding.rule}: {about}",
             highlight=False,
             soft_wrap=True,
         )
         console.print(f"  {plain(finding.message)}", highlight=False, soft_wrap=True)
-        if finding.action is not None:
-            console.print(f"  [cyan]next[/] {plain(finding.action)}", highlight=False, soft_wrap=True)
+        if finding.remedy is not None:
+            console.print(f"  [cyan]next[/] {plain(finding.remedy)}", highlight=False, soft_wrap=True)
     if quiet:
         console.print(f"[dim]{_several(len(quiet), 'usable entry', 'usable entries')} did not fly here[/]")
     for one in done.flights.unreadable[:8]:
@@ -135,7 +136,7 @@ def _show(console: Console, done: Audit) -> None:
         )
     if len(done.flights.unreadable) > 8:
         console.print(f"[dim]and {len(done.flights.unreadable) - 8} more images[/]")
-    counts = ", ".join(_several(done.of(level), level.value, f"{level.value}s") for level in Level)
+    counts = ", ".join(_several(done.of(level), level.value, f"{level.value}s") for level in LEVELS)
     verdict = "[bold green]nothing to do[/]" if done.is_clean else "[bold red]needs somebody[/]"
     seen = done.flights
     left_out = f", {seen.before} older left out" if seen.before else ""

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
     from calibrary.keep.fields import Field, FieldChange
     from calibrary.keep.keeper import Keeper
-    from calibrary.registry.check import CheckFinding
     from calibrary.registry.entry import Entry
     from calibrary.registry.git.conflicts import FileConflictError
     from calibrary.registry.git.writing import Written
+    from calibrary.validation import Finding
 
 __all__ = [
     "EntryChange",
@@ -79,7 +79,7 @@ def change_table(changes: Sequence[FieldChange], *, only_after: bool = False) ->
     return table
 
 
-def show_findings(console: Console, findings: Sequence[CheckFinding]) -> None:
+def show_findings(console: Console, findings: Sequence[Finding]) -> None:
     """What the check says, one line each."""
     from calibrary.cli.console import plain
 
@@ -127,12 +127,12 @@ def tell_written(console: Console, written: Written, verb: str, number: int) -> 
 def print_document(
     keeper: Keeper,
     changed: Iterable[EntryChange],
-    findings: Iterable[CheckFinding],
+    findings: Iterable[Finding],
     written: Written | None,
 ) -> None:
     """What was written, or would have been, on standard output (schemas/registry-change-1.schema.json)."""
-    from calibrary.keep.admission import finding_json
     from calibrary.keep.fields import change_json
+    from calibrary.validation import finding_json
 
     document = {
         "schema": "calibrary/registry-change-1",

@@ -114,10 +114,11 @@ def _show(console: Console, done: Checked, unsigned: tuple[str, ...] | None) -> 
     findings = done.report.findings
     for finding in findings:
         # One line each, whatever the width: they are read by grep as often as by people.
-        said = finding.message.removeprefix(f"{finding.path}: ")
         style = styles.get(finding.severity, "")
+        said = f"{finding.message}; {finding.remedy}" if finding.remedy else finding.message
         console.print(
-            f"{plain(finding.path)}: [{style}]{finding.severity.value}[/]: {plain(said)} [dim]({finding.rule})[/]",
+            f"{plain(finding.place or '')}: [{style}]{finding.severity.value}[/]: {plain(said)} "
+            f"[dim]({finding.rule})[/]",
             highlight=False,
             soft_wrap=True,
         )

@@ -11,12 +11,13 @@ from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.conflict import disagreement
 from calibrary.evidence.witness import Source, Witness
 from calibrary.jobs.audit.answers import Answer, Use, named
-from calibrary.jobs.audit.findings import Finding, Level, Rule
+from calibrary.jobs.audit.rules import Rule
 from calibrary.jobs.diff.comparison import compare
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.firmware import compare as compare_versions
+from calibrary.validation import Finding, Severity
 
 __all__ = ["Gap", "disagreements", "gaps", "tolerance_of", "unit_findings"]
 
@@ -91,11 +92,11 @@ def _firmware(answer: Answer) -> Iterator[Finding]:
         return
     yield Finding(
         rule=Rule.FIRMWARE,
-        level=Level.WARNING,
+        severity=Severity.WARNING,
         camera=named(flown),
-        entry=answer.entry_id,
+        place=answer.entry_id,
         message=f"the entry was made with firmware {made_with} and the camera flies {now}: K may have moved",
-        action=f"calibrate it with {now} and 'calibrary registry add' that, or say that the entry is of both: "
+        remedy=f"calibrate it with {now} and 'calibrary registry add' that, or say that the entry is of both: "
         f"calibrary registry add {entry.path} --firmware-range {made_with}..{now}",
     )
 
@@ -117,12 +118,12 @@ def _size(answer: Answer) -> Iterator[Finding]:
     how = "another scale of the same frame" if same_aspect(kept, seen) else "a part of the frame"
     yield Finding(
         rule=Rule.SIZE,
-        level=Level.WARNING,
+        severity=Severity.WARNING,
         camera=named(flown),
-        entry=answer.entry_id,
+        place=answer.entry_id,
         message=f"images are {seen[0]}×{seen[1]} and the entry is of {kept[0]}×{kept[1]}: {how}, so its K is "
         f"taken over by arithmetic ({'; '.join(answer.resolution.calibration.provenance.assumptions) or 'exact'})",
-        action="set the camera back to its full frame, or calibrate it at this size and add that",
+        remedy="set the camera back to its full frame, or calibrate it at this size and add that",
     )
 
 
@@ -133,12 +134,12 @@ def _numbers(answer: Answer, found: Sequence[Gap]) -> Iterator[Finding]:
     if own is not None and own.is_beyond:
         yield Finding(
             rule=Rule.DRIFT,
-            level=Level.ERROR,
+            severity=Severity.ERROR,
             camera=named(answer.flown),
-            entry=answer.entry_id,
+            place=answer.entry_id,
             message=f"{own.witness.tag} of its images says {_told(own)} from the entry, which may be off by "
             f"{own.limit:.1%}",
-            action=f"calibrary diff {answer.entry_id} {answer.flown.example}",
+            remedy=f"calibrary diff {answer.entry_id} {answer.flown.example}",
         )
         return
     causes = {conflict.other: conflict.cause.value for conflict in answer.flown.camera.evidence.conflicts}
@@ -148,9 +149,9 @@ def _numbers(answer: Answer, found: Sequence[Gap]) -> Iterator[Finding]:
         cause = causes.get(gap.witness)
         yield Finding(
             rule=Rule.TAGS,
-            level=Level.NOTE if own is not None else Level.WARNING,
+            severity=Severity.NOTE if own is not None else Severity.WARNING,
             camera=named(answer.flown),
-            entry=answer.entry_id,
+            place=answer.entry_id,
             message=f"{gap.witness.tag} says {_told(gap)} from the entry"
             + (f": {cause}" if cause else "")
             + (
@@ -158,7 +159,7 @@ def _numbers(answer: Answer, found: Sequence[Gap]) -> Iterator[Finding]:
                 if own is not None
                 else "; nothing else in the images tells which is right"
             ),
-            action=None if own is not None else f"calibrary inspect {answer.flown.example}",
+            remedy=None if own is not None else f"calibrary inspect {answer.flown.example}",
         )
 
 
@@ -194,12 +195,12 @@ def _units(key: CameraKey, by_serial: dict[str, Answer], policy: Policy) -> Iter
     shared = f"the one entry {entry} cannot be all of theirs" if entry is not None else "they have no entry"
     yield Finding(
         rule=Rule.UNITS,
-        level=Level.WARNING,
+        severity=Severity.WARNING,
         camera=str(key),
-        entry=entry,
+        place=entry,
         message=f"{len(by_serial)} units, and {shared}: {'; '.join(apart[:4])}"
         + (f"; and {len(apart) - 4} more" if len(apart) > 4 else ""),
-        action="give each unit an entry of its own: calibrary registry add IMAGE, with an image of each",
+        remedy="give each unit an entry of its own: calibrary registry add IMAGE, with an image of each",
     )
 
 

@@ -7,11 +7,12 @@ from datetime import date
 from enum import StrEnum
 
 from calibrary.errors import RegistryError
-from calibrary.jobs.audit.findings import Finding, Level, Rule
 from calibrary.jobs.audit.flights import Flown
+from calibrary.jobs.audit.rules import Rule
 from calibrary.keep.names import id_of
 from calibrary.registry.entry import Status
 from calibrary.registry.resolution import RegistryIndex, Resolution
+from calibrary.validation import Finding, Severity
 
 __all__ = ["Answer", "Use", "answer_to", "named"]
 
@@ -80,19 +81,19 @@ def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
         several = "equally well" in str(error)
         finding = Finding(
             rule=Rule.SEVERAL if several else Rule.BROKEN,
-            level=Level.ERROR,
+            severity=Severity.ERROR,
             camera=named(flown),
             message=str(error),
-            action="calibrary registry check",
+            remedy="calibrary registry check",
         )
         return Answer(flown=flown, use=Use.NONE, finding=finding)
     told = "; ".join(f"{id_of(one.path)}: {one.why_not}" for one in near[:MOST_NEAR])
     finding = Finding(
         rule=Rule.NO_ENTRY,
-        level=Level.ERROR,
+        severity=Severity.ERROR,
         camera=named(flown),
         message=f"{_count(flown)} and no entry is of this camera" + (f" ({told})" if told else ""),
-        action=f"calibrary onboard {flown.example.parent}",
+        remedy=f"calibrary onboard {flown.example.parent}",
     )
     return Answer(flown=flown, use=Use.NONE, finding=finding)
 
@@ -101,10 +102,10 @@ def _nameless(flown: Flown) -> Finding:
     missing = "no make" if flown.key.model else "no model" if flown.key.make else "neither make nor model"
     return Finding(
         rule=Rule.NAMELESS,
-        level=Level.WARNING,
+        severity=Severity.WARNING,
         camera=named(flown),
         message=f"{_count(flown)} that name {missing}, by which an entry is found, such as {flown.camera.names[0]}",
-        action="give the files as the camera wrote them",
+        remedy="give the files as the camera wrote them",
     )
 
 
@@ -113,21 +114,21 @@ def _unusable(flown: Flown, use: Use, found: Resolution) -> Finding:
     why = f" ({entry.reason})" if entry.reason else ""
     if use is Use.DRAFT:
         rule, text = Rule.DRAFT, "and its entry is a draft, which no run uses"
-        action = f"calibrary registry show {id_}, then calibrary registry approve {id_}"
+        remedy = f"calibrary registry show {id_}, then calibrary registry approve {id_}"
     elif use is Use.RETIRED:
         rule, text = Rule.RETIRED, f"and its entry is retired{why}"
-        action = f"calibrate the camera anew and add that: calibrary onboard {flown.example.parent}"
+        remedy = f"calibrate the camera anew and add that: calibrary onboard {flown.example.parent}"
     else:
         day = f" on {flown.last}" if flown.last is not None else ""
         rule, text = Rule.EXPIRED, f"and its entry is valid {entry.validity}{why}, not{day or ' today'}"
-        action = f"calibrate it anew, or extend 'valid' in {found.path} and add that file again"
+        remedy = f"calibrate it anew, or extend 'valid' in {found.path} and add that file again"
     return Finding(
         rule=rule,
-        level=Level.ERROR,
+        severity=Severity.ERROR,
         camera=named(flown),
-        entry=id_,
+        place=id_,
         message=f"{_count(flown)} {text}",
-        action=action,
+        remedy=remedy,
     )
 
 

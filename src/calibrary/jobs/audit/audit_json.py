@@ -5,10 +5,10 @@ from __future__ import annotations
 from calibrary.calibration_json import camera_json
 from calibrary.jobs.audit.agreement import gaps
 from calibrary.jobs.audit.answers import Answer
-from calibrary.jobs.audit.findings import Finding, Level
-from calibrary.jobs.audit.run import Audit
+from calibrary.jobs.audit.run import LEVELS, Audit
 from calibrary.policy import Policy
 from calibrary.records import Json
+from calibrary.validation import finding_json
 
 __all__ = ["audit_json"]
 
@@ -16,7 +16,7 @@ __all__ = ["audit_json"]
 def audit_json(done: Audit) -> dict[str, Json]:
     """The whole audit; no position, no serial number, but hashes of them."""
     request, seen = done.request, done.flights
-    counts: dict[str, Json] = {level.value: done.of(level) for level in Level}
+    counts: dict[str, Json] = {level.value: done.of(level) for level in LEVELS}
     return {
         "schema": "calibrary/registry-audit-1",
         "verdict": "clean" if done.is_clean else "findings",
@@ -33,7 +33,7 @@ def audit_json(done: Audit) -> dict[str, Json]:
         "entries": done.entries,
         "counts": counts,
         "cameras": [_camera(answer, done.policy) for answer in done.answers],
-        "findings": [_finding(finding) for finding in done.findings],
+        "findings": [finding_json(finding) for finding in done.findings],
         "unreadable": [{"file": one.name, "reason": one.reason} for one in seen.unreadable],
     }
 
@@ -61,15 +61,4 @@ def _camera(answer: Answer, policy: Policy) -> dict[str, Json]:
             }
             for gap in gaps(answer, policy)
         ],
-    }
-
-
-def _finding(finding: Finding) -> dict[str, Json]:
-    return {
-        "rule": finding.rule.value,
-        "level": finding.level.value,
-        "camera": finding.camera,
-        "entry": finding.entry,
-        "message": finding.message,
-        "action": finding.action,
     }

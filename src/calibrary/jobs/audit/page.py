@@ -8,8 +8,8 @@ from typing import Final
 
 from calibrary.jobs.audit.agreement import gaps, tolerance_of
 from calibrary.jobs.audit.answers import Answer, Use, named
-from calibrary.jobs.audit.findings import Finding, Level, Rule
-from calibrary.jobs.audit.run import Audit
+from calibrary.jobs.audit.rules import Rule
+from calibrary.jobs.audit.run import LEVELS, Audit
 from calibrary.pages import (
     Badge,
     Block,
@@ -26,10 +26,11 @@ from calibrary.pages import (
 )
 from calibrary.pages.plots import Axis, Band, Interval, Role, intervals
 from calibrary.policy import Policy
+from calibrary.validation import Finding, Severity
 
 __all__ = ["audit_page"]
 
-LEVELS: Final = {Level.ERROR: Tone.BAD, Level.WARNING: Tone.CAUTION, Level.NOTE: Tone.NEUTRAL}
+TONES: Final = {Severity.ERROR: Tone.BAD, Severity.WARNING: Tone.CAUTION, Severity.NOTE: Tone.NEUTRAL}
 USES: Final = {
     Use.USED: Tone.GOOD,
     Use.EXPIRED: Tone.BAD,
@@ -45,7 +46,7 @@ DRAWN: Final = {Rule.DRIFT, Rule.TAGS, Rule.FIRMWARE}
 
 def audit_page(done: Audit) -> Page:
     """The whole audit."""
-    errors, warnings, notes = (done.of(level) for level in Level)
+    errors, warnings, notes = (done.of(level) for level in LEVELS)
     counted = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}, {_count(notes, 'note')}"
     return Page(
         title="Audit of the registry",
@@ -60,14 +61,14 @@ def audit_page(done: Audit) -> Page:
 
 
 def _sections(done: Audit) -> Iterator[Section]:
-    to_do = [finding for finding in done.findings if finding.level is not Level.NOTE]
+    to_do = [finding for finding in done.findings if finding.severity is not Severity.NOTE]
     if to_do:
         yield Section(title="What to do", blocks=tuple(_to_do(to_do)))
     yield Section(title="What flew", blocks=tuple(_flown(done)))
     drawn = tuple(_charts(done))
     if drawn:
         yield Section(title="The images against their entries", blocks=drawn)
-    notes = [finding for finding in done.findings if finding.level is Level.NOTE]
+    notes = [finding for finding in done.findings if finding.severity is Severity.NOTE]
     if notes:
         yield Section(title="To know", blocks=(_notes(notes),))
     if done.flights.unreadable:
@@ -76,11 +77,11 @@ def _sections(done: Audit) -> Iterator[Section]:
 
 def _to_do(findings: list[Finding]) -> Iterator[Block]:
     for finding in findings[:MOST_ROWS]:
-        rule = finding.rule.value
+        rule = finding.rule
         yield Note(
-            text=f"{rule[:1].upper()}{rule[1:]}. {finding.camera or finding.entry}: {finding.message}.",
-            action=finding.action,
-            tone=LEVELS[finding.level],
+            text=f"{rule[:1].upper()}{rule[1:]}. {finding.camera or finding.place}: {finding.message}.",
+            action=finding.remedy,
+            tone=TONES[finding.severity],
         )
     if len(findings) > MOST_ROWS:
         yield f"{len(findings) - MOST_ROWS} more are in the JSON."
@@ -128,7 +129,7 @@ def _row(answer: Answer, policy: Policy) -> tuple[Cell, ...]:
 
 
 def _charts(done: Audit) -> Iterator[Block]:
-    concerned = {(one.camera, one.entry) for one in done.findings if one.rule in DRAWN}
+    concerned = {(one.camera, one.place) for one in done.findings if one.rule in DRAWN}
     shown = [one for one in done.answers if (named(one.flown), one.entry_id) in concerned]
     for answer in shown[:MOST_DRAWN]:
         figure = _chart(answer, done.policy)
@@ -160,7 +161,7 @@ def _chart(answer: Answer, policy: Policy) -> Figure | None:
 
 def _notes(notes: list[Finding]) -> Details:
     told = tuple(
-        f"{finding.camera or finding.entry}: {finding.rule.value}. {finding.message}."
+        f"{finding.camera or finding.place}: {finding.rule}. {finding.message}."
         for finding in notes[:MOST_ROWS]
     )
     more = (f"{len(notes) - MOST_ROWS} more are in the JSON.",) if len(notes) > MOST_ROWS else ()

@@ -11,19 +11,21 @@ from typing import Final
 from calibrary.errors import InputError
 from calibrary.jobs.audit.agreement import MEASURED, disagreements, unit_findings
 from calibrary.jobs.audit.answers import Answer, answer_to
-from calibrary.jobs.audit.findings import Finding, Level, Rule
 from calibrary.jobs.audit.flights import Flights, Progress, flights
+from calibrary.jobs.audit.rules import Rule
 from calibrary.keep.names import id_of
 from calibrary.keep.shelf import Shelf
 from calibrary.policy import FLEET, Policy
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.validation import Finding, Severity
 
-__all__ = ["STALE_MONTHS", "Audit", "Request", "audit"]
+__all__ = ["LEVELS", "STALE_MONTHS", "Audit", "Request", "audit"]
 
 STALE_MONTHS: Final = 24
-LEVELS: Final = tuple(Level)
-RULES: Final = tuple(Rule)
+LEVELS: Final = (Severity.ERROR, Severity.WARNING, Severity.NOTE)
+"""What an audit's findings can be, the gravest first."""
+RULES: Final = tuple(rule.value for rule in Rule)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,11 +73,11 @@ class Audit:
     @property
     def is_clean(self) -> bool:
         """Whether nobody has to do anything; there may be notes."""
-        return all(finding.level is Level.NOTE for finding in self.findings)
+        return all(finding.severity is Severity.NOTE for finding in self.findings)
 
-    def of(self, level: Level) -> int:
+    def of(self, level: Severity) -> int:
         """How many findings there are of a level."""
-        return sum(finding.level is level for finding in self.findings)
+        return sum(finding.severity is level for finding in self.findings)
 
 
 def audit(request: Request) -> Audit:
@@ -115,10 +117,10 @@ def _of_entries(files: Mapping[str, bytes], flew: Collection[str], request: Requ
         except InputError as error:
             yield Finding(
                 rule=Rule.BROKEN,
-                level=Level.ERROR,
-                entry=id_of(path),
+                severity=Severity.ERROR,
+                place=id_of(path),
                 message=str(error),
-                action="calibrary registry check",
+                remedy="calibrary registry check",
             )
             continue
         if entry.is_usable:
@@ -130,26 +132,26 @@ def _stale(id_: str, entry: Entry, request: Request, *, has_flown: bool) -> Iter
     if validity is not None and validity.last is not None and validity.last < request.today and not has_flown:
         yield Finding(
             rule=Rule.OVER,
-            level=Level.WARNING,
-            entry=id_,
+            severity=Severity.WARNING,
+            place=id_,
             message=f"it is {entry.status.value} and valid {validity}, which is over",
-            action=f"calibrary registry retire {id_} --reason 'validity over'",
+            remedy=f"calibrary registry retire {id_} --reason 'validity over'",
         )
     months = _months(made, request.today) if made is not None else 0
     if made is not None and months >= request.stale_months and entry.calibration.grade in MEASURED:
         yield Finding(
             rule=Rule.OLD,
-            level=Level.WARNING if has_flown else Level.NOTE,
-            entry=id_,
+            severity=Severity.WARNING if has_flown else Severity.NOTE,
+            place=id_,
             message=f"it was calibrated on {made}, {months} months ago, wanted less than {request.stale_months}"
             + ("" if has_flown else "; it did not fly"),
-            action="calibrate it anew: calibrary calibrate FRAMES --as " + id_ if has_flown else None,
+            remedy="calibrate it anew: calibrary calibrate FRAMES --as " + id_ if has_flown else None,
         )
     elif not has_flown:
         yield Finding(
             rule=Rule.NOT_FLOWN,
-            level=Level.NOTE,
-            entry=id_,
+            severity=Severity.NOTE,
+            place=id_,
             message="no image of its camera is among these flights",
         )
 
@@ -168,8 +170,8 @@ def _months(first: date, last: date) -> int:
 
 def _gravest_first(finding: Finding) -> tuple[int, int, str, str]:
     return (
-        LEVELS.index(finding.level),
+        LEVELS.index(finding.severity),
         RULES.index(finding.rule),
-        finding.entry or "",
+        finding.place or "",
         finding.camera or "",
     )

@@ -10,7 +10,7 @@ from typing import Final
 
 from calibrary.calib.board import Board
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import Outcome
+from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, UnknownCameraError
 from calibrary.jobs.calibrate_board.solving import Wanted
@@ -18,10 +18,11 @@ from calibrary.keep.adding import Proposal, Wish, propose
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.operand import Reading
 from calibrary.records import replace
-from calibrary.registry.check import BOARD_BLOCK, CheckFinding
+from calibrary.registry.check import BOARD_BLOCK
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.strictyaml import YamlValue
+from calibrary.validation import Finding
 
 __all__ = ["camera_named", "entry_of", "proposed", "require_key"]
 
@@ -66,7 +67,7 @@ def entry_of(result: CalibrationResult, wanted: Wanted) -> Entry:
     Raises:
         InputError: the calibration was refused, its camera is not known, or no frames are behind it.
     """
-    if result.verdict.outcome is Outcome.REFUSE:
+    if result.verdict is BoardVerdict.REFUSE:
         raise InputError("a calibration that was refused becomes no entry; its report says what to do")
     require_key(result.calibration.camera)
     made = result.calibration.provenance
@@ -78,7 +79,7 @@ def entry_of(result: CalibrationResult, wanted: Wanted) -> Entry:
     return replace(Entry.of(result.calibration), extensions={BOARD_BLOCK: _block(result, wanted)})
 
 
-def proposed(keeper: Keeper, entry: Entry, wish: Wish) -> tuple[Proposal, Sequence[CheckFinding]]:
+def proposed(keeper: Keeper, entry: Entry, wish: Wish) -> tuple[Proposal, Sequence[Finding]]:
     """The entry beside what stands at its place, and what the registry's check says of it.
 
     Raises:
@@ -96,8 +97,8 @@ def _block(result: CalibrationResult, wanted: Wanted) -> dict[str, YamlValue]:
     """What was asked for, what was found, and by which programs."""
     evidence, seen = result.evidence, result.evidence.geometry
     block: dict[str, YamlValue] = {
-        "verdict": result.verdict.outcome.value,
-        "reasons": list(result.verdict.codes),
+        "verdict": result.verdict.value,
+        "reasons": list(result.rules),
         "board": _board(result),
         "asked": {
             "model": wanted.model,

@@ -9,7 +9,7 @@ from pathlib import Path
 from calibrary import parsers
 from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import Outcome
+from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate_board.page import calibration_page
 from calibrary.jobs.calibrate_board.sights import Sights
@@ -76,7 +76,7 @@ class Places:
         content: dict[Path, bytes] = {}
         if self.report is not None:
             content[self.report] = render_page(calibration_page(result, sights)).encode()
-        if result.verdict.outcome is Outcome.REFUSE:
+        if result.verdict is BoardVerdict.REFUSE:
             held_back = tuple(path for path in (self.corners, self.out) if path is not None)
             return Files(content=content, held_back=held_back)
         if self.corners is not None:

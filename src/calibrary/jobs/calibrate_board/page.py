@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from calibrary.calib.board import Board
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import Outcome, Severity
+from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate_board.page_plots import (
     board_plots,
@@ -32,19 +32,20 @@ from calibrary.pages import (
     Tone,
 )
 from calibrary.pages.plots import correlations
+from calibrary.validation import Severity
 
 __all__ = ["calibration_page"]
 
 OUTCOMES = {
-    Outcome.PASS: Badge("pass", Tone.GOOD),
-    Outcome.PROVISIONAL: Badge("provisional", Tone.CAUTION),
-    Outcome.REFUSE: Badge("refused", Tone.BAD),
+    BoardVerdict.PASS: Badge("pass", Tone.GOOD),
+    BoardVerdict.PROVISIONAL: Badge("provisional", Tone.CAUTION),
+    BoardVerdict.REFUSE: Badge("refused", Tone.BAD),
 }
-SEVERITIES = {Severity.NOTE: Tone.NEUTRAL, Severity.PROVISIONAL: Tone.CAUTION, Severity.REFUSE: Tone.BAD}
+TONES = {Severity.NOTE: Tone.NEUTRAL, Severity.UNPROVEN: Tone.CAUTION, Severity.ERROR: Tone.BAD}
 LEADS = {
-    Outcome.PASS: "It may be approved.",
-    Outcome.PROVISIONAL: "It may be kept as a draft, and not be approved.",
-    Outcome.REFUSE: "No K was written.",
+    BoardVerdict.PASS: "It may be approved.",
+    BoardVerdict.PROVISIONAL: "It may be kept as a draft, and not be approved.",
+    BoardVerdict.REFUSE: "No K was written.",
 }
 MOST_ROWS = 300
 
@@ -57,9 +58,9 @@ def calibration_page(result: CalibrationResult, sights: Sights) -> Page:
     versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
     return Page(
         title=f"Calibration of {result.calibration.camera}",
-        badge=OUTCOMES[result.verdict.outcome],
+        badge=OUTCOMES[result.verdict],
         lead=f"From {views} of {shown} views of {sights.observations.board}, rms {rms}. "
-        f"{LEADS[result.verdict.outcome]}",
+        f"{LEADS[result.verdict]}",
         sections=tuple(_sections(result, sights)),
         made_by=f"Made by {versions}, on {result.calibration.provenance.date}.",
     )
@@ -80,19 +81,23 @@ def _sections(result: CalibrationResult, sights: Sights) -> Iterator[Section]:
 
 
 def _verdict(result: CalibrationResult, sights: Sights) -> Iterator[Block]:
-    reasons = result.verdict.reasons
+    reasons = result.findings
     if not reasons:
         yield "Nothing speaks against it."
-    for reason in reasons:
-        if reason.severity is not Severity.NOTE:
-            yield Note(text=f"{reason.code}: {reason.message}", tone=SEVERITIES[reason.severity])
-    notes = [f"{reason.code}: {reason.message}" for reason in reasons if reason.severity is Severity.NOTE]
+    for finding in reasons:
+        if finding.severity is not Severity.NOTE:
+            yield Note(
+                text=f"{finding.rule}: {finding.message}.",
+                action=finding.remedy,
+                tone=TONES[finding.severity],
+            )
+    notes = [str(finding) for finding in reasons if finding.severity is Severity.NOTE]
     if notes or sights.notes:
         yield Bullets((*notes, *sights.notes))
 
 
 def _parameters(result: CalibrationResult) -> Iterator[Block]:
-    if result.verdict.outcome is Outcome.REFUSE:
+    if result.verdict is BoardVerdict.REFUSE:
         yield Details(summary="The numbers that were refused", blocks=tuple(_numbers(result)))
     else:
         yield from _numbers(result)

@@ -9,10 +9,11 @@ from datetime import UTC, datetime
 from calibrary.calib.board import Board
 from calibrary.calib.calibrate import calibrate
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import Outcome, Severity
+from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Intrinsics, Provenance
 from calibrary.jobs.calibrate_board.sights import Sights
 from calibrary.records import replace
+from calibrary.validation import Severity
 
 __all__ = ["Wanted", "solved"]
 
@@ -69,9 +70,9 @@ def _signed(provenance: Provenance, sights: Sights, wanted: Wanted) -> Provenanc
 
 def _notes(result: CalibrationResult) -> Iterator[str]:
     """What a user of the K should know, in the words of the verdict."""
-    outcome = result.verdict.outcome
-    if outcome is not Outcome.PASS:
+    outcome = result.verdict
+    if outcome is not BoardVerdict.PASS:
         yield f"{outcome.value}: not good enough to be approved"
-    for reason in result.verdict.reasons:
-        if reason.severity is not Severity.NOTE:
-            yield f"{reason.code}: {reason.message}"
+    for finding in result.findings:
+        if finding.severity is not Severity.NOTE:
+            yield str(finding)

@@ -13,7 +13,7 @@ from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
 from calibrary.records import Json
-from calibrary.validation import Report
+from calibrary.validation import Report, finding_json
 
 __all__ = ["encode", "report_json"]
 
@@ -115,18 +115,7 @@ def _witness(witness: Witness, evidence: Evidence) -> dict[str, Json]:
 
 
 def _findings(report: Report | None) -> Json:
-    if report is None:
-        return []
-    return [
-        {
-            "rule": f.rule,
-            "severity": f.severity.value,
-            "measured": f.measured,
-            "limit": f.limit,
-            "message": f.message,
-        }
-        for f in report.findings
-    ]
+    return [finding_json(finding) for finding in (report.findings if report is not None else ())]
 
 
 def _seed(c: CameraOutcome) -> Json:

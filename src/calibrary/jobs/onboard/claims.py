@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import Final
 
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import Outcome
+from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Grade, Intrinsics
 from calibrary.evidence.witness import Source, Witness
 from calibrary.jobs.extract.cameras import circumstances
@@ -106,9 +106,9 @@ def expected_of(subject: Subject) -> Expected | None:
 
 
 def _of_board(board: CalibrationResult | None, policy: Policy) -> Iterator[Claim]:
-    if board is None or board.verdict.outcome is Outcome.REFUSE:
+    if board is None or board.verdict is BoardVerdict.REFUSE:
         return
-    passed = board.verdict.outcome is Outcome.PASS
+    passed = board.verdict is BoardVerdict.PASS
     yield Claim(
         kind=Kind.BOARD,
         name=f"{len(board.rms_by_view)} frames of {board.observations.board}",

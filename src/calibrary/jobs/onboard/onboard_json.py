@@ -9,10 +9,9 @@ from calibrary.jobs.onboard.claims import Claim
 from calibrary.jobs.onboard.judging import Hearing, Relative
 from calibrary.jobs.onboard.proposing import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, Onboarding, Outcome
-from calibrary.keep.admission import finding_json
 from calibrary.records import Json
 from calibrary.registry.git.writing import Written
-from calibrary.validation import Report
+from calibrary.validation import Report, finding_json
 
 __all__ = ["onboard_json"]
 
@@ -96,25 +95,14 @@ def _board(board: BoardSolve) -> dict[str, Json]:
     return {
         "frames": board.frames,
         "board": str(result.observations.board) if result is not None else None,
-        "verdict": result.verdict.outcome.value if result is not None else None,
+        "verdict": result.verdict.value if result is not None else None,
         "rms_px": quality.rms_px if quality is not None else None,
         "why_not": board.why_not,
     }
 
 
 def _report(report: Report | None) -> Json:
-    if report is None:
-        return []
-    return [
-        {
-            "rule": f.rule,
-            "severity": f.severity.value,
-            "measured": f.measured,
-            "limit": f.limit,
-            "message": f.message,
-        }
-        for f in report.findings
-    ]
+    return [finding_json(finding) for finding in (report.findings if report is not None else ())]
 
 
 def _relative(relative: Relative) -> dict[str, Json]:

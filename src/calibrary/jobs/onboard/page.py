@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from typing import Final
 
-from calibrary.calib.verdict import Outcome as BoardOutcome
+from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate_board.page_plots import fit_plots
 from calibrary.jobs.onboard.claims import Kind
@@ -37,9 +37,9 @@ __all__ = ["onboard_page"]
 
 DECISIONS: Final = {Decision.PROPOSED: Tone.GOOD, Decision.KNOWN: Tone.NEUTRAL, Decision.REFUSED: Tone.BAD}
 SOLVES: Final = {
-    BoardOutcome.PASS: Tone.GOOD,
-    BoardOutcome.PROVISIONAL: Tone.CAUTION,
-    BoardOutcome.REFUSE: Tone.BAD,
+    BoardVerdict.PASS: Tone.GOOD,
+    BoardVerdict.PROVISIONAL: Tone.CAUTION,
+    BoardVerdict.REFUSE: Tone.BAD,
 }
 SEVERITIES: Final = {
     Severity.PASS: Tone.GOOD,
@@ -273,10 +273,10 @@ def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
         f"{len(result.rms_by_view)} of {board.frames} frames of {result.observations.board} count{rms}; "
         f"the {result.model.value} model. All of it: calibrary calibrate FRAMES --report FILE."
     )
-    reasons = tuple(f"{reason.code}: {reason.message}" for reason in result.verdict.reasons)
+    reasons = tuple(str(finding) for finding in result.findings)
     yield Section(
         title="The frames of a board",
-        badge=Badge(result.verdict.outcome.value, SOLVES[result.verdict.outcome]),
+        badge=Badge(result.verdict.value, SOLVES[result.verdict]),
         blocks=(lead, *((Bullets((*reasons, *board.sights.notes)),) if reasons else ()), *fit_plots(result)),
     )
 

@@ -18,9 +18,8 @@ from calibrary.jobs.onboard.sorting import Payload
 from calibrary.jobs.onboard.subjects import Subject, Subjects
 from calibrary.keep.keeper import Keeper
 from calibrary.policy import Policy
-from calibrary.registry.check import CheckFinding
 from calibrary.registry.entry import Entry
-from calibrary.validation import Report
+from calibrary.validation import Finding, Report
 
 __all__ = ["BoardSolve", "Decision", "Onboarding", "Outcome", "Progress", "Questions", "Request"]
 
@@ -130,7 +129,7 @@ class Outcome:
     report: Report | None = None
     entry: Entry | None = None
     standing: Entry | None = None
-    findings: tuple[CheckFinding, ...] = ()
+    findings: tuple[Finding, ...] = ()
     relatives: tuple[Relative, ...] = ()
 
 

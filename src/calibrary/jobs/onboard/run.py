@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
-from calibrary.calib.verdict import Outcome as BoardOutcome
+from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError
 from calibrary.jobs.calibrate_board.entry import proposed
@@ -219,7 +219,7 @@ def _why(hearing: Hearing, board: BoardSolve | None) -> str:
         chosen.kind is Kind.BOARD
         and board is not None
         and board.result is not None
-        and board.result.verdict.outcome is BoardOutcome.PROVISIONAL
+        and board.result.verdict is BoardVerdict.PROVISIONAL
     )
     return f"{told}; provisional, better frames are wanted before it is approved" if provisional else told
 
@@ -272,8 +272,8 @@ def _board(subject: Subject, square_mm: float, request: Request) -> BoardSolve:
         result = solved(sights, Wanted(operator=request.operator))
     except (CalibrationError, InputError) as error:
         return BoardSolve(frames=len(frames), why_not=str(error))
-    if result.verdict.outcome is BoardOutcome.REFUSE:
-        why = "; ".join(reason.message for reason in result.verdict.reasons[:2])
+    if result.verdict is BoardVerdict.REFUSE:
+        why = "; ".join(finding.message for finding in result.findings[:2])
         return BoardSolve(frames=len(frames), sights=sights, result=result, why_not=why)
     return BoardSolve(frames=len(frames), sights=sights, result=result)
 

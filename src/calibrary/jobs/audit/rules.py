@@ -1,0 +1,27 @@
+"""What an audit can find."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+__all__ = ["Rule"]
+
+
+class Rule(StrEnum):
+    """What can be found; the value is what people read."""
+
+    NO_ENTRY = "no entry"
+    DRAFT = "draft in use"
+    RETIRED = "retired in use"
+    EXPIRED = "expired in use"
+    SEVERAL = "several entries"
+    DRIFT = "K drifted"
+    BROKEN = "entry unreadable"
+    NAMELESS = "no name"
+    FIRMWARE = "firmware changed"
+    SIZE = "image size changed"
+    UNITS = "units differ"
+    OVER = "validity over"
+    OLD = "calibrated long ago"
+    TAGS = "tags disagree"
+    NOT_FLOWN = "not flown"
