@@ -195,13 +195,13 @@ class Bench:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class Tally:
     """What the comparisons of several pairs came to."""
 
     pairs: tuple[Comparison, ...]
 
     @classmethod
-    def of(cls, earlier: Sequence[Calibration], later: Sequence[Calibration]) -> Outcome:
+    def of(cls, earlier: Sequence[Calibration], later: Sequence[Calibration]) -> Tally:
         """Compare pair by pair."""
         return cls(pairs=tuple(compare(a, b) for a, b in zip(earlier, later, strict=True)))
 
@@ -241,14 +241,14 @@ def changes(bench: Bench, pairs: int, *, drawn: bool) -> Iterator[Row]:
         (Change(lens=1.01), POWER),
     ]
     for change, goal in goals:
-        found = Outcome.of(earlier, bench.calibrations(range(1000, 1000 + pairs), change, drawn=drawn))
+        found = Tally.of(earlier, bench.calibrations(range(1000, 1000 + pairs), change, drawn=drawn))
         yield _row(f"  {change}", found, goal)
     dewarped = bench.calibrations(range(1000, 1000 + pairs), Change(lens=0.0), drawn=drawn)
-    found = Outcome.of(earlier, dewarped)
+    found = Tally.of(earlier, dewarped)
     yield _row("  distortion removed in the camera", found, POWER)
     share = found.named(Kind.DEWARP_ON)
     yield Row(what="    and named so", measured=f"{share:6.1%}", goal="≥ 95 %", good=share >= 0.95)
-    back = Outcome.of(dewarped, earlier).named(Kind.DEWARP_OFF)
+    back = Tally.of(dewarped, earlier).named(Kind.DEWARP_OFF)
     yield Row(
         what="    and named the other way round", measured=f"{back:6.1%}", goal="≥ 95 %", good=back >= 0.95
     )
@@ -263,16 +263,16 @@ def bowed(bench: Bench, pairs: int, *, drawn: bool) -> Iterator[Row]:
             for seed in (0, 1000)
         )
         how = "solved for" if warp else "taken for flat"
-        yield _row(f"  {how}, nothing", Outcome.of(earlier, later), FALSE)
+        yield _row(f"  {how}, nothing", Tally.of(earlier, later), FALSE)
         if not warp:
-            plain = Outcome.of([_trusting(a) for a in earlier], [_trusting(b) for b in later])
+            plain = Tally.of([_trusting(a) for a in earlier], [_trusting(b) for b in later])
             yield _row("    the same without κ²", plain, "")
         for focal in (0.0005, 0.001, 0.005):
             change = Change(focal=focal)
             seeds = range(1000, 1000 + pairs)
             moved = bench.calibrations(seeds, change, bow_mm=BOW_MM, drawn=drawn, warp=warp)
             goal = POWER if warp or focal >= 0.005 else ""
-            yield _row(f"  {how}, {change}", Outcome.of(earlier, moved), goal)
+            yield _row(f"  {how}, {change}", Tally.of(earlier, moved), goal)
 
 
 def _trusting(calibration: Calibration) -> Calibration:
@@ -335,7 +335,7 @@ def _opencv(calibration: Calibration) -> list[float]:
     return [K.fx, K.fy, K.cx - 0.5, K.cy - 0.5, lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]
 
 
-def _row(what: str, found: Outcome, goal: str) -> Row:
+def _row(what: str, found: Tally, goal: str) -> Row:
     good = {FALSE: found.alarms <= 0.05, POWER: found.alarms >= 0.95}.get(goal)
     return Row(what=what, measured=str(found), goal=goal, good=good)
 

@@ -34,8 +34,8 @@ from calibrary.jobs.calibrate_board.solving import Wanted, solved
 from calibrary.jobs.demo import write_flight
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
+from calibrary.jobs.extract.extraction import Extraction
 from calibrary.jobs.extract.hand_off import Solver
-from calibrary.jobs.extract.outcome import Outcome
 from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.page import outcome_page
 from calibrary.jobs.extract.run import Request, run
@@ -124,7 +124,7 @@ CALIBRATE_PARTS = (("header", 930), ("#held", 720), ("#trust", 520))
 JOB_PARTS = (("h1", 1100),)
 
 
-def judge(flight: Path) -> Outcome:
+def judge(flight: Path) -> Extraction:
     """What the gate makes of the chosen files of a demonstration flight."""
     with TemporaryDirectory() as folder:
         for pattern in CHOSEN:
@@ -135,7 +135,7 @@ def judge(flight: Path) -> Outcome:
         return run(Request(image_dir=Path(folder), recursive=True))
 
 
-def draw(outcome: Outcome) -> str:
+def draw(outcome: Extraction) -> str:
     """What the terminal shows, as SVG."""
     console = Console(
         record=True, width=WIDTH, file=io.StringIO(), force_terminal=True, color_system="truecolor"
@@ -145,7 +145,7 @@ def draw(outcome: Outcome) -> str:
     return console.export_svg(title="calibrary", theme=THEME, code_format=FRAME, unique_id="extract")
 
 
-def extract_page(outcome: Outcome) -> str:
+def extract_page(outcome: Extraction) -> str:
     """What ``--html`` writes."""
     with TemporaryDirectory() as folder:
         return render_page(outcome_page(outcome, plan(outcome, Path(folder) / "K_matrix.npy", Solver.NONE)))

@@ -20,7 +20,7 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.parsers.content import MAX_JSON_BYTES, Content
 from calibrary.parsers.discovery import format_named, known_formats
 from calibrary.parsers.files import MAX_BYTES, companions, display_name, length_of, read_regular_file
-from calibrary.parsers.format import Format, Verdict, no_companion
+from calibrary.parsers.format import Format, WriteVerdict, no_companion
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.reading import (
     Identity,
@@ -31,7 +31,7 @@ from calibrary.parsers.reading import (
 )
 from calibrary.parsers.writing import encoded
 
-__all__ = ["Format", "Identity", "Verdict", "decode", "encode", "formats", "identify", "read", "write"]
+__all__ = ["Format", "Identity", "WriteVerdict", "decode", "encode", "formats", "identify", "read", "write"]
 
 PathLike: TypeAlias = str | Path
 
@@ -160,10 +160,10 @@ def write(
     format: str | Format,  # noqa: A002  as in read
     *,
     max_error_px: float | None = None,
-) -> Verdict:
+) -> WriteVerdict:
     """Write a calibration file, whole or not at all, and say what it holds of what was meant.
 
-    The bytes are read back and compared before the file is made; see :class:`Verdict`.
+    The bytes are read back and compared before the file is made; see :class:`WriteVerdict`.
 
     Args:
         calibrations: one, or several where the format takes several.
@@ -188,7 +188,7 @@ def encode(
     *,
     name: str | None = None,
     max_error_px: float | None = None,
-) -> tuple[bytes, Verdict]:
+) -> tuple[bytes, WriteVerdict]:
     """What :func:`write` would write, and its verdict.
 
     Args:

@@ -52,15 +52,15 @@ from calibrary.records import Json, replace
 
 __all__ = [
     "Capacity",
+    "Fidelity",
     "Fit",
     "Format",
     "Option",
-    "Outcome",
     "ReadContext",
     "Sniff",
     "Sure",
-    "Verdict",
     "WriteContext",
+    "WriteVerdict",
 ]
 
 
@@ -258,7 +258,7 @@ class Format:
             raise InputError(f"format {self.name} must come with write, capacity and read together")
 
 
-class Outcome(StrEnum):
+class Fidelity(StrEnum):
     """How a write ended; a refused one is an UnsupportedModelError and leaves no file."""
 
     EXACT = "exact"
@@ -287,7 +287,7 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class WriteVerdict:
     """What a written file holds of what was meant.
 
     Attributes:
@@ -299,9 +299,9 @@ class Verdict:
     dropped: tuple[str, ...] = ()
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> Fidelity:
         """Exact when every camera is."""
-        return Outcome.EXACT if all(fit.exact for fit in self.fits) else Outcome.REFITTED
+        return Fidelity.EXACT if all(fit.exact for fit in self.fits) else Fidelity.REFITTED
 
     @property
     def rms_px(self) -> float:
@@ -319,7 +319,7 @@ class Verdict:
         return min((fit.radius_px for fit in self.fits), default=0.0)
 
     def __str__(self) -> str:
-        if self.outcome is Outcome.EXACT:
+        if self.outcome is Fidelity.EXACT:
             head = "exact"
         else:
             head = (

@@ -16,7 +16,7 @@ from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.content import Content
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, adapt, compare
-from calibrary.parsers.format import Format, Verdict, WriteContext
+from calibrary.parsers.format import Format, WriteContext, WriteVerdict
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
 
@@ -34,7 +34,7 @@ QUALITY = {
 
 def encoded(
     calibrations: Sequence[Calibration], record: Format, *, name: str, max_error_px: float | None = None
-) -> tuple[bytes, Verdict]:
+) -> tuple[bytes, WriteVerdict]:
     """One file's bytes and what they hold of what was meant.
 
     Args:
@@ -78,7 +78,7 @@ def encoded(
         for original, copy in zip(calibrations, copies, strict=True)
         for lost in _losses(original, copy, record)
     )
-    return data, Verdict(fits=fits, dropped=tuple(dropped))
+    return data, WriteVerdict(fits=fits, dropped=tuple(dropped))
 
 
 def _refuse_guesses(calibrations: Sequence[Calibration]) -> None:

@@ -14,7 +14,7 @@ from calibrary.calib.calibrate import calibrate
 from calibrary.calibration import Calibration
 from calibrary.cli.main import main
 from calibrary.jobs.demo.cameras import Band, Shot, rededge_m
-from calibrary.jobs.diff.comparison import Verdict, compare
+from calibrary.jobs.diff.comparison import ChangeVerdict, compare
 from calibrary.jobs.diff.structure import Kind
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper
@@ -48,7 +48,7 @@ def read(path: Path) -> Calibration:
 
 def test_an_update_that_changes_the_focal_length_by_a_thousandth_raises_the_alarm() -> None:
     found = compare(calibrated(1.0, 1), calibrated(1.001, 3))
-    assert (found.verdict, found.alarm) == (Verdict.DRIFT, True)
+    assert (found.verdict, found.alarm) == (ChangeVerdict.DRIFT, True)
     assert found.numbers is not None
     assert found.numbers.focal_change == pytest.approx(0.001, rel=0.25)
     assert found.numbers.spread_a.is_measured
@@ -56,7 +56,7 @@ def test_an_update_that_changes_the_focal_length_by_a_thousandth_raises_the_alar
 
 def test_calibrating_once_more_raises_none() -> None:
     found = compare(calibrated(1.0, 1), calibrated(1.0, 2))
-    assert (found.verdict, found.alarm) == (Verdict.NOISE, False)
+    assert (found.verdict, found.alarm) == (ChangeVerdict.NOISE, False)
 
 
 def flagged(flag: str) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def test_a_16_9_mode_is_a_crop(tmp_path: Path, capsys: pytest.CaptureFixture[str
     old = picture(tmp_path / "old.jpg", **P4R, dewarp=DEWARP)
     new = picture(tmp_path / "new.jpg", (5472, 3078), **P4R, dewarp=DEWARP)
     found = compare(read(old), read(new))
-    assert (found.verdict, found.alarm) == (Verdict.STRUCTURAL, True)
+    assert (found.verdict, found.alarm) == (ChangeVerdict.STRUCTURAL, True)
     assert [one.kind for one in found.structural] == [Kind.CROP]
     assert main(["diff", str(old), str(new)]) == 1
     assert "crop" in capsys.readouterr().out

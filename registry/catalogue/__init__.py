@@ -7,6 +7,6 @@ so, and where none gives a number the number is left out.
 
 from calibrary.registry.catalogue.files import load_catalogue, to_json
 from calibrary.registry.catalogue.images import match_image
-from calibrary.registry.catalogue.matching import Basis, Catalogue, Match, Outcome
+from calibrary.registry.catalogue.matching import Basis, Catalogue, Match, MatchOutcome
 
-__all__ = ["Basis", "Catalogue", "Match", "Outcome", "load_catalogue", "match_image", "to_json"]
+__all__ = ["Basis", "Catalogue", "Match", "MatchOutcome", "load_catalogue", "match_image", "to_json"]

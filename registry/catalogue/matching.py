@@ -18,7 +18,7 @@ from calibrary.errors import InputError
 from calibrary.known_camera import SUB_CAMERAS, KnownCamera, normalise_sub_camera
 from calibrary.records import replace
 
-__all__ = ["Basis", "Catalogue", "Match", "Outcome"]
+__all__ = ["Basis", "Catalogue", "Match", "MatchOutcome"]
 
 FOCAL_TOLERANCE: Final = 0.05
 LARGEST_BINNING: Final = 8
@@ -26,7 +26,7 @@ SMALLEST_CROP: Final = 0.5
 """Modes leave out rows or columns, but no more than half of them; more is somebody's cut-out."""
 
 
-class Outcome(StrEnum):
+class MatchOutcome(StrEnum):
     """What became of a search; the value is the word for people."""
 
     FOUND = "found"
@@ -57,7 +57,7 @@ class Match:
         siblings: every other entry of this make and Model.
     """
 
-    outcome: Outcome
+    outcome: MatchOutcome
     reason: str
     camera: KnownCamera | None = None
     basis: tuple[Basis, ...] = ()
@@ -132,10 +132,12 @@ class Catalogue:
             lens: EXIF LensModel.
         """
         if not make or not model:
-            return Match(outcome=Outcome.UNKNOWN, reason="the image names no make and Model")
+            return Match(outcome=MatchOutcome.UNKNOWN, reason="the image names no make and Model")
         entries = self._by_name.get((_fold(make), _fold(model)), ())
         if not entries:
-            return Match(outcome=Outcome.UNKNOWN, reason="the catalogue has no camera of this make and Model")
+            return Match(
+                outcome=MatchOutcome.UNKNOWN, reason="the catalogue has no camera of this make and Model"
+            )
         tag = normalise_sub_camera(sub_camera) if sub_camera else None
         clues = _Clues(size=size, focal_mm=focal_mm, focal_35mm=focal_35mm, lens=lens)
         match = _decide(entries, tag if tag in SUB_CAMERAS else None, clues)
@@ -147,7 +149,7 @@ def _decide(entries: Sequence[KnownCamera], tag: str | None, clues: _Clues) -> M
     if not left:
         known = ", ".join(dict.fromkeys(camera.sub_camera or camera.title for camera in entries))
         return Match(
-            outcome=Outcome.UNKNOWN, reason=f"tagged as {tag}; of this Model the catalogue knows {known}"
+            outcome=MatchOutcome.UNKNOWN, reason=f"tagged as {tag}; of this Model the catalogue knows {known}"
         )
     only = left[0]
     named = tag is not None and only.answers(tag)
@@ -173,7 +175,7 @@ def _by_clues(entries: Sequence[KnownCamera], clues: _Clues) -> Match:
     if not left:
         known = "; ".join(camera.title for camera in entries)
         reason = f"frame or focal length fit none of: {known}"
-        return _other_lens(entries, clues) or Match(outcome=Outcome.UNKNOWN, reason=reason)
+        return _other_lens(entries, clues) or Match(outcome=MatchOutcome.UNKNOWN, reason=reason)
     spoken_for = left
     for basis in (Basis.LENS, Basis.FOCAL, Basis.SIZE):
         said_yes = [camera for camera, said in left if said[basis] is _Says.YES]
@@ -188,12 +190,12 @@ def _by_clues(entries: Sequence[KnownCamera], clues: _Clues) -> Match:
     reason = (
         f"nothing tells which: {titles}" if len(candidates) > 1 else f"nothing says that it is the {titles}"
     )
-    return Match(outcome=Outcome.AMBIGUOUS, reason=reason, candidates=candidates)
+    return Match(outcome=MatchOutcome.AMBIGUOUS, reason=reason, candidates=candidates)
 
 
 def _found(camera: KnownCamera, basis: tuple[Basis, ...]) -> Match:
     reason = f"{camera.title}, by {' and '.join(basis)}"
-    return Match(outcome=Outcome.FOUND, reason=reason, camera=camera, basis=basis, candidates=(camera,))
+    return Match(outcome=MatchOutcome.FOUND, reason=reason, camera=camera, basis=basis, candidates=(camera,))
 
 
 def _other_lens(entries: Sequence[KnownCamera], clues: _Clues) -> Match | None:

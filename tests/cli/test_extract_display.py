@@ -9,15 +9,15 @@ import pytest
 from rich.console import Console
 
 from calibrary.cli.extract_display import WIDEST, Display, judgement
+from calibrary.jobs.extract.extraction import Extraction
 from calibrary.jobs.extract.hand_off import Solver
-from calibrary.jobs.extract.outcome import Outcome
 from calibrary.jobs.extract.outputs import plan
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Extraction:
     """A camera of each verdict, and a file that is no image."""
     folder = tmp_path_factory.mktemp("flight")
     picture(folder / "b.jpg", dewarp=DEWARP, **P4R)
@@ -27,14 +27,14 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     return gate(folder)
 
 
-def lines(outcome: Outcome, width: int) -> list[str]:
+def lines(outcome: Extraction, width: int) -> list[str]:
     written = io.StringIO()
     console = Console(file=written, width=width)
     console.print(judgement(outcome, width=min(width, WIDEST)), highlight=False)
     return [line.rstrip() for line in written.getvalue().splitlines()]
 
 
-def shown(outcome: Outcome, folder: Path, width: int = 100) -> str:
+def shown(outcome: Extraction, folder: Path, width: int = 100) -> str:
     written = io.StringIO()
     console = Console(file=written, width=width)
     with Display(quiet=False, console=console) as display:
@@ -45,45 +45,45 @@ def shown(outcome: Outcome, folder: Path, width: int = 100) -> str:
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
-def test_no_line_is_wider_than_the_terminal_and_no_verdict_is_cut(outcome: Outcome, width: int) -> None:
+def test_no_line_is_wider_than_the_terminal_and_no_verdict_is_cut(outcome: Extraction, width: int) -> None:
     told = lines(outcome, width)
     assert max(map(len, told)) <= min(width, WIDEST)
     assert [line.split()[0] for line in told if line.startswith(tuple(Verdict))] == [*Verdict]
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
-def test_the_same_is_told_in_every_width(outcome: Outcome, width: int) -> None:
+def test_the_same_is_told_in_every_width(outcome: Extraction, width: int) -> None:
     def words(told: list[str]) -> list[str]:
         return [word for word in " ".join(told).split() if "─" not in word]
 
     assert sorted(words(lines(outcome, width))) == sorted(words(lines(outcome, 110)))
 
 
-def test_cameras_that_need_somebody_stand_last(outcome: Outcome) -> None:
+def test_cameras_that_need_somebody_stand_last(outcome: Extraction) -> None:
     assert [c.verdict for c in outcome.cameras] != [*Verdict]
     heads = [line for line in lines(outcome, 100) if line.startswith(tuple(Verdict))]
     assert [head.split()[0] for head in heads] == ["valid", "unproven", "rejected"]
 
 
-def test_the_first_line_counts_the_verdicts(outcome: Outcome) -> None:
+def test_the_first_line_counts_the_verdicts(outcome: Extraction) -> None:
     first = lines(outcome, 100)[0]
     assert first == "3 cameras, judged by the fleet policy: 1 valid, 1 unproven, 1 rejected"
 
 
-def test_k_and_where_it_is_from_stand_below_the_camera(outcome: Outcome) -> None:
+def test_k_and_where_it_is_from_stand_below_the_camera(outcome: Extraction) -> None:
     told = lines(outcome, 100)
     below = told.index(next(line for line in told if line.startswith("valid")))
     assert told[below + 1].split() == ["fx", "3660.50", "fy", "3655.25", "cx", "2731.50", "cy", "1846.75"]
     assert told[below + 2].strip() == "from drone-dji:DewarpData"
 
 
-def test_a_camera_without_a_k_shows_no_number(outcome: Outcome) -> None:
+def test_a_camera_without_a_k_shows_no_number(outcome: Extraction) -> None:
     told = lines(outcome, 100)
     head = next(line for line in told if line.startswith("rejected"))
     assert head.split()[-2:] == ["—", "—"]
 
 
-def test_what_to_do_is_said_once_and_follows_the_reason(outcome: Outcome) -> None:
+def test_what_to_do_is_said_once_and_follows_the_reason(outcome: Extraction) -> None:
     for camera in outcome.cameras:
         if camera.verdict is not Verdict.VALID:
             assert camera.reason is not None
@@ -99,7 +99,7 @@ def test_a_camera_that_needs_somebody_names_its_images(tmp_path: Path) -> None:
     assert "          images: a.jpg and 2 more" in lines(gate(tmp_path), 80)
 
 
-def test_a_focal_length_of_0_0_is_not_blamed_on_the_sensor(outcome: Outcome) -> None:
+def test_a_focal_length_of_0_0_is_not_blamed_on_the_sensor(outcome: Extraction) -> None:
     rejected = next(c for c in outcome.cameras if c.verdict is Verdict.REJECTED)
     assert rejected.reason == "EXIF FocalLength is 0/0, wanted a number above 0"
     assert rejected.advice is not None
@@ -149,7 +149,7 @@ def test_one_seed_is_told_with_its_commands_and_several_by_where_they_stand(tmp_
     assert "from the report" in several
 
 
-def test_every_step_of_the_fallbacks_is_told(outcome: Outcome, tmp_path: Path) -> None:
+def test_every_step_of_the_fallbacks_is_told(outcome: Extraction, tmp_path: Path) -> None:
     told = shown(outcome, tmp_path)
     for camera in outcome.cameras:
         for step in camera.fallback.steps if camera.fallback is not None else ():

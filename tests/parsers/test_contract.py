@@ -24,7 +24,7 @@ from calibrary.errors import (
     UnsupportedModelError,
 )
 from calibrary.parsers.content import Content
-from calibrary.parsers.format import Capacity, Format, Outcome
+from calibrary.parsers.format import Capacity, Fidelity, Format
 from calibrary.parsers.reading import identified
 from calibrary.records import replace
 from tests.parsers.cameras import SIZE, calibrations, camera, rays
@@ -136,7 +136,7 @@ def test_what_is_written_reads_back_the_same(record: Format, name: str, data: st
     original = data.draw(calibrations(capacity_of(record)))
     file, verdict = parsers.encode([original], record, name=name)
     [copy] = read_back(record, name, file, original.intrinsics.image_size)
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     scale = max(*original.intrinsics.image_size, original.intrinsics.fx)
     np.testing.assert_allclose(copy.intrinsics.matrix, original.intrinsics.matrix, rtol=0, atol=1e-12 * scale)
     assert copy.intrinsics.image_size == original.intrinsics.image_size
@@ -272,7 +272,7 @@ def test_skew_is_kept_or_refused_but_never_lost_in_silence(record: Format, name:
     with pytest.raises(UnsupportedModelError, match="px"):
         parsers.encode([skewed], record, name=name)
     _, verdict = parsers.encode([skewed], record, name=name, max_error_px=100)
-    assert verdict.outcome is Outcome.REFITTED
+    assert verdict.outcome is Fidelity.REFITTED
     assert verdict.max_px > 1
     assert "skew of -23.1 px" in verdict.dropped
 
@@ -305,7 +305,7 @@ def test_several_cameras_come_back_in_order_or_are_refused(record: Format, name:
             parsers.encode(pair, record, name=name)
         return
     file, verdict = parsers.encode(pair, record, name=name)
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     copies = read_back(record, name, file)
     assert [round(copy.intrinsics.fx, 6) for copy in copies] == [3650.1, 3333.3]
     assert all(copy.camera.sub_camera for copy in copies)

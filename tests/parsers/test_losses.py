@@ -13,7 +13,7 @@ from calibrary.conventions import Origin
 from calibrary.distortion import BrownConrady
 from calibrary.parsers.convention import Convention
 from calibrary.parsers.fit import compare
-from calibrary.parsers.format import Capacity, Format, Outcome, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.format import Capacity, Fidelity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.quality import Covariance
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera
@@ -100,7 +100,7 @@ def test_two_focal_lengths_that_differ_in_the_last_digit_are_one() -> None:
     K = replace(FULL.intrinsics, fy=FULL.intrinsics.fx, skew=0.0)
     nearly = replace(FULL, intrinsics=replace(K, fy=ulp(K.fy), skew=5e-324))
     file, verdict = parsers.encode([nearly], holding(replace(FULL, intrinsics=K)))
-    assert (file, verdict.outcome, verdict.dropped) == (b"x", Outcome.EXACT, ())
+    assert (file, verdict.outcome, verdict.dropped) == (b"x", Fidelity.EXACT, ())
 
 
 @pytest.mark.parametrize("other", [0.0, -1e-18])

@@ -11,7 +11,7 @@ import pytest
 
 from calibrary.calibration import ImageSize
 from calibrary.known_camera import KnownCamera, Projection
-from calibrary.registry.catalogue import Outcome, load_catalogue, to_json
+from calibrary.registry.catalogue import MatchOutcome, load_catalogue, to_json
 from calibrary.schemas import require
 from calibrary.strictyaml import line_of, load_yaml
 
@@ -217,7 +217,7 @@ def test_every_entry_is_found_by_every_name_it_claims(camera: KnownCamera) -> No
                 lens=camera.lens,
             )
             assert match.camera is camera, match.reason
-            assert match.outcome is Outcome.FOUND
+            assert match.outcome is MatchOutcome.FOUND
             assert match.candidates == (camera,)
             assert camera not in match.siblings
 

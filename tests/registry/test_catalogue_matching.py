@@ -12,7 +12,7 @@ from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
-from calibrary.registry.catalogue import Basis, Catalogue, Outcome, load_catalogue
+from calibrary.registry.catalogue import Basis, Catalogue, MatchOutcome, load_catalogue
 
 CATALOGUE = load_catalogue()
 
@@ -28,13 +28,13 @@ def test_letter_case_and_padding_do_not_matter(make: str, model: str) -> None:
 
 @pytest.mark.parametrize("model", ["FC631", "FC63100", "C6310", "6310R", "FC6310 R", "FС6310R", "", "R"])
 def test_a_part_of_a_name_or_a_lookalike_is_no_match(model: str) -> None:
-    assert CATALOGUE.find("DJI", model).outcome is Outcome.UNKNOWN
+    assert CATALOGUE.find("DJI", model).outcome is MatchOutcome.UNKNOWN
 
 
 def test_one_model_does_not_match_under_another_make() -> None:
-    assert CATALOGUE.find("GoPro", "FC6310R").outcome is Outcome.UNKNOWN
-    assert CATALOGUE.find(None, "FC6310R").outcome is Outcome.UNKNOWN
-    assert CATALOGUE.find("DJI", None).outcome is Outcome.UNKNOWN
+    assert CATALOGUE.find("GoPro", "FC6310R").outcome is MatchOutcome.UNKNOWN
+    assert CATALOGUE.find(None, "FC6310R").outcome is MatchOutcome.UNKNOWN
+    assert CATALOGUE.find("DJI", None).outcome is MatchOutcome.UNKNOWN
 
 
 def test_hasselblad_cameras_are_known_under_dji_as_well() -> None:
@@ -59,25 +59,25 @@ def test_a_tag_tells_cameras_of_one_model_apart(tag: str, sub_camera: str) -> No
 
 def test_a_tag_that_fits_no_known_camera_is_not_overruled_by_the_frame() -> None:
     match = CATALOGUE.find("DJI", "M3T", sub_camera="TeleCamera", size=(8000, 6000), focal_mm=4.4)
-    assert match.outcome is Outcome.UNKNOWN
+    assert match.outcome is MatchOutcome.UNKNOWN
     assert match.reason == "tagged as tele; of this Model the catalogue knows wide, thermal"
     assert len(match.siblings) == 2
 
 
 def test_visible_says_too_little_where_only_one_of_several_visible_cameras_is_known() -> None:
-    assert CATALOGUE.find("DJI", "M3E", sub_camera="VisibleCamera").outcome is Outcome.AMBIGUOUS
+    assert CATALOGUE.find("DJI", "M3E", sub_camera="VisibleCamera").outcome is MatchOutcome.AMBIGUOUS
     assert CATALOGUE.find("DJI", "M3E", sub_camera="VisibleCamera", size=(5280, 3956)).camera is not None
 
 
 def test_a_tag_nobody_can_read_counts_as_none() -> None:
-    assert CATALOGUE.find("DJI", "M3T", sub_camera="rig-3").outcome is Outcome.AMBIGUOUS
+    assert CATALOGUE.find("DJI", "M3T", sub_camera="rig-3").outcome is MatchOutcome.AMBIGUOUS
     assert CATALOGUE.find("DJI", "M3T", sub_camera="rig-3", size=(640, 512)).camera is not None
     assert CATALOGUE.find("DJI", "FC6310R", sub_camera="Periscope").camera is not None
 
 
 @pytest.mark.parametrize("tag", ["InfraredCamera", "NIR"])
 def test_a_model_of_one_visible_camera_is_no_thermal_or_band_camera(tag: str) -> None:
-    assert CATALOGUE.find("DJI", "FC6310R", sub_camera=tag).outcome is Outcome.UNKNOWN
+    assert CATALOGUE.find("DJI", "FC6310R", sub_camera=tag).outcome is MatchOutcome.UNKNOWN
 
 
 @pytest.mark.parametrize("tag", ["WideCamera", "ZoomCamera", "VisibleCamera", None])
@@ -105,7 +105,7 @@ def test_without_a_tag_the_frame_tells(size: ImageSize, sub_camera: str) -> None
 
 
 def test_without_a_tag_the_focal_length_tells_in_a_resized_file() -> None:
-    assert CATALOGUE.find("DJI", "M3T", size=(1500, 1125)).outcome is Outcome.AMBIGUOUS
+    assert CATALOGUE.find("DJI", "M3T", size=(1500, 1125)).outcome is MatchOutcome.AMBIGUOUS
     match = CATALOGUE.find("DJI", "M3T", size=(1500, 1125), focal_mm=4.4)
     assert match.camera is not None
     assert match.camera.sub_camera == "wide"
@@ -127,7 +127,7 @@ def test_focal_length_and_frame_that_speak_for_two_cameras_are_no_answer() -> No
     tele = KnownCamera(make="A", models=("B",), title="tele", sub_camera="tele", native_size=(4000, 3000))
     wide = replace(tele, title="wide", sub_camera="wide", native_size=(7000, 5250), focal_mm=4.4)
     match = Catalogue([tele, wide]).find("A", "B", size=(4000, 3000), focal_mm=4.4)
-    assert match.outcome is Outcome.AMBIGUOUS
+    assert match.outcome is MatchOutcome.AMBIGUOUS
     assert set(match.candidates) == {tele, wide}
 
 
@@ -135,7 +135,7 @@ def test_a_frame_that_two_cameras_write_is_ambiguous() -> None:
     tele = KnownCamera(make="A", models=("B",), title="tele", sub_camera="tele", native_size=(4000, 3000))
     wide = replace(tele, title="wide", sub_camera="wide", native_size=(8000, 6000))
     match = Catalogue([tele, wide]).find("A", "B", size=(4000, 3000))
-    assert match.outcome is Outcome.AMBIGUOUS
+    assert match.outcome is MatchOutcome.AMBIGUOUS
     assert match.reason == "nothing tells which: tele; wide"
 
 
@@ -149,7 +149,7 @@ def test_thermal_cameras_under_one_tag_are_told_by_focal_length(focal_mm: float,
 @pytest.mark.parametrize("focal_mm", [6.0, 20.0, float("nan"), float("inf"), -12.0])
 def test_a_focal_length_of_another_camera_is_not_forced_onto_one(focal_mm: float) -> None:
     match = CATALOGUE.find("DJI", "ZH20N", sub_camera="InfraredCamera", size=(640, 512), focal_mm=focal_mm)
-    assert match.outcome is Outcome.UNKNOWN
+    assert match.outcome is MatchOutcome.UNKNOWN
     assert "fit none of" in match.reason
 
 
@@ -183,7 +183,7 @@ def test_an_unlisted_lens_leaves_the_body_with_its_pitch_and_nothing_to_expect()
 
 def test_nothing_is_known_of_the_lens_without_a_focal_length() -> None:
     match = CATALOGUE.find("DJI", "ZenmuseP1", size=(8192, 5460))
-    assert match.outcome is Outcome.AMBIGUOUS
+    assert match.outcome is MatchOutcome.AMBIGUOUS
     assert len(match.candidates) == 3
 
 
@@ -238,6 +238,6 @@ def test_no_text_or_number_breaks_the_search(
     match = CATALOGUE.find(
         make, model, sub_camera=sub_camera, size=size, focal_mm=focal_mm, focal_35mm=focal_35mm, lens=lens
     )
-    assert (match.camera is not None) == (match.outcome is Outcome.FOUND)
+    assert (match.camera is not None) == (match.outcome is MatchOutcome.FOUND)
     assert match.reason
     CATALOGUE.search(lens or "")

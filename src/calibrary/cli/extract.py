@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibrary.jobs.extract.outcome import Outcome
+    from calibrary.jobs.extract.extraction import Extraction
     from calibrary.jobs.extract.outputs import Outputs
     from calibrary.policy import Policy
 
@@ -184,7 +184,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return outcome.exit_code
 
 
-def _page(outcome: Outcome, outputs: Outputs) -> bytes:
+def _page(outcome: Extraction, outputs: Outputs) -> bytes:
     from calibrary.jobs.extract.page import outcome_page
     from calibrary.pages import render_page
 

@@ -19,10 +19,10 @@ from rich.table import Table
 from rich.text import Text
 
 from calibrary.cli.console import make_console, plain, printable
+from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.gather import Rejected
 from calibrary.jobs.extract.hand_off import Solver, seed_command
-from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
 from calibrary.jobs.extract.outputs import STALE, Outputs
 from calibrary.validation import Verdict
 
@@ -74,7 +74,7 @@ class Display:
         """So many more images are read."""
         self._progress.advance(self._task, count)
 
-    def show(self, outcome: Outcome, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
+    def show(self, outcome: Extraction, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
         """Tell the whole outcome."""
         for warning in outcome.warnings:
             self._say(f"[yellow]note[/]: {plain(warning)}")
@@ -90,9 +90,9 @@ class Display:
                 "principal point and the distortion; good enough for SfM to converge, not for survey accuracy"
             )
 
-    def _tell_fallbacks(self, outcome: Outcome) -> None:
+    def _tell_fallbacks(self, outcome: Extraction) -> None:
         """The chain of each camera that went through it; cameras for which it ended alike are told together."""
-        told: dict[tuple[Step, ...], list[CameraOutcome]] = {}
+        told: dict[tuple[Step, ...], list[CameraReport]] = {}
         for camera in outcome.cameras:
             if camera.fallback is not None and camera.fallback.steps:
                 told.setdefault(camera.fallback.steps, []).append(camera)
@@ -106,7 +106,7 @@ class Display:
             self._print(Padding(chain, (0, 0, 0, GAP)))
             self._tell_seeds(cameras)
 
-    def _tell_seeds(self, cameras: list[CameraOutcome]) -> None:
+    def _tell_seeds(self, cameras: list[CameraReport]) -> None:
         seeds = [c.fallback.seed for c in cameras if c.fallback is not None and c.fallback.seed is not None]
         if len(seeds) == 1:
             command = plain(seed_command(seeds[0])).replace(" && ", " &&\n    ")
@@ -131,7 +131,7 @@ class Display:
         self._console.print(Constrain(text, WIDEST), highlight=False)
 
 
-def judgement(outcome: Outcome, *, width: int) -> RenderableType:
+def judgement(outcome: Extraction, *, width: int) -> RenderableType:
     """Every camera, and the images no camera could be told from, in so many columns."""
     parts = [_cameras(outcome, width)]
     if outcome.rejected:
@@ -139,7 +139,7 @@ def judgement(outcome: Outcome, *, width: int) -> RenderableType:
     return Constrain(Group(*parts), width)
 
 
-def _cameras(outcome: Outcome, width: int) -> RenderableType:
+def _cameras(outcome: Extraction, width: int) -> RenderableType:
     """Those that need somebody stand last, nearest to the prompt."""
     cameras = sorted(outcome.cameras, key=lambda camera: list(Verdict).index(camera.verdict))
     counts = [(verdict, sum(c.verdict is verdict for c in cameras)) for verdict in Verdict]
@@ -156,7 +156,7 @@ def _cameras(outcome: Outcome, width: int) -> RenderableType:
     return Group(Text.from_markup(title), "", head, rule, *(_camera(c, name_width) for c in cameras))
 
 
-def _camera(camera: CameraOutcome, name_width: int) -> RenderableType:
+def _camera(camera: CameraReport, name_width: int) -> RenderableType:
     calibration = camera.calibration
     over_width, grade = "—", "—"
     if calibration is not None:
@@ -188,7 +188,7 @@ def _line(cells: list[Text], name_width: int) -> Table:
     return line
 
 
-def _below(camera: CameraOutcome) -> Iterator[Text]:
+def _below(camera: CameraReport) -> Iterator[Text]:
     """K, where it is from, whose it is and why it is not valid, what to do, and what was heard beside it."""
     if camera.calibration is not None:
         K = camera.calibration.intrinsics

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from calibrary.calib.board import Board
     from calibrary.jobs.onboard.proposing import Serves
-    from calibrary.jobs.onboard.records import Onboarding, Outcome, Questions
+    from calibrary.jobs.onboard.records import CameraDecision, Onboarding, Questions
     from calibrary.registry.git.writing import Written
 
 __all__ = ["add_parser"]
@@ -251,7 +251,7 @@ def _show(console: Console, done: Onboarding) -> None:
         _show_camera(console, one)
 
 
-def _show_camera(console: Console, one: Outcome) -> None:
+def _show_camera(console: Console, one: CameraDecision) -> None:
     from calibrary.cli.console import plain
 
     console.print()
@@ -275,7 +275,7 @@ def _show_camera(console: Console, one: Outcome) -> None:
         console.print(f"  [cyan]next[/] {plain(one.advice)}", highlight=False, soft_wrap=True)
 
 
-def _witnesses(one: Outcome) -> object:
+def _witnesses(one: CameraDecision) -> object:
     from rich.table import Table
 
     from calibrary.cli.console import plain

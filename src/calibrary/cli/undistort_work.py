@@ -14,7 +14,7 @@ from calibrary.records import replace
 if TYPE_CHECKING:
     from calibrary.calib.undistort import Plan, Undistorter
     from calibrary.calibration import Calibration, ImageSize
-    from calibrary.parsers.format import Format, Verdict
+    from calibrary.parsers.format import Format, WriteVerdict
 
 __all__ = [
     "ALPHAS",
@@ -58,7 +58,7 @@ class Written:
     undistorter: Undistorter
     calibration: Calibration
     path: Path
-    verdict: Verdict
+    verdict: WriteVerdict
     notes: tuple[str, ...]
 
 

@@ -19,7 +19,7 @@ from calibrary.atomic import write_files
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.keep.keeper import Held
 from calibrary.parsers.discovery import format_named
-from calibrary.parsers.format import Fit, Format, Outcome, Verdict
+from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
 from calibrary.records import Json
 from calibrary.registry.entry_yaml import entry_yaml
 
@@ -158,7 +158,7 @@ def exported_json(done: Export, commit: str | None) -> dict[str, Json]:
 
 
 def _outcome(fit: Fit | None) -> str:
-    return (Outcome.EXACT if fit is None or fit.exact else Outcome.REFITTED).value
+    return (Fidelity.EXACT if fit is None or fit.exact else Fidelity.REFITTED).value
 
 
 def _one_file(held: Sequence[Held], record: Format, out: Path, limit: float | None) -> Export:
@@ -188,7 +188,9 @@ def _one_file(held: Sequence[Held], record: Format, out: Path, limit: float | No
     )
 
 
-def _encoded(held: Sequence[Held], record: Format, out: Path, limit: float | None) -> tuple[bytes, Verdict]:
+def _encoded(
+    held: Sequence[Held], record: Format, out: Path, limit: float | None
+) -> tuple[bytes, WriteVerdict]:
     calibrations = [one.entry.calibration for one in held]
     return parsers.encode(calibrations, record, name=out.name, max_error_px=limit)
 

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import calibrary.jobs.demo.__main__ as command
-from calibrary.jobs.demo import DemoImage, Outcome
+from calibrary.jobs.demo import DemoImage, Expectation
 from tests.jobs.demo.conftest import Flight
 
 
@@ -43,7 +43,7 @@ def test_the_flight_is_light(flight: Flight) -> None:
 def test_whatever_is_not_broken_decodes(flight: Flight) -> None:
     out, images = flight
     for image in images:
-        if image.outcome is not Outcome.UNREADABLE:
+        if image.outcome is not Expectation.UNREADABLE:
             with Image.open(out / image.name) as opened:
                 opened.draft("L", (640, 480))
                 opened.load()
@@ -52,14 +52,14 @@ def test_whatever_is_not_broken_decodes(flight: Flight) -> None:
 def test_a_file_with_a_k_has_its_focal_length_and_its_grade_and_no_other_has(flight: Flight) -> None:
     _, images = flight
     for image in images:
-        has_k = image.outcome in {Outcome.VALID, Outcome.UNPROVEN}
+        has_k = image.outcome in {Expectation.VALID, Expectation.UNPROVEN}
         assert (image.fx_px is not None) is has_k
         assert (image.grade is not None) is has_k
 
 
 def test_only_the_zoomed_frame_is_left_unproven(flight: Flight) -> None:
     _, images = flight
-    unproven = [image.name for image in images if image.outcome is Outcome.UNPROVEN]
+    unproven = [image.name for image in images if image.outcome is Expectation.UNPROVEN]
     assert unproven == ["phantom4pro/DJI_0102.JPG"]
 
 
@@ -105,7 +105,7 @@ def test_the_cloud_kept_nothing(flight: Flight) -> None:
 def test_the_broken_file_ends_within_its_exif(flight: Flight) -> None:
     path, image = named(flight, "100_0001/100_0001_0005.JPG")
     file = path.read_bytes()
-    assert image.outcome is Outcome.UNREADABLE
+    assert image.outcome is Expectation.UNREADABLE
     assert len(file) < 4 + int.from_bytes(file[4:6], "big")
     with pytest.raises(OSError, match="Truncated"):
         size_of(path)
@@ -114,7 +114,7 @@ def test_the_broken_file_ends_within_its_exif(flight: Flight) -> None:
 def test_private_texts_are_in_the_files_that_list_them(flight: Flight) -> None:
     out, images = flight
     for image in images:
-        if image.outcome is not Outcome.UNREADABLE:
+        if image.outcome is not Expectation.UNREADABLE:
             file = (out / image.name).read_bytes()
             absent = [text for text in image.private if text.encode() not in file]
             # MicaSense has no XMP of the position; EXIF tells it in degrees, minutes and seconds.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibrary.jobs.demo import DemoImage, Outcome
+from calibrary.jobs.demo import DemoImage, Expectation
 from calibrary.schemas import require
 from tests.jobs.demo.conftest import Flight
 
@@ -47,12 +47,12 @@ def test_every_file_is_of_one_camera_or_set_aside(flight: Flight, judged: Judged
 def test_every_file_comes_out_as_its_record_says(flight: Flight, judged: Judged) -> None:
     for image in flight[1]:
         camera = camera_of(judged, image)
-        expected = Outcome.REJECTED if image.outcome is Outcome.UNREADABLE else image.outcome
+        expected = Expectation.REJECTED if image.outcome is Expectation.UNREADABLE else image.outcome
         assert (camera["verdict"] if camera is not None else "rejected") == expected, image.name
 
 
 def test_what_cannot_be_read_is_set_aside(flight: Flight, judged: Judged) -> None:
-    assert {image.name for image in flight[1] if image.outcome is Outcome.UNREADABLE} <= set_aside(judged)
+    assert {image.name for image in flight[1] if image.outcome is Expectation.UNREADABLE} <= set_aside(judged)
 
 
 def test_every_k_is_the_one_that_was_built_in(flight: Flight, judged: Judged) -> None:
@@ -80,7 +80,7 @@ def test_nothing_private_is_in_any_output(flight: Flight, judged: Judged) -> Non
 
 
 def test_the_zoomed_frame_has_a_k_that_no_solver_gets(flight: Flight, judged: Judged) -> None:
-    [zoomed] = [image for image in flight[1] if image.outcome is Outcome.UNPROVEN]
+    [zoomed] = [image for image in flight[1] if image.outcome is Expectation.UNPROVEN]
     camera = camera_of(judged, zoomed)
     assert camera is not None
     assert (judged[2] / camera["output"]).exists()

@@ -6,7 +6,7 @@ import pytest
 from calibrary.calibration import Calibration, Covariance, Grade, Quality
 from calibrary.distortion import NoDistortion, Rational
 from calibrary.errors import FrameError
-from calibrary.jobs.diff.comparison import Comparison, Verdict, compare
+from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, compare
 from calibrary.jobs.diff.structure import Kind
 from calibrary.policy import FLEET
 from calibrary.records import replace
@@ -35,34 +35,34 @@ def between(a: Calibration, b: Calibration) -> Comparison:
 
 def test_one_calibration_is_identical_to_itself() -> None:
     comparison = between(camera(), camera())
-    assert (comparison.verdict, comparison.alarm) == (Verdict.IDENTICAL, False)
+    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.IDENTICAL, False)
 
 
 def test_a_change_within_the_noise_raises_no_alarm() -> None:
     comparison = between(camera(), changed(camera(), fx=3679.2, fy=3678.4, cx=2731.9))
-    assert (comparison.verdict, comparison.alarm) == (Verdict.NOISE, False)
+    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.NOISE, False)
 
 
 def test_a_focal_length_that_moved_by_a_thousandth_is_a_drift() -> None:
     comparison = between(camera(), with_focal(0.001))
-    assert (comparison.verdict, comparison.alarm) == (Verdict.DRIFT, True)
+    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.DRIFT, True)
 
 
 def test_a_change_that_shows_only_in_the_numbers_is_negligible() -> None:
     quality = Quality(covariance=Covariance.from_matrix(NAMES, np.diag((STD / 50) ** 2)))
     a, b = replace(camera(), quality=quality), replace(with_focal(0.00002), quality=quality)
     comparison = compare(a, b)
-    assert (comparison.verdict, comparison.alarm) == (Verdict.NEGLIGIBLE, False)
+    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.NEGLIGIBLE, False)
 
 
 def test_covariances_that_do_not_tell_the_truth_are_inflated_before_they_judge() -> None:
     comparison = compare(measured(camera(), kappa2=80.0), measured(with_focal(0.001), kappa2=80.0))
-    assert comparison.verdict is Verdict.NOISE
+    assert comparison.verdict is ChangeVerdict.NOISE
 
 
 def test_a_calibration_without_spread_is_given_its_grades() -> None:
     comparison = compare(camera(), with_focal(0.001))
-    assert comparison.verdict is Verdict.NOISE
+    assert comparison.verdict is ChangeVerdict.NOISE
     assert comparison.numbers is not None
     assert "states none of its own" in comparison.numbers.spread_a.source
 
@@ -87,7 +87,7 @@ def test_chi_squared_is_that_of_the_textbook() -> None:
 def test_another_model_of_the_same_lens_is_compared_by_what_it_projects() -> None:
     same_lens = Rational(k1=LENS.k1, k2=LENS.k2, p1=LENS.p1, p2=LENS.p2, k3=LENS.k3, k4=0, k5=0, k6=0)
     comparison = compare(camera(), camera(distortion=same_lens))
-    assert comparison.verdict is Verdict.IDENTICAL
+    assert comparison.verdict is ChangeVerdict.IDENTICAL
     assert comparison.numbers is not None
     assert comparison.numbers.chi2 == ()
 
@@ -101,7 +101,7 @@ def test_an_unknown_distortion_leaves_k_to_be_compared() -> None:
 
 def test_a_resized_frame_is_a_change_of_kind_without_an_alarm() -> None:
     comparison = between(camera(), camera(size=(2736, 1824)))
-    assert (comparison.verdict, comparison.alarm) == (Verdict.STRUCTURAL, False)
+    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.STRUCTURAL, False)
     assert comparison.steps == ("A scaled 5472×3648 → 2736×1824",)
 
 
@@ -116,14 +116,14 @@ def test_a_resized_frame_is_a_change_of_kind_without_an_alarm() -> None:
 )
 def test_a_change_of_kind_is_named_and_raises_an_alarm(later: Calibration, kind: Kind) -> None:
     comparison = between(camera(), later)
-    assert (comparison.verdict, comparison.alarm) == (Verdict.STRUCTURAL, True)
+    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.STRUCTURAL, True)
     assert [one.kind for one in comparison.structural] == [kind]
 
 
 def test_a_frame_on_end_is_named_though_nothing_can_be_subtracted() -> None:
     turned = changed(camera(), image_size=(3648, 5472), cx=1846.8, cy=2731.5)  # type: ignore[arg-type]  # a size
     comparison = compare(camera(), turned)
-    assert (comparison.verdict, comparison.numbers) == (Verdict.STRUCTURAL, None)
+    assert (comparison.verdict, comparison.numbers) == (ChangeVerdict.STRUCTURAL, None)
 
 
 def test_frames_that_have_nothing_to_do_with_one_another_are_refused() -> None:
@@ -136,7 +136,7 @@ def test_frames_that_have_nothing_to_do_with_one_another_are_refused() -> None:
 def test_the_limits_are_the_policys() -> None:
     tolerant = replace(FLEET, drift_focal=0.01, drift_px=10.0)
     comparison = compare(measured(camera()), measured(with_focal(0.001)), tolerant)
-    assert (comparison.verdict, comparison.alarm) == (Verdict.NEGLIGIBLE, False)
+    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.NEGLIGIBLE, False)
 
 
 def test_a_tenth_of_a_percent_of_focal_length_is_ten_centimetres_of_height_from_a_hundred_metres() -> None:
@@ -158,7 +158,7 @@ def test_a_principal_point_that_surely_moved_is_no_drift_where_a_turn_undoes_it(
     comparison = between(camera(), changed(camera(), cx=2734.0))
     assert comparison.numbers is not None
     assert comparison.numbers.p < FLEET.drift_significance
-    assert (comparison.verdict, comparison.alarm) == (Verdict.NEGLIGIBLE, False)
+    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.NEGLIGIBLE, False)
 
 
 def test_noise_of_the_corners_is_not_what_a_significant_change_moved() -> None:
@@ -171,7 +171,7 @@ def test_a_change_that_may_be_as_large_as_the_limit_is_taken_to_be() -> None:
     surer = Quality(covariance=Covariance.from_matrix(NAMES, np.diag((STD / 2) ** 2)))
     a, b = (replace(one, quality=surer) for one in (camera(), with_focal(0.00047)))
     comparison = compare(a, b, replace(FLEET, drift_px=10.0))
-    assert (comparison.verdict, comparison.alarm) == (Verdict.DRIFT, True)
+    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.DRIFT, True)
     assert "0.05% cannot be ruled out" in comparison.reasons[0]
 
 

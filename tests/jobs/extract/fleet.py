@@ -10,8 +10,8 @@ import numpy as np
 
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, judge, sort_cameras
+from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
 from calibrary.jobs.extract.run import Request, run
 from calibrary.policy import FLEET, Policy
 from calibrary.registry.catalogue import Catalogue
@@ -40,12 +40,12 @@ def picture(
     return write_jpeg(path, size, exif=ExifTags(**tags) if tags else None, xmp=packet)
 
 
-def gate(directory: Path, **request: Any) -> Outcome:
+def gate(directory: Path, **request: Any) -> Extraction:
     """The gate's outcome for a folder."""
     return run(Request(image_dir=directory, **request))
 
 
-def only(outcome: Outcome) -> CameraOutcome:
+def only(outcome: Extraction) -> CameraReport:
     """The one camera of a run."""
     [camera] = outcome.cameras
     return camera

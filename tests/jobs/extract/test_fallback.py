@@ -13,8 +13,8 @@ from calibrary.distortion import BrownConrady
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import Camera
+from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Fallback, Sources, StepName, fall_back
-from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.validation import Verdict
@@ -37,17 +37,17 @@ METASHAPE = (
 )
 
 
-def steps_of(camera: CameraOutcome) -> list[tuple[str, str]]:
+def steps_of(camera: CameraReport) -> list[tuple[str, str]]:
     assert camera.fallback is not None
     return [(step.step.value, step.outcome.value) for step in camera.fallback.steps]
 
 
-def why(camera: CameraOutcome, step: StepName) -> str:
+def why(camera: CameraReport, step: StepName) -> str:
     assert camera.fallback is not None
     return next(taken.why for taken in camera.fallback.steps if taken.step is step)
 
 
-def focal_px(camera: CameraOutcome) -> float:
+def focal_px(camera: CameraReport) -> float:
     assert camera.calibration is not None
     return camera.calibration.intrinsics.fx
 
@@ -297,7 +297,7 @@ class TestAFileThatNamesItsCamera:
 class TestAnUnprovenK:
     """A K that only lacks proof yields to a valid one, and to nothing less."""
 
-    def unproven(self, folder: Path, **request: Path) -> Outcome:
+    def unproven(self, folder: Path, **request: Path) -> Extraction:
         picture(folder / "a.jpg", **(NOBODY | {"focal_mm": (132, 10)}))
         return gate(folder, **request)
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from calibrary.jobs.extract import page as page_module
+from calibrary.jobs.extract.extraction import Extraction
 from calibrary.jobs.extract.gather import Rejected
 from calibrary.jobs.extract.hand_off import Solver
-from calibrary.jobs.extract.outcome import Outcome
 from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.page import outcome_page
 from calibrary.pages import Badge, Details, Figure, Link, Note, Page, Section, SideBySide, Table, render_page
@@ -21,7 +21,7 @@ from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Extraction:
     """Valid, unproven, rejected with numbers, rejected without, a stand-in, and a corrupt file."""
     folder = tmp_path_factory.mktemp("run")
     flight = folder / "flight"
@@ -35,11 +35,11 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 
 
 @pytest.fixture(scope="module")
-def page(outcome: Outcome, tmp_path_factory: pytest.TempPathFactory) -> Page:
+def page(outcome: Extraction, tmp_path_factory: pytest.TempPathFactory) -> Page:
     return made(outcome, tmp_path_factory.mktemp("out"))
 
 
-def made(outcome: Outcome, folder: Path) -> Page:
+def made(outcome: Extraction, folder: Path) -> Page:
     return outcome_page(outcome, plan(outcome, folder / "K_matrix.npy", Solver.NONE))
 
 
@@ -72,7 +72,7 @@ def test_every_camera_of_the_overview_leads_to_its_section(page: Page) -> None:
     assert {target.removeprefix("#") for target in targets} <= set(anchors)
 
 
-def test_every_reason_and_every_way_out_is_told(outcome: Outcome, page: Page) -> None:
+def test_every_reason_and_every_way_out_is_told(outcome: Extraction, page: Page) -> None:
     told = text(page)
     for camera in outcome.cameras:
         failures = camera.report.failures if camera.report is not None else ()
@@ -90,7 +90,7 @@ def test_a_valid_camera_has_its_k_its_distortion_and_its_lens(page: Page) -> Non
     assert beginnings == ["fx by ", "Arrows", "Radial"]
 
 
-def test_the_evidence_is_shown_side_by_side(outcome: Outcome, page: Page) -> None:
+def test_the_evidence_is_shown_side_by_side(outcome: Extraction, page: Page) -> None:
     [camera] = [c for c in outcome.cameras if c.camera.key.model == "FC6310R"]
     [plots] = [block for block in section(page, "FC6310R").blocks if isinstance(block, SideBySide)]
     evidence = plots.blocks[0]
@@ -120,7 +120,7 @@ def test_what_stands_in_is_told_with_all_that_was_tried(page: Page) -> None:
     assert "fallback-k taken fc330.npy" in told
 
 
-def test_images_that_were_set_aside_are_listed_with_the_reason(outcome: Outcome, page: Page) -> None:
+def test_images_that_were_set_aside_are_listed_with_the_reason(outcome: Extraction, page: Page) -> None:
     told = text(replace(page, sections=(section(page, "set aside"),)))
     assert f"corrupt.jpg {outcome.rejected[0].reason}" in told
 
@@ -131,7 +131,7 @@ def test_no_serial_number_and_no_folder_is_in_it(page: Page, tmp_path: Path) -> 
     assert str(tmp_path.parent.parent) not in rendered
 
 
-def test_what_else_is_to_be_said_of_the_run_is_a_note(outcome: Outcome, tmp_path: Path) -> None:
+def test_what_else_is_to_be_said_of_the_run_is_a_note(outcome: Extraction, tmp_path: Path) -> None:
     (tmp_path / "K_matrix.gone.npy").write_bytes(b"")
     notes = [b.text for b in section(made(outcome, tmp_path), "Overview").blocks if isinstance(b, Note)]
     assert "K_matrix.gone.npy is of an earlier run, not of this one; remove it" in notes
@@ -145,7 +145,7 @@ def test_a_run_without_a_fault_says_so(tmp_path: Path) -> None:
 
 
 def test_a_run_of_very_many_cameras_stays_a_page(
-    outcome: Outcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    outcome: Extraction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(page_module, "MOST_CAMERAS", 3)
     monkeypatch.setattr(page_module, "MOST_DRAWN", 2)
@@ -160,5 +160,5 @@ def test_a_run_of_very_many_cameras_stays_a_page(
     assert "5 more are listed in the report." in told
 
 
-def test_the_same_run_gives_the_same_bytes(outcome: Outcome, page: Page, tmp_path: Path) -> None:
+def test_the_same_run_gives_the_same_bytes(outcome: Extraction, page: Page, tmp_path: Path) -> None:
     assert render_page(made(outcome, tmp_path)) == render_page(page)

@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import RegistryError
-from calibrary.jobs.extract.outcome import CameraOutcome
+from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.registry.pins import Lock, lock_yaml, pin_of
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, gate, only, picture
@@ -17,13 +17,13 @@ from tests.jobs.extract.fleet import DEWARP, P4R, entry, gate, only, picture
 STRIPPED: dict[str, Any] = {"make": "DJI", "model": "FC6310R"}
 
 
-def served(folder: Path, **tags: Any) -> CameraOutcome:
+def served(folder: Path, **tags: Any) -> CameraReport:
     """What the registry beside the flight makes of one image without a focal length."""
     picture(folder / "flight/a.jpg", **(STRIPPED | tags))
     return only(gate(folder / "flight", registry=folder / "registry"))
 
 
-def fx(camera: CameraOutcome) -> float | None:
+def fx(camera: CameraReport) -> float | None:
     return camera.calibration.intrinsics.fx if camera.calibration is not None else None
 
 
@@ -179,7 +179,7 @@ class TestLocked:
     """With a lock a run rests on the entries that are pinned, as they were, or does not run."""
 
     @staticmethod
-    def locked(folder: Path) -> CameraOutcome:
+    def locked(folder: Path) -> CameraReport:
         picture(folder / "flight/a.jpg", **STRIPPED)
         return only(gate(folder / "flight", registry=folder / "registry", lock=folder / "calibrary.lock"))
 

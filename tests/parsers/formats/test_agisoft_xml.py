@@ -19,7 +19,7 @@ from calibrary.distortion import (
     ThinPrismFisheye,
 )
 from calibrary.errors import MissingTagError, ParseError, UnknownFormatError, UnsupportedModelError
-from calibrary.parsers.format import Outcome
+from calibrary.parsers.format import Fidelity
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
@@ -224,7 +224,7 @@ def test_what_metashape_reads_is_written_in_its_terms() -> None:
     data, verdict = parsers.encode([camera(BROWN, skew=-23.1)], "agisoft_xml")
     root = ET.fromstring(data)  # noqa: S314  our own bytes
     numbers = {child.tag: child.text for child in root}
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     assert numbers == {
         "projection": "frame", "width": "5472", "height": "3648", "f": "3648.7", "cx": repr(2741.3 - 2736.0),
         "cy": repr(1815.9 - 1824.0), "b1": repr(3650.1 - 3648.7), "b2": "-23.1", "k1": "-0.1131", "k2": "0.0247",
@@ -265,7 +265,7 @@ def test_a_lens_that_metashape_lacks_is_refitted_within_the_limit() -> None:
     rational = Rational(k1=0.31, k2=0.05, p1=-0.0004, p2=0.0008, k3=-0.002, k4=0.42, k5=0.02, k6=0.001)
     original = camera(rational)
     data, verdict = parsers.encode([original], "agisoft_xml")
-    assert verdict.outcome is Outcome.REFITTED
+    assert verdict.outcome is Fidelity.REFITTED
     assert 0 < verdict.max_px < 0.05
     assert isinstance(read(data).distortion, MetashapeFrame)
     with pytest.raises(UnsupportedModelError, match="max_error_px"):

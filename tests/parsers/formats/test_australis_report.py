@@ -9,7 +9,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, Quality
 from calibrary.distortion import Australis, BrownConrady, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
-from calibrary.parsers.format import Outcome
+from calibrary.parsers.format import Fidelity
 from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera
 
@@ -128,7 +128,7 @@ def test_what_is_read_is_written_again_to_the_last_digit() -> None:
     [original] = read(REPORT)
     data, verdict = parsers.encode([original], "australis_report")
     [copy] = read(data.decode())
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     assert copy.extras == original.extras
     assert copy.quality is not None
     assert copy.quality.rms_px == pytest.approx(0.2)
@@ -138,7 +138,7 @@ def test_what_is_read_is_written_again_to_the_last_digit() -> None:
 def test_opencvs_direction_is_refitted_never_flipped() -> None:
     brown = BrownConrady(k1=-0.02, k2=0.004, p1=2e-4, p2=-1e-4, k3=0.0)
     data, verdict = parsers.encode([camera(brown)], "australis_report", max_error_px=0.1)
-    assert verdict.outcome is Outcome.REFITTED
+    assert verdict.outcome is Fidelity.REFITTED
     assert 0 < verdict.max_px < 0.1
     [copy] = read(data.decode())
     assert isinstance(copy.distortion, Australis)

@@ -30,7 +30,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import InputError, ParseError, UnknownFormatError, UnsupportedModelError
 from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS
-from calibrary.parsers.format import Outcome
+from calibrary.parsers.format import Fidelity
 from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera
 from tests.parsers.samples import Sample
@@ -197,7 +197,7 @@ def test_a_model_with_one_focal_length_is_kept_while_it_holds_the_camera() -> No
     oblong = replace(one, intrinsics=replace(one.intrinsics, fy=3648.7))
     data, verdict = parsers.encode([oblong], "colmap_text")
     assert data.splitlines()[-1].split()[1] == b"OPENCV"
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
 
 
 def test_a_lens_without_terms_reads_as_none() -> None:

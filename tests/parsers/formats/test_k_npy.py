@@ -12,7 +12,7 @@ from numpy.lib import format as numpy_format
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import MissingTagError, ParseError, UnknownFormatError
-from calibrary.parsers.format import Outcome
+from calibrary.parsers.format import Fidelity
 from tests.parsers.cameras import SIZE, camera
 
 K = np.array([[3650.1, -0.3, 2741.3], [0.0, 3648.7, 1815.9], [0.0, 0.0, 1.0]])
@@ -51,7 +51,7 @@ def test_columns_first_is_read() -> None:
 def test_numpy_loads_what_is_written() -> None:
     data, verdict = parsers.encode([camera()], "k_npy")
     np.testing.assert_array_equal(np.load(io.BytesIO(data)), camera().intrinsics.matrix)
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     assert verdict.dropped[:2] == ("image size", "distortion (brown)")
 
 

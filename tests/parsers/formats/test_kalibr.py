@@ -21,7 +21,7 @@ from calibrary.distortion import (
     Unified,
 )
 from calibrary.errors import ParseError, UnsupportedModelError
-from calibrary.parsers.format import Outcome
+from calibrary.parsers.format import Fidelity
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera
 
@@ -146,7 +146,7 @@ def test_a_chain_goes_back_with_all_that_it_said() -> None:
     text = RADTAN + second + "  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.11]\n  timeshift_cam_imu: 1e-05\n"
     data, verdict = parsers.encode(read(text), "kalibr")
     document = yaml.safe_load(data)
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     assert verdict.dropped == ()
     assert document == yaml.safe_load(text.replace("1e-05", "1.0e-05"))
 
@@ -189,7 +189,7 @@ def test_every_model_is_written_in_kalibrs_terms(
 ) -> None:
     data, verdict = parsers.encode([camera(lens)], "kalibr")
     written = yaml.safe_load(data)["cam0"]
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     assert (written["camera_model"], written["distortion_model"]) == (model, kind)
     assert written["distortion_coeffs"] == coefficients
     assert written["intrinsics"] == [*special, 3650.1, 3648.7, 2741.3 - 0.5, 1815.9 - 0.5]
@@ -200,7 +200,7 @@ def test_every_model_is_written_in_kalibrs_terms(
 def test_k3_is_refitted_within_the_limit_or_refused() -> None:
     mild = camera(replace(BROWN, k3=-0.0001))
     data, verdict = parsers.encode([mild], "kalibr")
-    assert verdict.outcome is Outcome.REFITTED
+    assert verdict.outcome is Fidelity.REFITTED
     assert 0 < verdict.max_px < 0.05
     assert yaml.safe_load(data)["cam0"]["distortion_model"] == "radtan"
     with pytest.raises(UnsupportedModelError, match="max_error_px"):

@@ -19,7 +19,7 @@ from calibrary.distortion import (
     OffCentreBrown,
 )
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
-from calibrary.parsers.format import Outcome
+from calibrary.parsers.format import Fidelity
 from tests.parsers.cameras import camera
 
 M2C, C2M = "eConvApero_DistM2C", "eConvApero_DistC2M"
@@ -200,7 +200,7 @@ def test_what_micmac_reads_is_written_in_its_terms() -> None:
     data, verdict = parsers.encode(
         [read(xml(model(RADIAL, OFF, FRASER), extra="<RayonUtile>2800</RayonUtile>"))], "micmac_xml"
     )
-    assert (verdict.outcome, verdict.dropped) == (Outcome.EXACT, ())
+    assert (verdict.outcome, verdict.dropped) == (Fidelity.EXACT, ())
     [root] = ET.fromstring(data)  # noqa: S314  our own bytes
     assert root.findtext("KnownConv") == M2C
     assert root.findtext("RayonUtile") == "2800"
@@ -217,7 +217,7 @@ def test_the_direction_is_written_as_it_is() -> None:
     original = read(xml(model(tuple(-c for c in RADIAL)), convention=C2M))
     data, verdict = parsers.encode([original], "micmac_xml")
     assert C2M.encode() in data
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     assert read(data).distortion == original.distortion
 
 

@@ -23,7 +23,7 @@ from calibrary.distortion import (
     Unified,
 )
 from calibrary.errors import InputError, MissingTagError, ParseError, UnsupportedModelError
-from calibrary.parsers.format import Outcome
+from calibrary.parsers.format import Fidelity
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
@@ -137,7 +137,7 @@ def test_what_we_write_opencv_reads_and_projects_the_same(suffix: str, lens: Dis
     data, verdict = parsers.encode([original], "opencv_storage", name=f"camera{suffix}")
     storage = cv2.FileStorage(data.decode(), READ)
     K, D = storage.getNode("camera_matrix").mat(), storage.getNode("distortion_coefficients").mat()
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     assert (storage.getNode("image_width").real(), storage.getNode("image_height").real()) == SIZE
     expected = cv2.projectPoints(rays(), np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
     np.testing.assert_allclose(original.project(rays()) - 0.5, expected, rtol=0, atol=1e-9)
@@ -321,7 +321,7 @@ def test_the_mirror_model_is_omnidirs(xi: float | NDArray[np.float64]) -> None:
 def test_the_mirror_model_is_written_as_omnidir_reads_it(syntax: str) -> None:
     data, verdict = parsers.encode([camera(Unified(**MIRROR))], "opencv_storage", name=f"camera{syntax}")
     storage = cv2.FileStorage(data.decode(), READ)
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
     assert storage.getNode("xi").real() == MIRROR["xi"]
     assert storage.getNode("distortion_coefficients").mat().ravel().tolist() == [
         -0.21,
@@ -500,7 +500,7 @@ def test_a_suffix_of_no_syntax_is_refused() -> None:
 def test_a_metashape_lens_with_k4_is_refitted_and_the_verdict_is_what_opencv_sees() -> None:
     original = camera(MetashapeFrame(k1=-0.05, k2=0.02, k3=-0.01, k4=0.004, p1=0.0008, p2=-0.0003))
     data, verdict = parsers.encode([original], "opencv_storage")
-    assert verdict.outcome is Outcome.REFITTED
+    assert verdict.outcome is Fidelity.REFITTED
     assert 0 < verdict.max_px <= 0.05
     storage = cv2.FileStorage(data.decode(), READ)
     K, D = storage.getNode("camera_matrix").mat(), storage.getNode("distortion_coefficients").mat()

@@ -13,7 +13,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, Fisheye624, KannalaBrandt, NoDistortion
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
-from calibrary.parsers.format import Outcome
+from calibrary.parsers.format import Fidelity
 from calibrary.parsers.opensfm_models import PROJECTIONS, opensfm_camera
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
@@ -204,7 +204,7 @@ def test_a_plain_camera_that_was_moved_off_centre_becomes_one_that_may_be() -> N
     moved = replace(plain, intrinsics=replace(plain.intrinsics, cx=2741.3))
     data, verdict = parsers.encode([moved], "opensfm")
     assert next(iter(json.loads(data).values()))["projection_type"] == "brown"
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
 
 
 def test_what_only_exif_said_is_a_prior() -> None:

@@ -12,7 +12,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational, ThinPrism
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
-from calibrary.parsers.format import Outcome
+from calibrary.parsers.format import Fidelity
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera
 
@@ -186,7 +186,7 @@ def test_numbers_are_written_so_that_yaml_1_1_reads_them_as_numbers() -> None:
     )
     document = yaml.safe_load(data)
     assert document["distortion_coefficients"]["data"] == [1e-05, -2.5e-07, 1e-300, -3e-4, 1e16]
-    assert verdict.outcome is Outcome.EXACT
+    assert verdict.outcome is Fidelity.EXACT
 
 
 def test_what_ros_needs_is_written_in_its_order() -> None:

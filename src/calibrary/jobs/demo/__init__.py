@@ -1,5 +1,5 @@
 """The demonstration: a mixed fleet's flight, synthesised, with what the gate should make of every file."""
 
-from calibrary.jobs.demo.flight import DemoImage, Outcome, write_flight
+from calibrary.jobs.demo.flight import DemoImage, Expectation, write_flight
 
-__all__ = ["DemoImage", "Outcome", "write_flight"]
+__all__ = ["DemoImage", "Expectation", "write_flight"]

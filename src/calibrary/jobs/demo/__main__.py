@@ -10,14 +10,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from calibrary.jobs.demo.flight import DemoImage, Outcome, write_flight
+from calibrary.jobs.demo.flight import DemoImage, Expectation, write_flight
 from calibrary.records import replace
 
 _COLOURS = {
-    Outcome.VALID: "green",
-    Outcome.UNPROVEN: "yellow",
-    Outcome.REJECTED: "red",
-    Outcome.UNREADABLE: "magenta",
+    Expectation.VALID: "green",
+    Expectation.UNPROVEN: "yellow",
+    Expectation.REJECTED: "red",
+    Expectation.UNREADABLE: "magenta",
 }
 _PIPED_WIDTH = 140
 """Where there is no terminal to ask: wide enough that no file name is broken."""

@@ -27,14 +27,14 @@ from calibrary.records import replace
 from calibrary.synthetic import ExifTags, TiffPage, encode_tiff, write_jpeg
 from calibrary.synthetic.scenery import farmland, infrared
 
-__all__ = ["DemoImage", "Outcome", "write_flight"]
+__all__ = ["DemoImage", "Expectation", "write_flight"]
 
 _QUALITY = 40
 _HEAD_BYTES = 400
 """How much of the broken file reached the card: less than its EXIF."""
 
 
-class Outcome(StrEnum):
+class Expectation(StrEnum):
     """What the gate should conclude of a file."""
 
     VALID = "valid"
@@ -61,7 +61,7 @@ class DemoImage:
     name: str
     camera: str
     story: str
-    outcome: Outcome
+    outcome: Expectation
     reason: str
     fx_px: float | None = None
     grade: Grade | None = None
@@ -127,7 +127,7 @@ def _frames(seed: int) -> Iterator[_Frame]:
             name="phantom4/DJI_0007.JPG",
             camera="Phantom 4",
             story="early firmware wrote the focal length as 0/0",
-            outcome=Outcome.REJECTED,
+            outcome=Expectation.REJECTED,
             reason="a zero denominator is not a focal length",
         ),
         size=(4000, 3000),
@@ -140,7 +140,7 @@ def _phantom_4_rtk(shots: Iterator[Shot]) -> Iterator[_Frame]:
         name="",
         camera="Phantom 4 RTK",
         story="this lens's own calibration in DewarpData",
-        outcome=Outcome.VALID,
+        outcome=Expectation.VALID,
         reason="calibrated K, distortion apart",
         fx_px=3659.41,
         grade=Grade.CALIBRATED,
@@ -152,7 +152,7 @@ def _phantom_4_rtk(shots: Iterator[Shot]) -> Iterator[_Frame]:
         name="100_0001/100_0001_0005.JPG",
         camera="Phantom 4 RTK",
         story="the card was pulled while the file was written",
-        outcome=Outcome.UNREADABLE,
+        outcome=Expectation.UNREADABLE,
         reason="the file ends within its EXIF",
     )
     yield _Frame(image=broken, size=(5472, 3648), head=phantom_4_rtk(next(shots)))
@@ -167,7 +167,7 @@ def _mavic_3t(shots: Iterator[Shot]) -> Iterator[_Frame]:
             name=f"{stem}_W.JPG",
             camera="Mavic 3T wide",
             story="48 megapixels; shares its Model with the thermal camera",
-            outcome=Outcome.VALID,
+            outcome=Expectation.VALID,
             reason="focal length over the catalogue's pitch",
             fx_px=4.4 / 6.4309 * 8000,
             grade=Grade.DERIVED,
@@ -177,7 +177,7 @@ def _mavic_3t(shots: Iterator[Shot]) -> Iterator[_Frame]:
             name=f"{stem}_T.JPG",
             camera="Mavic 3T thermal",
             story="the same Model, another camera",
-            outcome=Outcome.VALID,
+            outcome=Expectation.VALID,
             reason="a K of its own: 9.1 mm over 12 µm",
             fx_px=9.1 / 0.012,
             grade=Grade.DERIVED,
@@ -192,7 +192,7 @@ def _rededge(shots: Iterator[Shot]) -> Iterator[_Frame]:
             name=f"micasense/0000SET/000/IMG_0000_{number}.tif",
             camera=f"RedEdge-M {band.name}",
             story="one band of a rig, calibrated in millimetres",
-            outcome=Outcome.VALID,
+            outcome=Expectation.VALID,
             reason="millimetres × pixels per millimetre; every band is a camera",
             fx_px=band.focal_mm * _REDEDGE_PX_PER_MM,
             grade=Grade.CALIBRATED,
@@ -205,7 +205,7 @@ def _phantom_4_pro(shots: Iterator[Shot]) -> Iterator[_Frame]:
         name="phantom4pro/DJI_0101.JPG",
         camera="Phantom 4 Pro",
         story="16:9 mode: rows of the sensor left out",
-        outcome=Outcome.VALID,
+        outcome=Expectation.VALID,
         reason="a crop keeps fx; only the centre moves",
         fx_px=8.8 / 0.0024,
         grade=Grade.DERIVED,
@@ -215,7 +215,7 @@ def _phantom_4_pro(shots: Iterator[Shot]) -> Iterator[_Frame]:
         derived,
         name="phantom4pro/DJI_0102.JPG",
         story="2× digital zoom, enlarged back to full size",
-        outcome=Outcome.UNPROVEN,
+        outcome=Expectation.UNPROVEN,
         reason="twice the focal length in pixels by custom, which no tag proves",
         fx_px=2 * 8.8 / 0.0024,
     )
@@ -228,7 +228,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
         name="video/DJI_0103_4k.jpg",
         camera="Phantom 4 Pro",
         story="a 16:9 frame transcoded to 4K; EXIF still tells the frame it was",
-        outcome=Outcome.VALID,
+        outcome=Expectation.VALID,
         reason="recomputed against the true output size",
         fx_px=8.8 / 0.0024 * 3840 / 5472,
         grade=Grade.DERIVED,
@@ -238,7 +238,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
         name="video/DJI_0104_4k.jpg",
         camera="Phantom 4 Pro",
         story="a 3:2 frame forced into 4K's 16:9: fx ≠ fy, or cut by nobody knows how much",
-        outcome=Outcome.REJECTED,
+        outcome=Expectation.REJECTED,
         reason="EXIF's frame leads to the file's neither by a scale nor by a crop",
     )
     yield _Frame(image=stretched, size=(3840, 2160), head=phantom_4_pro(next(shots), (5472, 3648)))
@@ -246,7 +246,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
         name="phone/DJI_0105.jpg",
         camera="Phantom 4 Pro",
         story="exported by an app that kept the 35 mm equivalent and dropped the focal length",
-        outcome=Outcome.REJECTED,
+        outcome=Expectation.REJECTED,
         reason="24 mm on film is no focal length of this camera",
     )
     equivalent_exif = ExifTags(make="DJI", model="FC6310", software="Gallery 4.1", focal_35mm=24)
@@ -255,7 +255,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
         name="cloud/IMG_0412.jpg",
         camera="unknown",
         story="a cloud uploader stripped all metadata",
-        outcome=Outcome.REJECTED,
+        outcome=Expectation.REJECTED,
         reason="nothing in the file tells K; a seed is offered, marked as one",
     )
     yield _Frame(image=stripped, size=(5472, 3648), head=Head())
@@ -291,7 +291,7 @@ def _write(frame: _Frame, path: Path, seed: int) -> None:
         infrared(frame.size, seed=seed) if thermal else farmland(frame.size, seed=seed, along=frame.along)
     )
     write_jpeg(path, frame.size, exif=head.exif, xmp=head.xmp, pixels=pixels, quality=_QUALITY)
-    if frame.image.outcome is Outcome.UNREADABLE:
+    if frame.image.outcome is Expectation.UNREADABLE:
         path.write_bytes(path.read_bytes()[:_HEAD_BYTES])
 
 

@@ -32,7 +32,7 @@ from calibrary.jobs.diff.structure import Kind, Structural, signatures
 from calibrary.policy import FLEET, Policy
 from calibrary.records import replace
 
-__all__ = ["ChiSquare", "Comparison", "Ground", "Numbers", "Parameter", "Verdict", "compare"]
+__all__ = ["ChangeVerdict", "ChiSquare", "Comparison", "Ground", "Numbers", "Parameter", "compare"]
 
 
 SAME: Final = 1e-9
@@ -48,7 +48,7 @@ SURE_LEVEL: Final = 0.01
 """Of a pixel that moved: what noise does anywhere in the frame with this chance (Scheffé's simultaneous bound)."""
 
 
-class Verdict(StrEnum):
+class ChangeVerdict(StrEnum):
     """What a comparison comes to."""
 
     IDENTICAL = "identical"
@@ -184,7 +184,7 @@ class Comparison:
 
     a: Calibration
     b: Calibration
-    verdict: Verdict
+    verdict: ChangeVerdict
     alarm: bool
     reasons: tuple[str, ...]
     structural: tuple[Structural, ...]
@@ -208,7 +208,7 @@ def compare(a: Calibration, b: Calibration, policy: Policy = FLEET) -> Compariso
         return Comparison(
             a=a,
             b=b,
-            verdict=Verdict.STRUCTURAL,
+            verdict=ChangeVerdict.STRUCTURAL,
             alarm=True,
             reasons=(*(one.reason for one in structural), error.message),
             structural=structural,
@@ -350,24 +350,24 @@ def _value(calibration: Calibration, name: str) -> float:
 
 def _judged(
     numbers: Numbers, structural: tuple[Structural, ...], policy: Policy
-) -> tuple[Verdict, tuple[str, ...]]:
+) -> tuple[ChangeVerdict, tuple[str, ...]]:
     measured = _measured(numbers)
     if structural:
-        return Verdict.STRUCTURAL, (*(one.reason for one in structural), f"in one frame, {measured}")
+        return ChangeVerdict.STRUCTURAL, (*(one.reason for one in structural), f"in one frame, {measured}")
     if _is_same(numbers):
-        return Verdict.IDENTICAL, ("every number is the same",)
+        return ChangeVerdict.IDENTICAL, ("every number is the same",)
     if not numbers.p < policy.drift_significance:
-        return Verdict.NOISE, (f"{measured}, and noise does as much in {numbers.p:.0%} of all cases",)
+        return ChangeVerdict.NOISE, (f"{measured}, and noise does as much in {numbers.p:.0%} of all cases",)
     chance = f"noise would do so with a chance of {numbers.p:.1g}"
     if not _is_drift(numbers, policy):
         limits = f"{policy.drift_focal:.2%} and {policy.drift_px:g} px"
-        return Verdict.NEGLIGIBLE, (
+        return ChangeVerdict.NEGLIGIBLE, (
             f"{measured}; {chance}, but what noise does not explain stays below {limits}",
         )
     if _moves_pixels(numbers, policy) or abs(numbers.focal_change) >= policy.drift_focal:
-        return Verdict.DRIFT, (f"{measured}; {chance}",)
+        return ChangeVerdict.DRIFT, (f"{measured}; {chance}",)
     known = f"the focal lengths' change is known to ± {numbers.focal_std:.3%} only"
-    return Verdict.DRIFT, (
+    return ChangeVerdict.DRIFT, (
         f"{measured}; {chance}, and {known}: {policy.drift_focal:.2%} cannot be ruled out",
     )
 

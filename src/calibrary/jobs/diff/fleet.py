@@ -9,7 +9,7 @@ from typing import Final
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, InputError
-from calibrary.jobs.diff.comparison import Comparison, Verdict, compare
+from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, compare
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.names import id_of
 from calibrary.policy import FLEET, Policy
@@ -22,7 +22,13 @@ __all__ = ["Change", "Progress", "by_firmware", "since"]
 Progress = Callable[[int, int], None]
 """Told how many of how many are done."""
 
-WORST_FIRST: Final = (Verdict.STRUCTURAL, Verdict.DRIFT, Verdict.NEGLIGIBLE, Verdict.NOISE, Verdict.IDENTICAL)
+WORST_FIRST: Final = (
+    ChangeVerdict.STRUCTURAL,
+    ChangeVerdict.DRIFT,
+    ChangeVerdict.NEGLIGIBLE,
+    ChangeVerdict.NOISE,
+    ChangeVerdict.IDENTICAL,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from importlib.metadata import version
 import numpy as np
 
 from calibrary.calibration import Calibration, Provenance
-from calibrary.jobs.diff.comparison import Comparison, Numbers, Parameter, Verdict
+from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, Numbers, Parameter
 from calibrary.jobs.diff.fleet import Change
 from calibrary.pages import (
     Badge,
@@ -33,18 +33,18 @@ from calibrary.pages.plots.drawn import amount_map, arrow_map
 __all__ = ["badge_of", "comparison_page", "comparison_sections", "fleet_page"]
 
 TONES = {
-    Verdict.IDENTICAL: Tone.GOOD,
-    Verdict.NOISE: Tone.GOOD,
-    Verdict.NEGLIGIBLE: Tone.NEUTRAL,
-    Verdict.DRIFT: Tone.BAD,
-    Verdict.STRUCTURAL: Tone.BAD,
+    ChangeVerdict.IDENTICAL: Tone.GOOD,
+    ChangeVerdict.NOISE: Tone.GOOD,
+    ChangeVerdict.NEGLIGIBLE: Tone.NEUTRAL,
+    ChangeVerdict.DRIFT: Tone.BAD,
+    ChangeVerdict.STRUCTURAL: Tone.BAD,
 }
 MEANINGS = {
-    Verdict.IDENTICAL: "Both say the same.",
-    Verdict.NOISE: "The two differ by no more than two calibrations of one camera do.",
-    Verdict.NEGLIGIBLE: "They differ by more than noise, and too little to be seen on a map.",
-    Verdict.DRIFT: "They differ by more than noise, and enough to be seen on a map.",
-    Verdict.STRUCTURAL: "They do not differ by degrees: something of another kind has changed.",
+    ChangeVerdict.IDENTICAL: "Both say the same.",
+    ChangeVerdict.NOISE: "The two differ by no more than two calibrations of one camera do.",
+    ChangeVerdict.NEGLIGIBLE: "They differ by more than noise, and too little to be seen on a map.",
+    ChangeVerdict.DRIFT: "They differ by more than noise, and enough to be seen on a map.",
+    ChangeVerdict.STRUCTURAL: "They do not differ by degrees: something of another kind has changed.",
 }
 IN_PX = frozenset({"fx", "fy", "cx", "cy", "skew"})
 
@@ -78,7 +78,9 @@ def comparison_sections(
 ) -> tuple[Section, ...]:
     """The parts of a comparison, in the order in which somebody who has to decide wants them."""
     numbers = comparison.numbers
-    sections = [Section(title="Verdict", badge=badge_of(comparison), blocks=tuple(_verdict(comparison)))]
+    sections = [
+        Section(title="ChangeVerdict", badge=badge_of(comparison), blocks=tuple(_verdict(comparison)))
+    ]
     if numbers is not None:
         sections += [
             Section(title="In numbers", blocks=tuple(_in_numbers(numbers))),
@@ -123,7 +125,7 @@ def badge_of(comparison: Comparison) -> Badge:
     """The verdict; a change of kind that nobody has to look at is marked as one."""
     kinds = ", ".join(one.kind.value for one in comparison.structural)
     text = f"{comparison.verdict.value}{f': {kinds}' if kinds else ''}"
-    if comparison.verdict is Verdict.STRUCTURAL and not comparison.alarm:
+    if comparison.verdict is ChangeVerdict.STRUCTURAL and not comparison.alarm:
         return Badge(text, Tone.CAUTION)
     return Badge(text, TONES[comparison.verdict])
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
+from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import SOLVER_FILES, Candidate, Solver, hand_off, refusal
-from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
 from calibrary.jobs.extract.report import encode, report_json
 from calibrary.records import Json
 from calibrary.validation import Verdict
@@ -45,7 +45,7 @@ class Outputs:
     warnings: tuple[str, ...] = ()
 
 
-def plan(outcome: Outcome, matrix_path: Path, solver: Solver) -> Outputs:
+def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
     """Decide on every file before any is written.
 
     One camera writes ``matrix_path`` itself; several write ``<stem>.<camera>.npy`` beside it. A start for
@@ -131,7 +131,7 @@ def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
             yield path
 
 
-def _why_not_handed_over(camera: CameraOutcome, solver: Solver) -> str | None:
+def _why_not_handed_over(camera: CameraReport, solver: Solver) -> str | None:
     """Why the solver must not get a camera's K, None when it may."""
     if solver is Solver.NONE:
         return None
@@ -140,7 +140,7 @@ def _why_not_handed_over(camera: CameraOutcome, solver: Solver) -> str | None:
     return refusal(solver, camera.calibration)
 
 
-def _candidate(camera: CameraOutcome, *, refused: bool) -> Candidate:
+def _candidate(camera: CameraReport, *, refused: bool) -> Candidate:
     """A camera for a solver; only a K that it may and can use comes along."""
     return Candidate(
         slug=camera.slug,

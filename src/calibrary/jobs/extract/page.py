@@ -8,9 +8,9 @@ from importlib.metadata import version
 from calibrary.calibration import Calibration
 from calibrary.evidence.witness import Witness
 from calibrary.jobs.extract.cameras import circumstances
+from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.hand_off import seed_command
-from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
 from calibrary.jobs.extract.outputs import Outputs
 from calibrary.pages import (
     Badge,
@@ -53,7 +53,7 @@ MOST_NAMES = 200
 """Images named of one camera, and of those set aside; the report lists all."""
 
 
-def outcome_page(outcome: Outcome, outputs: Outputs) -> Page:
+def outcome_page(outcome: Extraction, outputs: Outputs) -> Page:
     """The whole run: what was found, and what is written of it."""
     # Those that need somebody first: a page is read from the top.
     cameras = sorted(outcome.cameras, key=lambda c: -list(Verdict).index(c.verdict))
@@ -77,7 +77,7 @@ def outcome_page(outcome: Outcome, outputs: Outputs) -> Page:
     )
 
 
-def _overview(outcome: Outcome, cameras: list[CameraOutcome], outputs: Outputs) -> Section:
+def _overview(outcome: Extraction, cameras: list[CameraReport], outputs: Outputs) -> Section:
     columns = (
         Column("camera"),
         Column("verdict"),
@@ -108,7 +108,7 @@ def _overview(outcome: Outcome, cameras: list[CameraOutcome], outputs: Outputs) 
     return Section(title="Overview", blocks=tuple(blocks))
 
 
-def _row(camera: CameraOutcome, output: str | None) -> tuple[Cell, ...]:
+def _row(camera: CameraReport, output: str | None) -> tuple[Cell, ...]:
     fx, over_width, grade = "–", "–", "–"
     if camera.calibration is not None:
         K = camera.calibration.intrinsics
@@ -125,7 +125,7 @@ def _row(camera: CameraOutcome, output: str | None) -> tuple[Cell, ...]:
     )
 
 
-def _camera(camera: CameraOutcome, policy: Policy, *, drawn: bool) -> Section:
+def _camera(camera: CameraReport, policy: Policy, *, drawn: bool) -> Section:
     blocks = [*_judgement(camera), *_numbers(camera)]
     if drawn:
         plots = [plot for plot in (_evidence(camera, policy),) if plot is not None]
@@ -143,7 +143,7 @@ def _camera(camera: CameraOutcome, policy: Policy, *, drawn: bool) -> Section:
     )
 
 
-def _judgement(camera: CameraOutcome) -> Iterator[Block]:
+def _judgement(camera: CameraReport) -> Iterator[Block]:
     if camera.reason is not None:
         yield Note(text=camera.reason, action=camera.advice, tone=VERDICTS[camera.verdict])
     known = camera.camera.states[0].known.title
@@ -151,7 +151,7 @@ def _judgement(camera: CameraOutcome) -> Iterator[Block]:
         yield f"The catalogue knows it as {known}."
 
 
-def _numbers(camera: CameraOutcome) -> Iterator[Block]:
+def _numbers(camera: CameraReport) -> Iterator[Block]:
     """K and what stands beside it; of a rejected K its numbers too, said to be no K."""
     calibration, failed = camera.calibration, camera.camera.calibration
     if calibration is not None:
@@ -205,7 +205,7 @@ def _distortion(calibration: Calibration) -> Iterator[Block]:
     )
 
 
-def _evidence(camera: CameraOutcome, policy: Policy) -> Figure | None:
+def _evidence(camera: CameraReport, policy: Policy) -> Figure | None:
     """Every witness's fx side by side, before the band that it is held against."""
     evidence = camera.camera.evidence
     if not evidence.witnesses:
@@ -236,7 +236,7 @@ def _evidence(camera: CameraOutcome, policy: Policy) -> Figure | None:
     return intervals(rows, axis=PX, caption=caption, band=band)
 
 
-def _band(camera: CameraOutcome, policy: Policy) -> Band | None:
+def _band(camera: CameraReport, policy: Policy) -> Band | None:
     evidence = camera.camera.evidence
     state = next((s for s in camera.camera.states if s.metadata == evidence.scene.metadata), None)
     expected = circumstances(evidence, state.known).expected if state is not None else None
@@ -283,7 +283,7 @@ def _share(value: float | None) -> str:
     return "–" if value is None else f"{value:.3g}".replace("-", "−")
 
 
-def _doubts(camera: CameraOutcome) -> Iterator[Block]:
+def _doubts(camera: CameraReport) -> Iterator[Block]:
     """What was heard beside the K and is not believed, or contradicts it."""
     evidence = camera.camera.evidence
     said = [
@@ -315,7 +315,7 @@ def _names(names: tuple[str, ...]) -> Details:
     return Details(summary=_count(len(names), "image"), blocks=(Bullets((*shown, *more)),))
 
 
-def _set_aside(outcome: Outcome) -> Section:
+def _set_aside(outcome: Extraction) -> Section:
     rejected = outcome.rejected[:MOST_NAMES]
     table = Table(
         caption="Images no camera could be told from",
@@ -327,11 +327,11 @@ def _set_aside(outcome: Outcome) -> Section:
     return Section(title=f"{_count(len(outcome.rejected), 'image')} set aside", blocks=blocks)
 
 
-def _verdict(camera: CameraOutcome) -> Badge:
+def _verdict(camera: CameraReport) -> Badge:
     return Badge(camera.verdict.value, VERDICTS[camera.verdict])
 
 
-def _images(outcome: Outcome) -> int:
+def _images(outcome: Extraction) -> int:
     return sum(len(c.camera.names) for c in outcome.cameras) + len(outcome.rejected)
 
 

@@ -10,8 +10,8 @@ from calibrary.calibration_json import calibration_json, camera_json, distortion
 from calibrary.evidence.collect import Evidence
 from calibrary.evidence.witness import Witness
 from calibrary.jobs.extract.cameras import Camera
+from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import seed_command
-from calibrary.jobs.extract.outcome import CameraOutcome, Outcome
 from calibrary.records import Json
 from calibrary.validation import Report, finding_json
 
@@ -20,7 +20,7 @@ __all__ = ["encode", "report_json"]
 SCHEMA = "calibrary/report-1"
 
 
-def report_json(outcome: Outcome, outputs: Mapping[str, str]) -> dict[str, Json]:
+def report_json(outcome: Extraction, outputs: Mapping[str, str]) -> dict[str, Json]:
     """The whole run.
 
     Args:
@@ -49,7 +49,7 @@ def encode(document: Mapping[str, Json]) -> bytes:
     return text.encode(errors="backslashreplace")
 
 
-def _camera(c: CameraOutcome, output: str | None) -> dict[str, Json]:
+def _camera(c: CameraReport, output: str | None) -> dict[str, Json]:
     failed = c.camera.calibration if c.calibration is None else None
     return {
         "id": c.slug,
@@ -118,7 +118,7 @@ def _findings(report: Report | None) -> Json:
     return [finding_json(finding) for finding in (report.findings if report is not None else ())]
 
 
-def _seed(c: CameraOutcome) -> Json:
+def _seed(c: CameraReport) -> Json:
     seed = c.fallback.seed if c.fallback is not None else None
     if seed is None:
         return None

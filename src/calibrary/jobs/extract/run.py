@@ -10,10 +10,10 @@ from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
+from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_calibrations, read_matrix
 from calibrary.jobs.extract.gather import Gathered, Rejected, find_images, gather
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.extract.outcome import CameraOutcome, Outcome, slugs
 from calibrary.policy import FLEET, Policy
 from calibrary.validation import Finding, Report, Severity, Verdict
 
@@ -51,7 +51,7 @@ class Request:
     progress: Callable[[int], None] | None = field(default=None, compare=False)
 
 
-def run(request: Request) -> Outcome:
+def run(request: Request) -> Extraction:
     """Extract one K per camera.
 
     Raises:
@@ -94,10 +94,10 @@ def run(request: Request) -> Outcome:
         rivals=rivals,
     )
     names = slugs(states)
-    return Outcome(
+    return Extraction(
         policy=request.policy,
         cameras=tuple(
-            CameraOutcome(
+            CameraReport(
                 slug=names[camera.key], camera=camera, fallback=_fallback(camera, request.policy, sources)
             )
             for camera in cameras

@@ -8,7 +8,7 @@ from calibrary.calibration_json import calibration_json, camera_json, intrinsics
 from calibrary.jobs.onboard.claims import Claim
 from calibrary.jobs.onboard.judging import Hearing, Relative
 from calibrary.jobs.onboard.proposing import sources_of
-from calibrary.jobs.onboard.records import BoardSolve, Onboarding, Outcome
+from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Onboarding
 from calibrary.records import Json
 from calibrary.registry.git.writing import Written
 from calibrary.validation import Report, finding_json
@@ -45,7 +45,7 @@ def onboard_json(done: Onboarding, written: Mapping[str, Written], page: str | N
     }
 
 
-def _camera(one: Outcome, done: Onboarding) -> dict[str, Json]:
+def _camera(one: CameraDecision, done: Onboarding) -> dict[str, Json]:
     entry = one.entry
     return {
         "camera": camera_json(one.subject.key),

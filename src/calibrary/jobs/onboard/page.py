@@ -12,7 +12,7 @@ from calibrary.jobs.calibrate_board.page_plots import fit_plots
 from calibrary.jobs.onboard.claims import Kind
 from calibrary.jobs.onboard.judging import Hearing, Relative
 from calibrary.jobs.onboard.proposing import sources_of
-from calibrary.jobs.onboard.records import BoardSolve, Decision, Onboarding, Outcome
+from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Decision, Onboarding
 from calibrary.jobs.onboard.sorting import Payload
 from calibrary.pages import (
     Badge,
@@ -87,7 +87,7 @@ def onboard_page(done: Onboarding) -> Page:
     )
 
 
-def _camera(one: Outcome, payload: Payload, *, whole: bool) -> Section:
+def _camera(one: CameraDecision, payload: Payload, *, whole: bool) -> Section:
     blocks: list[Block] = [
         Note(
             text=f"{one.reason[:1].upper()}{one.reason[1:]}.", action=one.advice, tone=DECISIONS[one.decision]
@@ -105,7 +105,7 @@ def _camera(one: Outcome, payload: Payload, *, whole: bool) -> Section:
     return Section(title=str(one.subject.key), badge=badge, blocks=tuple(blocks))
 
 
-def _witnesses(one: Outcome) -> Iterator[Block]:
+def _witnesses(one: CameraDecision) -> Iterator[Block]:
     if not one.claims:
         return
     hearing = one.hearing
@@ -153,7 +153,7 @@ def _witnesses(one: Outcome) -> Iterator[Block]:
     yield _chart(one, hearing)
 
 
-def _chart(one: Outcome, hearing: Hearing | None) -> Figure:
+def _chart(one: CameraDecision, hearing: Hearing | None) -> Figure:
     rows = []
     for claim in one.claims:
         role = Role.ASIDE
@@ -175,7 +175,7 @@ def _chart(one: Outcome, hearing: Hearing | None) -> Figure:
     )
 
 
-def _entry(one: Outcome) -> Iterator[Block]:
+def _entry(one: CameraDecision) -> Iterator[Block]:
     entry, before = one.entry, one.standing
     assert entry is not None  # noqa: S101  the caller asked for it
     calibration, status = entry.calibration, entry.status.value
@@ -281,7 +281,7 @@ def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
     )
 
 
-def _sources(one: Outcome, payload: Payload) -> Details:
+def _sources(one: CameraDecision, payload: Payload) -> Details:
     found = sources_of(one.subject, payload)
     table = Table(
         caption="Files that were heard; of images that say the same, one",

@@ -21,7 +21,7 @@ from calibrary.policy import Policy
 from calibrary.registry.entry import Entry
 from calibrary.validation import Finding, Report
 
-__all__ = ["BoardSolve", "Decision", "Onboarding", "Outcome", "Progress", "Questions", "Request"]
+__all__ = ["BoardSolve", "CameraDecision", "Decision", "Onboarding", "Progress", "Questions", "Request"]
 
 Progress = Callable[[str, int, int], None]
 """Told what is done, and how many of how many."""
@@ -101,7 +101,7 @@ class BoardSolve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outcome:
+class CameraDecision:
     """One camera.
 
     Attributes:
@@ -147,7 +147,7 @@ class Onboarding:
     request: Request
     payload: Payload
     subjects: Subjects
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[CameraDecision, ...]
 
     @property
     def is_good(self) -> bool:

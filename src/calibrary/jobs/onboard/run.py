@@ -21,9 +21,9 @@ from calibrary.jobs.onboard.judging import Hearing, hear, held_against, refused_
 from calibrary.jobs.onboard.proposing import FRAME, Serves, entry_for, is_same, sources_of
 from calibrary.jobs.onboard.records import (
     BoardSolve,
+    CameraDecision,
     Decision,
     Onboarding,
-    Outcome,
     Progress,
     Questions,
     Request,
@@ -114,7 +114,7 @@ def _sources(done: Onboarding, entries: Sequence[Entry]) -> Iterator[str]:
             )
 
 
-def _waiting(one: Outcome, request: Request) -> Outcome:
+def _waiting(one: CameraDecision, request: Request) -> CameraDecision:
     """What to do with a camera that could be taken, and is not for the sake of another."""
     if one.decision is not Decision.PROPOSED:
         return one
@@ -141,17 +141,17 @@ def _square_mm(subjects: Sequence[Subject], request: Request) -> float:
     return request.questions.square_mm(frames) if frames else 0.0
 
 
-def _outcome(subject: Subject, payload: Payload, square_mm: float, request: Request) -> Outcome:
+def _outcome(subject: Subject, payload: Payload, square_mm: float, request: Request) -> CameraDecision:
     board = _board(subject, square_mm, request) if subject.frames else None
     result = board.result if board is not None else None
     heard = claims(subject, result, _standing(subject, request.keeper), request.policy)
     hearing = hear(heard, request.trusted)
     if hearing is None:
         why, advice = _no_k(subject, board)
-        return Outcome(
+        return CameraDecision(
             subject=subject, decision=Decision.REFUSED, reason=why, advice=advice, board=board, claims=heard
         )
-    so_far = Outcome(
+    so_far = CameraDecision(
         subject=subject, decision=Decision.REFUSED, reason="", board=board, claims=heard, hearing=hearing
     )
     if hearing.dispute is not None:
@@ -172,7 +172,7 @@ def _outcome(subject: Subject, payload: Payload, square_mm: float, request: Requ
     return _proposed(so_far, hearing, payload, request)
 
 
-def _proposed(so_far: Outcome, hearing: Hearing, payload: Payload, request: Request) -> Outcome:
+def _proposed(so_far: CameraDecision, hearing: Hearing, payload: Payload, request: Request) -> CameraDecision:
     """The draft of a camera against which nothing speaks yet, and what the registry says to it."""
     subject, keeper, board = so_far.subject, request.keeper, so_far.board
     operator = request.operator or identity(keeper.registry.repo)[0].name

@@ -14,11 +14,11 @@ from calibrary.jobs.extract.gather import Rejected
 from calibrary.policy import Policy
 from calibrary.validation import Report, Verdict
 
-__all__ = ["CameraOutcome", "Outcome", "slugs"]
+__all__ = ["CameraReport", "Extraction", "slugs"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CameraOutcome:
+class CameraReport:
     """One camera, its own K or what stands in for it.
 
     Attributes:
@@ -81,7 +81,7 @@ class CameraOutcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class Extraction:
     """The run.
 
     Attributes:
@@ -92,7 +92,7 @@ class Outcome:
     """
 
     policy: Policy
-    cameras: tuple[CameraOutcome, ...]
+    cameras: tuple[CameraReport, ...]
     rejected: tuple[Rejected, ...] = ()
     warnings: tuple[str, ...] = ()
 
