@@ -14,10 +14,11 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
     comes by ``context.companion(name)``. Every camera in order; with several, ``sub_camera`` is the name the
     file gives each and ``provenance.tag`` its key. ``context.size(found)`` settles the image size,
     ``context.option(name)`` what only the user can know (declare it as an :class:`Option`),
-    ``context.provenance(...)`` where it came from. Numbers come through ``parsers.text``,
-    ``parsers.document`` or ``parsers.xml``, never through bare ``float``, and the loaders are told the
-    format's own ``max_bytes``, so that no file takes over two seconds; where real files may be longer, through
-    ``context.at_most``, by which the caller can raise it. It raises ``InputError`` kinds
+    ``context.provenance(...)`` where it came from: with the date, tool, operator and focus that the file
+    itself states, each declared in ``Format.states``, and never one that it does not. Numbers come through
+    ``parsers.text``, ``parsers.document`` or ``parsers.xml``, never through bare ``float``, and the loaders are
+    told the format's own ``max_bytes``, so that no file takes over two seconds; where real files may be longer,
+    through ``context.at_most``, by which the caller can raise it. It raises ``InputError`` kinds
     only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no counterpart here. What
     is odd but readable goes to ``notes``, what was taken for granted to ``provenance.assumptions``, what the
     file says beyond that to ``extras`` under ``"<name>/<key>"``.
@@ -51,6 +52,7 @@ from calibrary.parsers.convention import Convention
 from calibrary.records import Json, replace
 
 __all__ = [
+    "STATED",
     "Capacity",
     "Fidelity",
     "Fit",
@@ -62,6 +64,10 @@ __all__ = [
     "WriteContext",
     "WriteVerdict",
 ]
+
+
+STATED = ("date", "tool", "operator", "focus")
+"""What a calibration file may state of its own origin."""
 
 
 class Sure(IntEnum):
@@ -164,15 +170,38 @@ class ReadContext:
         assert size is not None  # noqa: S101  narrows the type; both None was refused above
         return size
 
-    def provenance(self, *, tag: str | None = None, assumptions: tuple[str, ...] = ()) -> Provenance:
+    def provenance(
+        self,
+        *,
+        tag: str | None = None,
+        assumptions: tuple[str, ...] = (),
+        date: str | None = None,
+        tool: str | None = None,
+        operator: str | None = None,
+        focus: str | None = None,
+    ) -> Provenance:
         """Where a calibration of this file came from.
 
         Args:
-            tag: the key or element inside the file, where it holds several cameras.
-            assumptions: what had to be taken for granted.
+            tag: the key or element inside the file, if it contains several cameras.
+            assumptions: what had to be assumed.
+            date: of the calibration, as the file writes it. The framework converts it to ISO 8601; a date that
+                is ambiguous or cannot be read becomes a note. A file that states none has none: never the
+                day of reading, nor the date of an image or of the file itself.
+            tool: the program that made the calibration, with its version, as far as the file states it.
+            operator: the person or laboratory that made it.
+            focus: how the lens was focused, in the file's words.
         """
         return Provenance(
-            kind="calibration-file", source=self.name, tag=tag, sha256=self.sha256, assumptions=assumptions
+            kind="calibration-file",
+            source=self.name,
+            tag=tag,
+            sha256=self.sha256,
+            assumptions=assumptions,
+            date=date or None,
+            tool=tool or None,
+            operator=operator or None,
+            focus=focus or None,
         )
 
 
@@ -229,6 +258,8 @@ class Format:
         write: one file's bytes from calibrations that fit ``capacity``.
         capacity: present exactly when ``write`` is.
         needs_image_size: the file does not say how large its images are.
+        states: the fields of :class:`~calibrary.calibration.Provenance` that a file can state, out of
+            :data:`STATED`; a writer writes them all.
         options: what the reader may have to ask.
         refuses: why files of the format are never read, and the way out.
     """
@@ -244,6 +275,7 @@ class Format:
     write: Write | None = None
     capacity: Capacity | None = None
     needs_image_size: bool = False
+    states: tuple[str, ...] = ()
     options: tuple[Option, ...] = ()
     refuses: str | None = None
 
@@ -256,6 +288,10 @@ class Format:
             raise InputError(f"format {self.name} reads in place, so it must read bytes as well")
         if (self.write is None) != (self.capacity is None) or (self.write is not None and self.read is None):
             raise InputError(f"format {self.name} must come with write, capacity and read together")
+        if not set(self.states) <= set(STATED):
+            raise InputError(
+                f"format {self.name} may state {', '.join(STATED)}, not {', '.join(self.states)}"
+            )
 
 
 class Fidelity(StrEnum):

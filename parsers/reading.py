@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibrary.calibration import Calibration, ImageSize
+from calibrary.dates import iso_date
 from calibrary.errors import (
     AmbiguousFormatError,
     InputError,
@@ -20,6 +21,7 @@ from calibrary.parsers.discovery import known_formats
 from calibrary.parsers.document import parse_json
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_companion
+from calibrary.parsers.text import shown
 from calibrary.records import replace
 
 __all__ = ["Identity", "identified", "identified_by_head", "read_content", "read_in_place"]
@@ -166,7 +168,18 @@ def _taken(read: Callable[[], list[Calibration]], record: Format, name: str) -> 
         raise ParseError(f"this {record.title} file holds no camera", source=name)
     for item in calibrations:
         _refuse_beyond_reach(item, name)
-    return calibrations
+    return [_dated(item) for item in calibrations]
+
+
+def _dated(item: Calibration) -> Calibration:
+    """The calibration with its date in ISO 8601, or with a note that quotes a date that cannot be read."""
+    text = item.provenance.date
+    if text is None or (iso := iso_date(text)) == text:
+        return item
+    if iso is None:
+        note = f"the file's date, {shown(text)}, is ambiguous or not a date, so the date is unknown"
+        item = replace(item, notes=(*item.notes, note))
+    return replace(item, provenance=replace(item.provenance, date=iso))
 
 
 def _refuse_beyond_reach(item: Calibration, name: str) -> None:

@@ -16,7 +16,7 @@ from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.content import Content
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, adapt, compare
-from calibrary.parsers.format import Format, WriteContext, WriteVerdict
+from calibrary.parsers.format import STATED, Format, WriteContext, WriteVerdict
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
 
@@ -113,6 +113,11 @@ def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterato
         if not (isinstance(value, float) and isinstance(kept, float) and _same(value, kept)):
             yield item.name.replace("_", " ")
     yield from _lost_quality(original.quality or Quality(), copy.quality or Quality())
+    yield from (
+        name
+        for name in STATED
+        if (value := getattr(original.provenance, name)) and value != getattr(copy.provenance, name)
+    )
     if copy.grade is not original.grade:
         yield f"grade {original.grade.value} (the file reads as {copy.grade.value})"
     extras = dict(copy.extras)

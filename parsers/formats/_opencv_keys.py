@@ -109,6 +109,11 @@ class Keys:
             views=views.whole() if views is not None else None,
         )
 
+    def date(self) -> str | None:
+        """When the camera was calibrated, as the file writes it."""
+        node = self.take("calibrationtime")
+        return None if node is None else str(node.value).strip()
+
     def grade(self) -> Grade:
         """Calibrated, as OpenCV's files are, unless calibrary wrote the file and knew better."""
         node = self.take(simplified(GRADE_KEY))

@@ -64,7 +64,7 @@ FARTHEST = 0.25
 OFFSET_STYLE = ("f", "b1", "b2")
 ABSOLUTE_STYLE = ("fx", "fy", "skew")
 KNOWN = frozenset(
-    ("projection", "width", "height", "cx", "cy", *OFFSET_STYLE, *ABSOLUTE_STYLE, *COEFFICIENTS)
+    ("projection", "width", "height", "date", "cx", "cy", *OFFSET_STYLE, *ABSOLUTE_STYLE, *COEFFICIENTS)
 )
 MAX_BYTES = 1024 * 1024
 """A thousand times what Metashape writes."""
@@ -132,7 +132,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             intrinsics=intrinsics,
             distortion=_fisheye(fields) if projection == "fisheye" else _frame(fields),
             grade=Grade.ADJUSTED,
-            provenance=context.provenance(),
+            provenance=context.provenance(date=fields.text("date") if "date" in fields else None),
             notes=notes,
             extras=fields.extras(),
         )
@@ -160,6 +160,8 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     rows = [("projection", projection), ("width", str(width)), ("height", str(height))]
     rows += [(name, repr(value)) for name, value in (numbers | coefficients).items()]
     rows += [(key.removeprefix(PREFIX), value) for key, value in calibration.extras if key.startswith(PREFIX)]
+    if calibration.provenance.date:
+        rows.append(("date", calibration.provenance.date))
     body = "".join(f"  {_element(name, value)}\n" for name, value in rows)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n{body}</calibration>\n'.encode()
 
@@ -269,7 +271,7 @@ class _Fields:
         return strict.image_size(self.number("width"), self.number("height"), source=self.source)
 
     def extras(self) -> tuple[tuple[str, str], ...]:
-        """What is not part of the camera, such as the date: text, or XML where it is more than text."""
+        """What is not part of the camera: text, or XML where it is more than text."""
         return tuple(
             (PREFIX + name, _content(element)) for name, element in self.elements.items() if name not in KNOWN
         )
@@ -301,5 +303,6 @@ FORMAT = Format(
     capacity=Capacity(
         models=(NoDistortion, BrownConrady, MetashapeFrame, KannalaBrandt, MetashapeFisheye), skew=True
     ),
+    states=("date",),
     options=(PRINCIPAL_POINT,),
 )

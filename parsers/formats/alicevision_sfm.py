@@ -133,7 +133,11 @@ def _calibration(
         intrinsics=CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name),
         distortion=_lens(item, version),
         grade=_grade(item, posed=posed),
-        provenance=context.provenance(tag=f"intrinsic {name}", assumptions=assumptions),
+        provenance=context.provenance(
+            tag=f"intrinsic {name}",
+            assumptions=assumptions,
+            tool=f"AliceVision, file version {'.'.join(map(str, version))}",
+        ),
         notes=(NOTE,),
     )
 
@@ -271,5 +275,6 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    states=("tool",),
     options=(FOCAL_SIDE,),
 )

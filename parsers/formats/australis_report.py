@@ -3,6 +3,7 @@
 In the format's own words, a table for each camera::
 
     Australis Bundle Adjustment Results:  Camera Parameters
+                                        02 August, 2006   14:11:14
     Number of Points: 145
     Number of Images: 9
     RMS of Image coords:    0.47 (um)
@@ -50,6 +51,7 @@ __all__ = ["FORMAT"]
 TITLE = "Australis Bundle Adjustment Results"
 PARAMETERS = ("C", "XP", "YP", "K1", "K2", "K3", "P1", "P2", "B1", "B2")
 LENS = PARAMETERS[3:]
+NEAR_TOP = 10
 COLUMNS = 5
 """Initial value, adjustment, final value, and the standard errors before and after."""
 
@@ -65,6 +67,7 @@ CONVENTION = Convention(
 PIXEL = "australis_report/pixel_mm"
 AXES_NOTE = "YP was read with y pointing up, as photogrammetry counts; the report does not say"
 
+_DATE = re.compile(r"(?![A-Z][\w ]{0,40}:)[\w ,./:+-]{0,40}\b\d{4}\b[\w ,./:+-]{0,40}")
 _CAMERA = re.compile(r"Results for Camera\s+(\d+)\s*(.*)")
 _SIDE = re.compile(r"([HV])\s+(\S+)\s+(\S+)")
 _FACT = re.compile(r"(Number of Points|Number of Images|RMS of Image coords)\s*:\s*(\S+)")
@@ -90,9 +93,10 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the adjustment, in order."""
-    cameras, facts = _tables(data, context.name)
-    several = len(cameras) > 1
-    return [_calibration(camera, facts, context, several=several) for camera in cameras]
+    rows = rows_of(data, source=context.name)
+    cameras, facts = _tables(rows, context.name)
+    several, date = len(cameras) > 1, _date(rows)
+    return [_calibration(camera, facts, context, several=several, date=date) for camera in cameras]
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -118,6 +122,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     rows = [
         f"{TITLE}:  Camera Parameters",
         "",
+        *([date, ""] if (date := calibration.provenance.date) else []),
         *(f"{title}: {value!r}{unit}" for title, value, unit in facts if value is not None),
         "",
         f"Results for Camera 1    {name}      Lens",
@@ -137,9 +142,14 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return "".join(f"{row}\n" for row in rows).encode()
 
 
-def _tables(data: bytes, source: str) -> tuple[list[_Camera], dict[str, float]]:
+def _date(rows: Sequence[str]) -> str | None:
+    """The line below the title, which is the time of the adjustment and has no label; None if it is missing."""
+    second = next((line for row in rows[1:NEAR_TOP] if (line := row.strip())), "")
+    return second if _DATE.fullmatch(second) else None
+
+
+def _tables(rows: Sequence[str], source: str) -> tuple[list[_Camera], dict[str, float]]:
     """Every camera's table, and the facts about the whole adjustment."""
-    rows = rows_of(data, source=source)
     if not any(row.strip().startswith(TITLE) for row in rows):
         raise ParseError(f"there is no line '{TITLE}'", source=source)
     cameras: list[_Camera] = []
@@ -177,7 +187,7 @@ def _take(camera: _Camera, line: str, *, source: str, place: str) -> None:
 
 
 def _calibration(
-    camera: _Camera, facts: dict[str, float], context: ReadContext, *, several: bool
+    camera: _Camera, facts: dict[str, float], context: ReadContext, *, several: bool, date: str | None
 ) -> Calibration:
     missing = [key for key in PARAMETERS if key not in camera.values]
     missing += [f"{axis} size" for axis in "HV" if axis not in camera.sides]
@@ -198,7 +208,7 @@ def _calibration(
         distortion=_distortion(values),
         grade=Grade.CALIBRATED,
         quality=_quality(camera, facts, (pitch_x, pitch_y)),
-        provenance=context.provenance(tag=camera.name),
+        provenance=context.provenance(tag=camera.name, date=date),
         notes=(AXES_NOTE,),
         extras=((PIXEL, repr(pitch_x)),),
     )
@@ -262,4 +272,5 @@ FORMAT = Format(
     read=read,
     write=write,
     capacity=Capacity(models=(NoDistortion, Australis)),
+    states=("date",),
 )

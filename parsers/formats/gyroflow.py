@@ -79,7 +79,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
                 rms_px=None if rms is None else rms.number(),
                 views=None if views is None else views.whole(),
             ),
-            provenance=context.provenance(),
+            provenance=context.provenance(
+                date=_text(document, "date"),
+                tool=f"Gyroflow {version}" if (version := _text(document, "calibrator_version")) else None,
+                operator=_text(document, "calibrated_by"),
+            ),
             notes=(NOTE,),
         )
     ]
@@ -120,4 +124,5 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    states=("date", "tool", "operator"),
 )

@@ -4,6 +4,7 @@ In the format's own words, a block for each camera, among much else::
 
     $CAMERA                                     or $CAMERA_DEFINITION, with $ID, $ACTIVE_CALIBRATION and
       $TYPE : iXU-RS1000_(50mm)                 several $CALIBRATION_SET … $END
+      $DATE : 19:07:49 17/08/2018
       $KIND : CCDFrame
       $CCD_INTERIOR_ORIENTATION :
          217.39     0.00    5798.57             column = a11·x + a12·y + a13, x and y in mm, y up
@@ -186,7 +187,7 @@ def _calibration(camera: _Rows, context: ReadContext, *, several: bool) -> Calib
         intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
         distortion=NoDistortion() if known is False else None,
         grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=name),
+        provenance=context.provenance(tag=name, date=camera.text("DATE", "")),
         notes=(NOTE,) if known else (),
         extras=tuple(
             (PREFIX + key, " ".join(camera.text(key).split())) for key in LENS if key in camera.values
@@ -235,4 +236,5 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    states=("date",),
 )

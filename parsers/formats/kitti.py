@@ -108,6 +108,11 @@ class _Table:
                 raise ParseError("it stands twice", source=source, place=match[1])
             self.values[match[1]] = match[2]
 
+    @property
+    def date(self) -> str | None:
+        """When the cameras were calibrated, as the file writes it."""
+        return self.values.get("calib_time")
+
     def numbers(self, name: str, count: int) -> tuple[float, ...]:
         if name not in self.values:
             raise ParseError(f"there is no {name}", source=self.source)
@@ -137,7 +142,7 @@ def _raw(number: str, table: _Table, context: ReadContext) -> Calibration:
             "this is the camera of the raw images; options={'images': 'rectified'} for the rectified ones"
         )
     size = context.size(table.size(f"S_{number}"))
-    return _camera(number, native, size, distortion, context, tag=f"K_{number}", notes=notes)
+    return _camera(number, native, size, distortion, context, tag=f"K_{number}", date=table.date, notes=notes)
 
 
 def _rectified(name: str, number: str, table: _Table, context: ReadContext) -> Calibration:
@@ -149,7 +154,7 @@ def _rectified(name: str, number: str, table: _Table, context: ReadContext) -> C
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     stated = table.size(f"S_rect_{number}") if name.startswith("P_rect") else None
     size = context.size(stated)
-    return _camera(number, native, size, NoDistortion(), context, tag=name, notes=[NOTE])
+    return _camera(number, native, size, NoDistortion(), context, tag=name, date=table.date, notes=[NOTE])
 
 
 def _camera(
@@ -160,6 +165,7 @@ def _camera(
     context: ReadContext,
     *,
     tag: str,
+    date: str | None,
     notes: list[str],
 ) -> Calibration:
     return Calibration(
@@ -167,7 +173,7 @@ def _camera(
         intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
         distortion=distortion,
         grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=tag),
+        provenance=context.provenance(tag=tag, date=date),
         notes=tuple(notes),
     )
 
@@ -180,5 +186,6 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    states=("date",),
     options=(IMAGES,),
 )

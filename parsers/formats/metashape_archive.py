@@ -94,5 +94,6 @@ FORMAT = Format(
     convention=metashape_document.FORMAT.convention,
     sniff=sniff,
     read=read,
+    states=metashape_document.FORMAT.states,
     options=metashape_document.FORMAT.options,
 )

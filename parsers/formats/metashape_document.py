@@ -15,6 +15,7 @@ In the format's own words::
               <f>3650.1</f> <cx>-3.2</cx> <cy>8.1</cy> <k1/> …
             </calibration>
             <covariance> <params>f cx cy k1 …</params> <coeffs>…</coeffs> </covariance>
+        <meta> <property name="Info/LastSavedSoftwareVersion" value="1.6.2.10247"/> … </meta>
 
 Each ``<calibration>`` is the one that *Camera Calibration ▸ Save* writes (``agisoft_xml``), its size and
 projection in attributes. The adjusted one is taken where there is one. An initial one is what the project was
@@ -76,15 +77,14 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every sensor that has a calibration, in the file's order."""
-    sensors = _sensors(
-        parse_xml(data, source=context.name, max_bytes=context.at_most(MAX_BYTES)), context.name
-    )
+    root = parse_xml(data, source=context.name, max_bytes=context.at_most(MAX_BYTES))
+    sensors, tool = _sensors(root, context.name), _tool(root)
     found: list[Calibration] = []
     left_out: list[str] = []
     refused: UnsupportedModelError | None = None
     for sensor in sensors:
         try:
-            calibration = sensor.calibration(context)
+            calibration = sensor.calibration(context, tool)
         except UnsupportedModelError as error:
             refused = refused or error
             left_out.append(f"{sensor.place} was left out: {error.message}")
@@ -117,7 +117,7 @@ class _Sensor:
     place: str
     name: str | None
 
-    def calibration(self, context: ReadContext) -> Calibration | None:
+    def calibration(self, context: ReadContext, tool: str | None) -> Calibration | None:
         """What is known of the sensor, None when that is no calibration."""
         chosen = self._chosen(context.name)
         if chosen is None:
@@ -138,7 +138,7 @@ class _Sensor:
             ),
             grade=Grade.DERIVED if initial and not held else Grade.ADJUSTED,
             quality=Quality(std=std) if std else None,
-            provenance=context.provenance(tag=self.place),
+            provenance=context.provenance(tag=self.place, date=single.provenance.date, tool=tool),
             notes=(*single.notes, *([HELD if held else START] if initial else [])),
             extras=tuple(
                 (PREFIX + key.removeprefix(agisoft_xml.PREFIX), value) for key, value in single.extras
@@ -198,6 +198,24 @@ class _Sensor:
             return None
         focal = strict.number(text, place="focal_length")
         return focal if focal > 0 else None
+
+
+def _tool(root: _Element) -> str | None:
+    """The program that saved the project, as far as the document names it.
+
+    Its ``Info/LastSavedDateTime`` is the day of saving and its photos' EXIF dates are those of the photos;
+    neither is the calibration's.
+    """
+    saved = {
+        item.get("name"): item.get("value", "").strip()
+        for meta in (*root.iterchildren("meta"), *root.iterfind("chunk/meta"))
+        for item in meta.iterchildren("property")
+    }
+    version = saved.get("Info/LastSavedSoftwareVersion")
+    if version:
+        return f"{saved.get('Info/OriginalSoftwareName') or 'Agisoft Metashape'} {version}"
+    version = root.get("version") if root.tag == "document" else None
+    return f"Agisoft Metashape or PhotoScan, document version {version}" if version else None
 
 
 def _sensors(root: _Element, source: str) -> list[_Sensor]:
@@ -287,5 +305,6 @@ FORMAT = Format(
     convention=agisoft_xml.CONVENTION,
     sniff=sniff,
     read=read,
+    states=("date", "tool"),
     options=(agisoft_xml.PRINCIPAL_POINT,),
 )

@@ -2,6 +2,7 @@
 
 In the format's own words::
 
+    # generated on 2020-08-30 22:55:50 with   mrcal-calibrate-cameras --focal 3650 …
     {
         'lensmodel':  'LENSMODEL_OPENCV5',
 
@@ -70,6 +71,11 @@ _TOKEN = re.compile(
     r"|(?P<word>[^][(){}:,'\"\s#]++)"
     r"|(?P<end>\Z))"
 )
+# The first line of what mrcal's tools write.
+_GENERATED = re.compile(
+    r"\s*+#[ \t]*generated on (\d{4}-\d\d-\d\d(?:[ T][\d:.]{1,20})?(?:Z|[+-]\d\d:?\d\d)?)"
+    r"(?: with[ \t]+([^\n]{0,1000}))?"
+)
 _CLOSING = {"[": "]", "(": ")"}
 
 Span: TypeAlias = tuple[Json, str]
@@ -85,7 +91,8 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    spans = _Dictionary(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name).read()
+    text = short_text(data, source=context.name, max_bytes=MAX_BYTES)
+    spans = _Dictionary(text, context.name).read()
     tree = Node({key: value for key, (value, _) in spans.items()}, source=context.name)
     model = tree["lensmodel"].text()
     if model not in MODELS:
@@ -100,6 +107,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     size = context.size(strict.image_size(width, height, source=context.name, place="imagersize"))
     intrinsics = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name)
     distortion = lens(coefficients)
+    made = _GENERATED.match(text)
     extras = [
         (PREFIX + key, bound(text, intrinsics, distortion) if key in BOUND else text)
         for key, (_, text) in spans.items()
@@ -111,7 +119,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             intrinsics=intrinsics,
             distortion=distortion,
             grade=Grade.CALIBRATED,
-            provenance=context.provenance(),
+            provenance=context.provenance(date=made and made[1], tool=made and _program(made[2])),
             extras=tuple(extras),
         )
     ]
@@ -136,7 +144,14 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     ]
     lines += _extras(calibration)
     lines.append(f"    'imagersize': [ {K.image_size[0]}, {K.image_size[1]} ],")
-    return ("{\n" + "\n".join(lines) + "\n}\n").encode()
+    return ("".join(_heading(calibration)) + "{\n" + "\n".join(lines) + "\n}\n").encode()
+
+
+def _heading(calibration: Calibration) -> Iterator[str]:
+    """The comment that mrcal's tools begin with, about the calibration and not about this file."""
+    date, tool = calibration.provenance.date, calibration.provenance.tool
+    if date is not None:
+        yield f"# generated on {date.replace('T', ' ')}{f' with   {tool}' if tool else ''}\n"
 
 
 def _extras(calibration: Calibration) -> Iterator[str]:
@@ -148,6 +163,15 @@ def _extras(calibration: Calibration) -> Iterator[str]:
         if text is not None:
             yield f"    {key!r}: {text},"
             yield ""
+
+
+def _program(command: str | None) -> str | None:
+    """The program of a command line; arguments of mrcal's own tools, such as paths, are left out."""
+    words = (command or "").split()
+    if not words:
+        return None
+    name = words[0].rpartition("/")[2]
+    return name if name.startswith("mrcal") else " ".join([name, *words[1:]])
 
 
 class _Dictionary:
@@ -245,4 +269,5 @@ FORMAT = Format(
     read=read,
     write=write,
     capacity=Capacity(models=(NoDistortion, BrownConrady, Rational, ThinPrism)),
+    states=("date", "tool"),
 )

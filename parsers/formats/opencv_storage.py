@@ -4,6 +4,7 @@ In the format's own words::
 
     %YAML:1.0
     ---
+    calibration_time: "Tue Oct  8 10:53:15 2024"
     image_width: 5472
     image_height: 3648
     camera_matrix: !!opencv-matrix
@@ -119,10 +120,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             if label not in keys.matrices:
                 tree[key].fail(f"there is no camera matrix beside {what}")
     size = context.size(keys.size())
-    grade, quality = keys.grade(), keys.quality()
+    grade, quality, date = keys.grade(), keys.quality(), keys.date()
     extras = keys.extras(PREFIX)
     return [
-        _camera(keys, label, size, context, grade=grade, quality=quality, extras=extras)
+        _camera(keys, label, size, context, grade=grade, quality=quality, date=date, extras=extras)
         for label in keys.matrices
     ]
 
@@ -146,7 +147,10 @@ def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
         tree[GRADE_KEY] = worst.value
     if fisheyes == {True}:
         tree["fisheye_model"] = 1
-    tree = _extras(calibrations, context.name) | tree
+    # As in OpenCV's samples the date comes first; theirs is strftime's %c, which differs from place to place.
+    dates = {item.provenance.date for item in calibrations}
+    made: dict[str, Json] = {"calibration_time": date} if len(dates) == 1 and (date := dates.pop()) else {}
+    tree = made | _extras(calibrations, context.name) | tree
     named = list(zip(_labels(calibrations), calibrations, strict=True))
     for label, item in named:
         if item.distortion is not None:
@@ -187,6 +191,7 @@ def _camera(
     *,
     grade: Grade,
     quality: Quality | None,
+    date: str | None,
     extras: tuple[tuple[str, str], ...],
 ) -> Calibration:
     matrix_key, coefficient_key = keys.matrices[label], keys.coefficients.get(label)
@@ -215,7 +220,7 @@ def _camera(
         distortion=distortion,
         grade=grade,
         quality=quality,
-        provenance=context.provenance(tag=", ".join(tags)),
+        provenance=context.provenance(tag=", ".join(tags), date=date),
         notes=tuple(notes),
         extras=extras,
     )
@@ -323,5 +328,6 @@ FORMAT = Format(
         models=(NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt, Unified),
         several_cameras=True,
     ),
+    states=("date",),
     options=(DISTORTION,),
 )

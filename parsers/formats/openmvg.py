@@ -31,6 +31,7 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._json_text import loaded
+from calibrary.records import replace
 
 __all__ = ["FORMAT"]
 
@@ -85,9 +86,12 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     found = list(_cameras(document["intrinsics"]))
     if len(found) > MAX_CAMERAS:
         raise ParseError(f"there are over {MAX_CAMERAS} intrinsics", source=context.name)
+    version = document["sfm_data_version"].text()
     extrinsics = document.get("extrinsics")
     posed = extrinsics is not None and bool(extrinsics.items())
-    return [_calibration(*item, context, posed=posed, several=len(found) > 1) for item in found]
+    cameras = [_calibration(*item, context, posed=posed, several=len(found) > 1) for item in found]
+    tool = f"OpenMVG, sfm_data version {version}"
+    return [replace(item, provenance=replace(item.provenance, tool=tool)) for item in cameras]
 
 
 def _cameras(intrinsics: Node) -> Iterator[tuple[str, str, Node]]:
@@ -155,4 +159,5 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    states=("tool",),
 )

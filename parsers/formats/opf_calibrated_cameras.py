@@ -8,7 +8,8 @@ In the format's own words::
 
 One camera here for each sensor. How large its images are, and what it is called, stands in the *input cameras*
 of the same project, which are looked for beside the file: by the project's list of resources in
-``project.opf``, else under their usual names. Where an image was taken from is left out, and not written.
+``project.opf``, else under their usual names. The project also names the program that wrote it. Where an image
+was taken from is left out, and not written.
 
 Source: OPF specification 1.0, "Calibrated cameras".
 """
@@ -54,6 +55,7 @@ def sniff(content: Content) -> Sniff | None:
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every sensor, in order."""
     items = _opf.sensors(loaded(data, context), MARK)
+    tool = _generator(context)
     known = _input(context)
     found: list[Calibration] = []
     for item, label in zip(items, _opf.labels(items, known.names), strict=True):
@@ -67,7 +69,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
                 intrinsics=intrinsics,
                 distortion=distortion,
                 grade=Grade.ADJUSTED,
-                provenance=context.provenance(tag=item.place),
+                provenance=context.provenance(tag=item.place, tool=tool),
                 extras=_opf.extras(item, PREFIX, KNOWN),
             )
         )
@@ -110,6 +112,17 @@ def _input(context: ReadContext) -> _Input:
                 names[number] = label.text()
         break
     return _Input(sizes, names)
+
+
+def _generator(context: ReadContext) -> str | None:
+    """The program that wrote the project beside the file, with its version."""
+    for name in PROJECT_NAMES:
+        data = context.companion(name)
+        generator = None if data is None else loaded(data, context.beside(name)).get("generator")
+        if generator is not None:
+            words = (generator.get(key) for key in ("name", "version"))
+            return " ".join(word.text() for word in words if word is not None)
+    return None
 
 
 def _companions(context: ReadContext) -> Iterator[str]:

@@ -3,6 +3,9 @@
 In the format's own words, indented, among much else::
 
     Status Report Tree
+       Information from most recent processing
+          Last Processing Attempt: Fri Oct 06 15:18:09 2017
+          Version: PhotoModeler UAS 2017.1.1.2199 (64-bit)
           Precisions / Standard Deviations
              Camera Calibration Standard Deviations
                 Camera1: NAME [8.02]
@@ -52,6 +55,8 @@ _HEADING = re.compile(rf"({'|'.join(NAMES)})\b")
 _VALUE = re.compile(r"Value\s*:\s*(\S+)")
 _DEVIATION = re.compile(r"Deviation\s*:.*:\s*(\S+)")
 _RMS = re.compile(r"Overall RMS\s*:\s*(\S+)\s+pixels")
+_PROCESSED = re.compile(r"Last Processing Attempt\s*:\s*(\S.{0,60})")
+_VERSION = re.compile(r"Version\s*:\s*(PhotoModeler\b.{0,80})")
 _ORIENTED = re.compile(r"Number Oriented\s*:\s*(\S+)")
 
 
@@ -72,6 +77,8 @@ class _Report:
     cameras: list[_Camera] = field(default_factory=list)
     rms_px: float | None = None
     views: int | None = None
+    date: str | None = None
+    tool: str | None = None
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -105,14 +112,14 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
                 distortion=distortion,
                 grade=Grade.CALIBRATED,
                 quality=_quality(report, camera, size),
-                provenance=context.provenance(tag=camera.name or None),
+                provenance=context.provenance(tag=camera.name or None, date=report.date, tool=report.tool),
             )
         )
     return found
 
 
 def _taken_apart(data: bytes, source: str) -> _Report:
-    """The cameras of the calibration section, and two numbers of the quality section."""
+    """The cameras of the calibration section, and four facts about the processing."""
     rows = rows_of(data, source=source, most=MAX_BYTES)
     if not any(row.strip() == TITLE for row in rows[:10]):
         raise ParseError(f"there is no line '{TITLE}'", source=source)
@@ -150,6 +157,10 @@ def _take_number(camera: _Camera, parameter: str, line: str, *, source: str, pla
 def _take_fact(report: _Report, line: str, *, source: str, place: str) -> None:
     if report.rms_px is None and (found := _RMS.match(line)):
         report.rms_px = strict.number(found.group(1), source=source, place=place)
+    elif report.date is None and (found := _PROCESSED.fullmatch(line)):
+        report.date = found.group(1)
+    elif report.tool is None and (found := _VERSION.fullmatch(line)):
+        report.tool = found.group(1)
     elif report.views is None and (found := _ORIENTED.match(line)):
         report.views = strict.whole(found.group(1), source=source, place=place)
 
@@ -177,4 +188,5 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     needs_image_size=True,
+    states=("date", "tool"),
 )

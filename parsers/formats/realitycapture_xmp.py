@@ -105,7 +105,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
             distortion=distortion,
             grade=Grade.ADJUSTED,
-            provenance=context.provenance(assumptions=(MIDDLE, *((SQUARE_PIXELS,) if aspect != 1 else ()))),
+            provenance=context.provenance(
+                assumptions=(MIDDLE, *((SQUARE_PIXELS,) if aspect != 1 else ())),
+                tool=f"RealityCapture, XMP version {fields['Version']}" if fields.get("Version") else None,
+            ),
             notes=(MIDDLE,),
             extras=tuple((PREFIX + name, fields[name]) for name in KEPT if name in fields),
         )
@@ -190,5 +193,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     needs_image_size=True,
+    states=("tool",),
     options=(TANGENTIAL,),
 )

@@ -2,7 +2,7 @@
 
 In the report's own words, wherever on the page they stand::
 
-    REPORT OF CALIBRATION
+    REPORT OF CALIBRATION   May 11, 2004
     of Aerial Mapping Camera
     Camera type: Wild RC30          Lens type: Wild Universal Aviogon /4-S
     I. Calibrated Focal Length: 153.247 mm
@@ -61,6 +61,10 @@ ASSUMPTION = (
     "are {} µm"
 )
 
+LABORATORY = "U.S. Geological Survey"
+"""Every such report is of its Optical Science Laboratory."""
+
+_MONTHS = "(?:January|February|March|April|May|June|July|August|September|October|November|December)"
 _TIDY = str.maketrans("−–—×⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "---x0123456789-")
 # Spaces are counted and words are bounded, so that a long line of either costs no more than its length.
 _FOCAL = re.compile(
@@ -74,6 +78,11 @@ _TERM = re.compile(
 )
 _CAMERA = re.compile(r"Camera type\s{0,20}:\s{0,20}(\S[^\n]{0,120}?)\s*(?:Camera serial|\n)", re.IGNORECASE)
 _LENS = re.compile(r"Lens type\s{0,20}:\s{0,20}(\S[^\n]{0,120}?)\s*(?:Lens serial|\n)", re.IGNORECASE)
+
+
+_DATE = re.compile(
+    rf"REPORT OF CALIBRATION\s{{1,40}}({_MONTHS}\s{{1,5}}\d{{1,2}},?\s{{1,5}}\d{{4}})\b", re.IGNORECASE
+)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -108,7 +117,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             intrinsics=CONVENTION.intrinsics(native, size, sensor_mm=sensor, source=context.name),
             distortion=_distortion(values, focal / scale, scale),
             grade=Grade.CALIBRATED,
-            provenance=context.provenance(assumptions=(ASSUMPTION.format(scan_um),)),
+            provenance=context.provenance(
+                assumptions=(ASSUMPTION.format(scan_um),), date=_found(_DATE, text), operator=LABORATORY
+            ),
         )
     ]
 
@@ -174,5 +185,6 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     needs_image_size=True,
+    states=("date", "operator"),
     options=(SCAN_UM,),
 )

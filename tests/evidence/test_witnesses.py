@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from calibrary.calibration import Grade
+from calibrary.calibration import CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
 from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.context import Scene
@@ -35,6 +35,31 @@ def test_dewarp_data_of_a_resized_file_is_scaled_from_exifs_frame() -> None:
     assert chosen is not None
     assert chosen.intrinsics.fx == pytest.approx(3660.5 / 4)
     assert chosen.reference_size == (5472, 3648)
+
+
+@pytest.mark.parametrize(
+    ("stated", "date", "notes"),
+    [
+        ("2019-03-05", "2019-03-05", 0),
+        (" 2019-03-05", "2019-03-05", 0),
+        ("03/05/2019", None, 1),
+        ("", None, 0),
+    ],
+)
+def test_the_date_before_dewarp_datas_numbers_is_the_calibrations(
+    stated: str, date: str | None, notes: int
+) -> None:
+    text = f"{stated};3660.5,3655.25,-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
+    calibration = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK)).calibration(CameraKey())
+    assert calibration is not None
+    assert calibration.provenance.date == date
+    assert len(calibration.notes) == notes
+
+
+def test_the_day_of_the_photograph_is_no_date_of_a_design_value() -> None:
+    calibration = collect(Scene(metadata=p4_rtk(dewarp=""), known=P4_RTK)).calibration(CameraKey())
+    assert calibration is not None
+    assert calibration.provenance.date is None
 
 
 def test_dewarp_data_with_a_leading_blank_is_read() -> None:

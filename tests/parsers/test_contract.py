@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from contextlib import suppress
+from datetime import datetime
 from functools import cache
 from importlib import import_module
 
@@ -13,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from calibrary import parsers
-from calibrary.calibration import Calibration, CameraKey, Grade, Quality
+from calibrary.calibration import Calibration, CameraKey, Grade, Provenance, Quality
 from calibrary.distortion import Distortion, NoDistortion
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import (
@@ -24,7 +25,7 @@ from calibrary.errors import (
     UnsupportedModelError,
 )
 from calibrary.parsers.content import Content
-from calibrary.parsers.format import Capacity, Fidelity, Format
+from calibrary.parsers.format import STATED, Capacity, Fidelity, Format
 from calibrary.parsers.reading import identified
 from calibrary.records import replace
 from tests.parsers.cameras import SIZE, calibrations, camera, rays
@@ -196,6 +197,34 @@ def test_every_camera_read_says_its_size_and_its_source(record: Format, name: st
         assert [copy.intrinsics.image_size for copy in copies] == [SIZE]
     if len(copies) > 1:
         assert len({copy.camera.sub_camera for copy in copies} - {None}) == len(copies)
+
+
+@pytest.mark.parametrize(("record", "name"), FILES)
+def test_a_date_is_the_files_own_and_never_the_day_of_reading(record: Format, name: str) -> None:
+    """A file of ours is written from a camera without a date; a sample states all that its format can."""
+    today = datetime.now().astimezone().date().isoformat()
+    for copy in read_back(record, name, sample(record, name).data):
+        assert not (copy.provenance.date or "").startswith(today)
+        for field in STATED:
+            expected = record.write is None and field in record.states
+            assert (getattr(copy.provenance, field) is not None) == expected, field
+        if copy.provenance.date is not None:
+            datetime.fromisoformat(copy.provenance.date)
+
+
+@pytest.mark.parametrize("made", ["2019-05-14T10:22:31", "2019-05-14", "2019-05-14T10:22:31Z"])
+@pytest.mark.parametrize(("record", "name"), WRITTEN)
+def test_what_a_file_can_state_of_its_origin_comes_back(record: Format, name: str, made: str) -> None:
+    origin = Provenance(
+        kind="test", date=made, tool="Solver 3.1 (64-bit)", operator="U. Surveyor", focus="locked at infinity"
+    )
+    item = replace(a_camera_for(record), provenance=origin)
+    file, verdict = parsers.encode([item], record, name=name)
+    [copy] = read_back(record, name, file)
+    for field in STATED:
+        kept = field in record.states
+        assert getattr(copy.provenance, field) == (getattr(origin, field) if kept else None)
+        assert (field in verdict.dropped) == (not kept)
 
 
 @pytest.mark.parametrize(("record", "name"), FILES)

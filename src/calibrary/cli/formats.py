@@ -76,6 +76,8 @@ def _counts(record: Format) -> str:
     sentences = list(record.convention.sentences())
     if record.needs_image_size:
         sentences.append("the file does not say the image size: give --image-size")
+    if record.states:
+        sentences.append(f"a file can state its {', '.join(record.states)}")
     return "; ".join(sentences)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Provenance
+from calibrary.dates import iso_date
 from calibrary.distortion import NoDistortion
 from calibrary.evidence import camera_namespace, dji, field_of_view, optics, skydio
 from calibrary.evidence.conflict import Conflict, conflicts
@@ -52,6 +53,12 @@ class Evidence:
                 f"EXIF Orientation is {orientation}: K counts in the stored pixels; "
                 "turn it together with an image that a viewer turns",
             )
+        date = iso_date(witness.date) if witness.date else None
+        if witness.date and date is None:
+            notes = (
+                *notes,
+                f"{witness.tag} states the date {witness.date!r}, which is ambiguous or not a date",
+            )
         return Calibration(
             camera=camera,
             intrinsics=witness.intrinsics,
@@ -64,6 +71,8 @@ class Evidence:
                 reference_size=witness.reference_size,
                 adaptation="; ".join(witness.steps) or None,
                 assumptions=witness.assumptions,
+                # EXIF's dates are the photograph's: only a source that states its own has one.
+                date=date,
             ),
             notes=notes,
         )

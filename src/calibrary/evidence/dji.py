@@ -17,7 +17,8 @@ from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rationa
 from calibrary.errors import InputError
 from calibrary.evidence.context import Finding, Scene, numbers
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.witness import Dropped, Source
+from calibrary.evidence.witness import Dropped, Source, Witness
+from calibrary.records import replace
 
 __all__ = ["is_dewarped", "witnesses"]
 
@@ -46,7 +47,8 @@ def witnesses(scene: Scene) -> Iterator[Finding]:
 
 def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Finding:
     # The date before the semicolon is DJI's; K6's manual does not say whether it has one.
-    values = numbers(text.rsplit(";", 1)[-1])
+    made, _, terms = text.rpartition(";")
+    values = numbers(terms)
     if values is None or len(values) != count:
         found = "no list of numbers" if values is None else f"{len(values)} numbers"
         return Dropped(source=source, tag=tag, reason=f"holds {found}, wanted {count}")
@@ -65,7 +67,7 @@ def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Fi
             return Dropped(source=source, tag=tag, reason=error.message)
         foreign = scene.is_foreign(intrinsics)
         if foreign is None:
-            return scene.hear(
+            heard = scene.hear(
                 source,
                 tag,
                 Grade.CALIBRATED,
@@ -73,6 +75,7 @@ def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Fi
                 distortion=_distortion(scene.metadata, tuple(rest)),
                 measured_centre=True,
             )
+            return replace(heard, date=made.strip() or None) if isinstance(heard, Witness) else heard
         reason = foreign
     return Dropped(source=source, tag=tag, reason=reason)
 

@@ -71,6 +71,7 @@ class Witness:
         tolerance: relative rounding of the source itself (a 35 mm equivalent is a whole number of mm).
         pinhole: False for a fisheye: its focal length can be compared, but is no K.
         by_focal_plane: whether FocalPlaneResolution turned its millimetres into pixels.
+        date: when the source says that it was calibrated, as it writes it.
     """
 
     source: Source
@@ -85,6 +86,7 @@ class Witness:
     tolerance: float = 0.0
     pinhole: bool = True
     by_focal_plane: bool = False
+    date: str | None = None
 
     def is_independent_of(self, other: Witness) -> bool:
         """Whether nothing that was written once stands behind both: only then does agreement prove anything."""

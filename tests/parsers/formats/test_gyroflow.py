@@ -21,6 +21,7 @@ COEFFICIENTS = [0.0618, -0.0183, 0.0682, -0.0805]
 PROFILE: Profile = {
     "camera_brand": "Acme", "camera_model": "Air 3", "lens_model": "24 mm", "camera_setting": "4k wide",
     "calib_dimension": {"w": 3840, "h": 2160}, "input_horizontal_stretch": 1.0, "input_vertical_stretch": 1.0,
+    "calibrated_by": "A. Pilot", "calibrator_version": "1.5.2", "date": "2023-09-08",
     "num_images": 12, "distortion_model": None, "digital_lens": None,
     "fisheye_params": {"RMS_error": 0.97, "camera_matrix": MATRIX, "distortion_coeffs": COEFFICIENTS},
 }  # fmt: skip

@@ -19,7 +19,7 @@ from tests.parsers.samples import Sample
 DOCUMENT = b"""<document version="1.4.0"><chunk label="c"><sensors><sensor id="0" label="FC6310" type="frame">
 <resolution width="5472" height="3648"/><calibration type="frame" class="adjusted">
 <resolution width="5472" height="3648"/><f>3650.7</f><cx>-12.31</cx><cy>8.47</cy><k1>-0.1131</k1><p1>0.0008</p1>
-</calibration></sensor></sensors></chunk></document>"""
+<date>2024-05-17T10:00:00Z</date></calibration></sensor></sensors></chunk></document>"""
 
 
 def archive(*members: tuple[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:

@@ -52,7 +52,8 @@ def read(data: bytes, **options: str) -> list[Calibration]:
     return parsers.decode(data, name="cameras.xml", options=options)
 
 
-SAMPLES = {"metashape_document": Sample(document(sensor(calibration())))}
+DATED = calibration(f"{ADJUSTED}<date>2024-05-17T10:00:00Z</date>")
+SAMPLES = {"metashape_document": Sample(document(sensor(DATED)))}
 
 
 def test_a_sensor_is_what_saving_its_calibration_gives() -> None:

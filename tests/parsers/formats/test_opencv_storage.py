@@ -429,7 +429,7 @@ def test_python_programs_nested_lists_are_read_and_said_to_be_guessed() -> None:
 def test_what_else_the_file_says_survives_in_every_syntax(suffix: str) -> None:
     data = by_opencv(
         suffix,
-        calibration_time='Tue "8" Oct <10:53> & on',
+        remark='Tue "8" Oct <10:53> & on',
         flags=2,
         square_size=0.025,
         image_width=5472,
@@ -447,7 +447,7 @@ def test_what_else_the_file_says_survives_in_every_syntax(suffix: str) -> None:
         assert read(again)[0].extras == original.extras
         storage = cv2.FileStorage(again.decode(), READ)
         assert storage.getNode("flags").real() == 2
-        assert storage.getNode("calibration_time").string() == 'Tue "8" Oct <10:53> & on'
+        assert storage.getNode("remark").string() == 'Tue "8" Oct <10:53> & on'
         assert storage.getNode("names").at(0).string() == "a b"
         np.testing.assert_array_equal(
             storage.getNode("extrinsic_parameters").mat(), np.arange(12.0).reshape(2, 6) / 3

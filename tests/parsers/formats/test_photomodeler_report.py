@@ -36,7 +36,10 @@ def block(number: int = 1, name: str = "FC6310 [8.80]", **changes: float) -> str
 
 def report(*blocks: str) -> str:
     return (
-        "\n\nStatus Report Tree\n   Project Name: p.pmr\n      Precisions / Standard Deviations\n"
+        "\n\nStatus Report Tree\n   Project Name: p.pmr\n   Information from most recent processing\n"
+        "      Last Processing Attempt: Fri Oct 06 15:18:09 2017\n"
+        "      Version: PhotoModeler UAS 2017.1.1.2199 (64-bit)\n"
+        "      Precisions / Standard Deviations\n"
         + ("         Camera Calibration Standard Deviations\n" if blocks else "")
         + "".join(blocks)
         + "         Photograph Standard Deviations\n            Photo 1: a.jpg\n"
@@ -99,7 +102,7 @@ def test_the_size_is_asked_for() -> None:
     [
         (report(), "without calibration"),
         (report(block()).replace("K3 - radial", "KX - radial"), "K2 stands twice"),
-        (report(block().partition("               P2 - ")[0]), "line 7: it lacks P2"),
+        (report(block().partition("               P2 - ")[0]), "line 10: it lacks P2"),
         (report(block(Fw=0.0)), "format is 0"),
         (report(block()).replace("8.76024 mm", "8,76024 mm"), "decimal point"),
         (report(block())[:-1], "cut short"),

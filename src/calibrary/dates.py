@@ -1,0 +1,100 @@
+"""Dates as programs write them, converted to ISO 8601 if they are unambiguous.
+
+>>> iso_date("Tue Oct  8 10:53:15 2024")
+'2024-10-08T10:53:15'
+>>> iso_date("2020-05-06T21:47:42Z")
+'2020-05-06T21:47:42Z'
+>>> iso_date("03/04/2019")   # 3 April or 4 March: ambiguous, so None
+
+A time without a zone stays without one.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import date, time, timedelta, timezone
+
+__all__ = ["iso_date"]
+
+LONGEST = 60
+"""In characters; a longer text is not a date."""
+
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_MONTH = (
+    r"(?P<month>jan(?:uary)?|feb(?:ruary)?|mar(?:ch)?|apr(?:il)?|may|june?|july?|aug(?:ust)?|sept?(?:ember)?|"
+    r"oct(?:ober)?|nov(?:ember)?|dec(?:ember)?)\.?"
+)
+_WEEKDAY = r"(?:(?:mon|tues?|wed(?:nes)?|thu(?:rs?)?|fri|sat(?:ur)?|sun)(?:day)?\.?,?\s+)?"
+_CLOCK = r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?P<fraction>\.\d{1,9})?)?(?:\s?(?P<half>[ap]m))?"
+_ZONE = r"(?:\s?(?P<zone>z|utc|gmt|[+-]\d{2}:?\d{2})|\s(?P<elsewhere>[a-z]{3,5}))?"
+_TIME = rf"(?:(?:\s+|,\s*|t){_CLOCK}{_ZONE})?"
+_YEAR = r"(?P<year>\d{4})"
+_FORMS = tuple(
+    re.compile(form, re.IGNORECASE | re.ASCII)
+    for form in (
+        # ISO 8601, also as EXIF writes it, and with strokes: the year first leaves one meaning.
+        rf"{_YEAR}(?P<mark>[-/.:])(?P<number>\d{{1,2}})(?P=mark)(?P<day>\d{{1,2}}){_TIME}",
+        # C's asctime and strftime("%c"), which OpenCV, PhotoModeler and Metashape's OpenCV export use.
+        rf"{_WEEKDAY}{_MONTH}\s+(?P<day>\d{{1,2}})\s+{_CLOCK}{_ZONE}\s+{_YEAR}",
+        rf"{_WEEKDAY}{_MONTH}\s+(?P<day>\d{{1,2}})(?:st|nd|rd|th)?,?\s+{_YEAR}{_TIME}",
+        # MATLAB's datestr, 09-Jan-2012, and dates in letters.
+        rf"{_WEEKDAY}(?P<day>\d{{1,2}})(?:st|nd|rd|th)?(?:-|\.?\s+){_MONTH}(?:-|,?\s+){_YEAR}{_TIME}",
+        rf"(?P<first>\d{{1,2}})(?P<mark>[-/.])(?P<next>\d{{1,2}})(?P=mark){_YEAR}{_TIME}",
+        # Inpho writes the time first.
+        rf"{_CLOCK}{_ZONE}\s+(?P<first>\d{{1,2}})(?P<mark>[-/.])(?P<next>\d{{1,2}})(?P=mark){_YEAR}",
+    )
+)
+
+
+def iso_date(text: str) -> str | None:
+    """The date, with time and zone if stated, as ISO 8601; None if the text is not a date or is ambiguous.
+
+    Day and month as two numbers are accepted only if their order does not matter or one of them is above 12.
+    """
+    text = text.strip()
+    if len(text) > LONGEST:
+        return None
+    for form in _FORMS:
+        found = form.fullmatch(text)
+        if found is not None:
+            return _iso(found.groupdict())
+    return None
+
+
+def _iso(parts: dict[str, str | None]) -> str | None:
+    month, day = _month_and_day(parts)
+    try:
+        made = date(int(parts["year"] or 0), month, day)
+        return made.isoformat() if parts.get("hour") is None else f"{made.isoformat()}T{_clock(parts)}"
+    except ValueError:  # 30 February, 25 o'clock
+        return None
+
+
+def _month_and_day(parts: dict[str, str | None]) -> tuple[int, int]:
+    """The two numbers; (0, 0), which is no date, where they could be exchanged."""
+    name = parts.get("month")
+    if name is not None:
+        return _MONTHS.index(name[:3].lower()) + 1, int(parts["day"] or 0)
+    if parts.get("number") is not None:
+        return int(parts["number"] or 0), int(parts["day"] or 0)
+    first, second = int(parts["first"] or 0), int(parts["next"] or 0)
+    if first > len(_MONTHS) or first == second:
+        return second, first
+    return (first, second) if second > len(_MONTHS) else (0, 0)
+
+
+def _clock(parts: dict[str, str | None]) -> str:
+    hour, minute, second = (int(parts[name] or 0) for name in ("hour", "minute", "second"))
+    if parts["half"]:
+        if not 1 <= hour <= 12:
+            raise ValueError(f"{hour} is not an hour of half a day")
+        hour = hour % 12 + (12 if parts["half"].lower() == "pm" else 0)
+    clock = time(hour, minute, second).isoformat()
+    zone = (parts["zone"] or "").upper()
+    if zone in {"Z", "UTC", "GMT"}:
+        zone = "Z"
+    elif zone:
+        hours, minutes = int(zone[1:3]), int(zone[-2:])
+        timezone(timedelta(hours=hours, minutes=minutes))  # ValueError beyond a day
+        zone = f"{zone[0]}{hours:02}:{minutes:02}"
+    return f"{clock}{parts['fraction'] or ''}{zone}"
