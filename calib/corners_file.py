@@ -10,7 +10,6 @@ import hashlib
 import json
 import stat
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,9 +20,8 @@ from calibrary.atomic import write_files
 from calibrary.calib.board import Board, Pattern
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calibration import CameraKey
-from calibrary.calibration_json import camera_json
 from calibrary.errors import InputError, ParseError
-from calibrary.records import Json
+from calibrary.records import Json, from_json, to_json
 from calibrary.schemas import require
 
 __all__ = ["corners_sha256", "decode_corners", "encode_corners", "read_corners", "write_corners"]
@@ -70,7 +68,7 @@ def encode_corners(observations: Observations) -> bytes:
         "schema": SCHEMA,
         "pixel_origin": "corner",
         "image_size": list(observations.image_size),
-        "camera": camera_json(observations.camera),
+        "camera": to_json(observations.camera),
         "focus": observations.focus,
         "firmware": observations.firmware,
         "board": {name: getattr(board, name) for name in BOARD_FIELDS} if on_board else None,
@@ -110,7 +108,7 @@ def decode_corners(content: bytes, *, source: str | None = None) -> Observations
             board=board,
             image_size=(width, height),
             views=tuple(views),
-            camera=_camera(document["camera"]),
+            camera=from_json(CameraKey, document["camera"], source=source),
             focus=document["focus"],
             firmware=document["firmware"],
         )
@@ -149,12 +147,6 @@ def _board(document: Mapping[str, Any]) -> Board | ControlPoints:
     if board is None:
         return ControlPoints(points=_numbers(points, "control_points_mm"))
     return Board(**{**board, "pattern": Pattern(board["pattern"])})
-
-
-def _camera(camera: Mapping[str, Any]) -> CameraKey:
-    size = camera["image_size"]
-    values = {field.name: camera[field.name] for field in fields(CameraKey)}
-    return CameraKey(**{**values, "image_size": tuple(size) if size is not None else None})
 
 
 def _view(view: Mapping[str, Any], points: int, source: str | None, place: str) -> View:

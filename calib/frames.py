@@ -10,7 +10,7 @@ import hashlib
 import mmap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -228,7 +228,7 @@ def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
 def _named(cameras: Mapping[CameraKey, list[Path]]) -> dict[str, list[Path]]:
     """Each camera by its name and, where names are alike, by what tells it apart."""
     differing = [
-        field.name for field in fields(CameraKey) if len({getattr(key, field.name) for key in cameras}) > 1
+        name for name in CameraKey.__struct_fields__ if len({getattr(key, name) for key in cameras}) > 1
     ]
     hidden = [name for name in differing if name in {"serial", "firmware"}]
     named: dict[str, list[Path]] = {}

@@ -15,8 +15,7 @@ from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import ProjectionDifference, Uncertainty
 from calibrary.calib.verdict import BoardVerdict, Evidence, Limits
 from calibrary.calibration import Calibration
-from calibrary.calibration_json import calibration_json
-from calibrary.records import Json
+from calibrary.records import Json, to_json
 from calibrary.validation import Finding, finding_json
 
 __all__ = ["CalibrationResult", "ViewResult", "Why", "Without", "result_json"]
@@ -133,7 +132,7 @@ def result_json(result: CalibrationResult) -> dict[str, Json]:
         "schema": "calibration-result-1",
         "verdict": result.verdict.value,
         "findings": [finding_json(finding) for finding in result.findings],
-        "calibration": calibration_json(result.calibration),
+        "calibration": to_json(result.calibration),
         "model": result.model.value,
         "candidates": [_candidate(candidate) for candidate in result.candidates],
         "warp": _warp(result.warp, kept=evidence.is_warped),

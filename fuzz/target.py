@@ -18,12 +18,12 @@ import numpy as np
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.calibration_json import calibration_json
 from calibrary.errors import CalibraryError
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format
 from calibrary.parsers.images import read_image
 from calibrary.parsers.reading import identified, read_content
+from calibrary.records import to_json
 
 __all__ = ["IDENTIFY", "IMAGE", "MAX_GROWTH_MIB", "MAX_SECONDS", "Target", "target_named", "targets"]
 
@@ -95,4 +95,4 @@ def _use(calibrations: Iterable[Calibration]) -> None:
     for item in calibrations:
         pixels = item.project(RAYS)
         item.unproject(np.nan_to_num(pixels))
-        json.dumps(calibration_json(item), allow_nan=False).encode()
+        json.dumps(to_json(item), allow_nan=False).encode()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
 
 import numpy as np
 
@@ -106,12 +105,12 @@ def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterato
     if record.needs_image_size:
         yield "image size"
     yield from _lost_lens(original, copy)
-    for item in fields(CameraKey):
-        value, kept = getattr(original.camera, item.name), getattr(copy.camera, item.name)
-        if item.name == "image_size" or value is None or value == kept:
+    for name in CameraKey.__struct_fields__:
+        value, kept = getattr(original.camera, name), getattr(copy.camera, name)
+        if name == "image_size" or value is None or value == kept:
             continue
         if not (isinstance(value, float) and isinstance(kept, float) and _same(value, kept)):
-            yield item.name.replace("_", " ")
+            yield name.replace("_", " ")
     yield from _lost_quality(original.quality or Quality(), copy.quality or Quality())
     yield from (
         name

@@ -18,9 +18,8 @@ from calibrary.calib.board import Board
 from calibrary.calib.synthesis.cameras import Head
 from calibrary.calib.synthesis.observe import Truth
 from calibrary.calib.synthesis.render import render_raw
-from calibrary.calibration_json import calibration_json
 from calibrary.errors import InputError
-from calibrary.records import Json
+from calibrary.records import Json, to_json
 from calibrary.synthetic import write_jpeg
 
 __all__ = ["TRUTH_NAME", "check_empty", "write_frames"]
@@ -116,7 +115,7 @@ def _document(truth: Truth, seed: int, frames: list[Json]) -> str:
         "seed": seed,
         "board": _board(truth.board),
         "settings": asdict(truth.settings),
-        "calibration": calibration_json(truth.calibration),
+        "calibration": to_json(truth.calibration),
         "frames": frames,
     }
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"

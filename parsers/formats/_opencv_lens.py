@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
@@ -23,7 +22,6 @@ COUNTS = tuple(_MODELS)
 """How many coefficients OpenCV takes."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class BrownWithoutK3(OpenCVDistortion):
     """What a file with four places can hold, so that a lens with k3 is refitted rather than robbed of it."""
 

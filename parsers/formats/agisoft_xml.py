@@ -24,7 +24,6 @@ Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 from xml.sax.saxutils import escape
 
@@ -71,7 +70,6 @@ MAX_BYTES = 1024 * 1024
 PREFIX = "agisoft_xml/"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class MetashapeFisheye(EquidistantDistortion):
     """Metashape's polynomial over the angle, in its own order; what a file has a place for."""
 

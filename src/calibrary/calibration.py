@@ -15,21 +15,20 @@ The canonical form, said once:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
-from typing import TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.conventions import Origin, canonical_from_file, file_from_canonical
-from calibrary.distortion import Distortion, NoDistortion
+from calibrary.distortion import AnyDistortion, NoDistortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
 from calibrary.errors import FrameError, InputError, UnsupportedModelError
 from calibrary.interop import colmap, opencv
 from calibrary.quality import Covariance, Quality
-from calibrary.records import replace
+from calibrary.records import Json, Meta, Record, force_setattr, from_json, replace, to_json
 
 __all__ = [
     "Box",
@@ -44,7 +43,8 @@ __all__ = [
     "SourceFile",
 ]
 
-ImageSize: TypeAlias = tuple[int, int]
+Pixels: TypeAlias = Annotated[int, Meta(ge=1)]
+ImageSize: TypeAlias = tuple[Pixels, Pixels]
 """(width, height) in pixels."""
 Box: TypeAlias = tuple[float, float, int, int]
 """(left, top, width, height) in pixels of the image that is cropped."""
@@ -77,8 +77,7 @@ class Grade(StrEnum):
         return self not in {Grade.PRIOR, Grade.SEED}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraKey:
+class CameraKey(Record):
     """Which camera a calibration is of. EXIF Model alone is not a key: four sub-cameras may share it.
 
     Attributes:
@@ -113,8 +112,7 @@ class CameraKey:
         return " ".join(part for part in parts if part)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Intrinsics:
+class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
     """The numbers of K and the frame they are counted in.
 
     Attributes:
@@ -127,8 +125,8 @@ class Intrinsics:
         InputError: a number is not finite, a focal length or a side of the frame not positive.
     """
 
-    fx: float
-    fy: float
+    fx: Annotated[float, Meta(gt=0)]
+    fy: Annotated[float, Meta(gt=0)]
     cx: float
     cy: float
     skew: float = 0.0
@@ -139,10 +137,10 @@ class Intrinsics:
             value = float(getattr(self, name))
             if not math.isfinite(value):
                 raise InputError(f"{name} is {value}, wanted a finite number of pixels")
-            object.__setattr__(self, name, value)
+            force_setattr(self, name, value)
         if self.fx <= 0 or self.fy <= 0:
             raise InputError(f"focal lengths are {self.fx:g} and {self.fy:g} px, wanted positive ones")
-        object.__setattr__(self, "image_size", _whole(self.image_size))
+        force_setattr(self, "image_size", _whole(self.image_size))
 
     @property
     def matrix(self) -> FloatArray:
@@ -210,8 +208,7 @@ class Intrinsics:
         return replace(self, cx=self.cx - left, cy=self.cy - top, image_size=(width, height))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceFile:
+class SourceFile(Record):
     """A file that a calibration was made from.
 
     Attributes:
@@ -220,11 +217,10 @@ class SourceFile:
     """
 
     name: str
-    sha256: str
+    sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Provenance:
+class Provenance(Record):
     """Where a calibration came from.
 
     Attributes:
@@ -258,8 +254,7 @@ class Provenance:
     focus: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
+class Calibration(Record):
     """One camera's K, its distortion apart from it, and where both came from.
 
     Attributes:
@@ -276,12 +271,57 @@ class Calibration:
 
     camera: CameraKey
     intrinsics: Intrinsics
-    distortion: Distortion | None = None
+    distortion: AnyDistortion | None = None
     grade: Grade
     quality: Quality | None = None
     provenance: Provenance
     notes: tuple[str, ...] = ()
     extras: tuple[tuple[str, str], ...] = ()
+
+    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
+        """K is written as a matrix too, and extras as a map."""
+        document["extras"] = dict(self.extras)
+        return _behind("intrinsics", {"K": self.intrinsics.matrix.tolist()}, document)
+
+    @classmethod
+    def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
+        """Without K, which has to be the one of the intrinsics."""
+        if isinstance(extras := document.get("extras"), dict):
+            document["extras"] = [[name, text] for name, text in extras.items()]
+        stated, K = document.pop("K", None), document.get("intrinsics")
+        if stated is not None and isinstance(K, dict):
+            fx, skew, cx, fy, cy = (K.get(name, 0.0) for name in ("fx", "skew", "cx", "fy", "cy"))
+            if stated != [[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]:
+                raise InputError("K is not the matrix of the intrinsics", place="K")
+        return document
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any]) -> dict[str, Any]:
+        members = schema["properties"]
+        members["extras"] = {
+            "type": "object",
+            "additionalProperties": {"type": "string"},
+            "description": members["extras"]["description"],
+        }
+        row = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+        matrix = {"type": "array", "items": row, "minItems": 3, "maxItems": 3}
+        matrix["description"] = "the matrix of the intrinsics, in the same pixel origin"
+        if "intrinsics" in schema["required"] and "distortion" in schema["required"]:
+            schema["required"] = [*schema["required"], "K"]
+        return schema | {"properties": _behind("intrinsics", {"K": matrix}, members)}
+
+    def to_dict(self) -> dict[str, Json]:
+        """The calibration as plain data for JSON (schemas/calibration-1.schema.json)."""
+        return to_json(self)
+
+    @classmethod
+    def from_dict(cls, document: object) -> Calibration:
+        """The calibration that :meth:`to_dict` wrote.
+
+        Raises:
+            ParseError: it is not such a document; the message says where.
+        """
+        return from_json(cls, document)
 
     def project(self, points: ArrayLike) -> FloatArray:
         """Where points in the camera frame are seen.
@@ -430,6 +470,16 @@ class Calibration:
         held, coefficients = colmap.model_for(lens, one_focal=K.fx == K.fy, preferred=model)
         focals = (K.fx, K.fy)[: held.focals]
         return colmap.ColmapCamera(held.name, *K.image_size, (*focals, K.cx, K.cy, *coefficients))
+
+
+def _behind(name: str, more: dict[str, Any], members: dict[str, Any]) -> dict[str, Any]:
+    """The members with some more behind the one of that name."""
+    found: dict[str, Any] = {}
+    for key, value in members.items():
+        found[key] = value
+        if key == name:
+            found |= more
+    return found
 
 
 def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from itertools import accumulate
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
-from calibrary.records import replace
+from calibrary.records import Record, force_setattr, replace
 
 __all__ = ["Covariance", "Quality"]
 
@@ -21,8 +20,7 @@ SYMMETRY = 1e-9
 """How far two mirrored elements may part, in the standard deviations of their row and column."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Covariance:
+class Covariance(Record):
     """The joint uncertainty of a calibration's parameters.
 
     Attributes:
@@ -47,7 +45,7 @@ class Covariance:
                 f"a covariance of {n} parameters has {n * (n + 1) // 2} numbers in its upper triangle, "
                 f"found {len(self.upper)}"
             )
-        object.__setattr__(self, "upper", tuple(float(value) for value in self.upper))
+        force_setattr(self, "upper", tuple(float(value) for value in self.upper))
         if not all(math.isfinite(value) for value in self.upper):
             raise InputError("a covariance holds NaN or infinity, wanted finite numbers")
         if any(self.upper[at] < 0 for at in _diagonal(n)):
@@ -106,8 +104,7 @@ class Covariance:
         return Covariance.from_matrix(self.names, self.matrix * np.outer(by, by))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Quality:
+class Quality(Record):
     """What is known of how good a calibration is.
 
     Attributes:
@@ -124,7 +121,7 @@ class Quality:
     rms_px: float | None = None
     points: int | None = None
     views: int | None = None
-    std: Mapping[str, float] = field(default_factory=dict)
+    std: Mapping[str, float] = {}
     covariance: Covariance | None = None
     kappa2: float | None = None
     coverage: float | None = None

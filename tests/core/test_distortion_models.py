@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
@@ -109,7 +108,7 @@ def test_a_sensor_tilted_by_90_degrees_is_refused() -> None:
 
 def test_a_model_cannot_be_changed() -> None:
     lens = BrownConrady(k1=0.1, k2=0, p1=0, p2=0)
-    with pytest.raises(FrozenInstanceError):
+    with pytest.raises(AttributeError, match="immutable"):
         lens.k1 = 0.2  # type: ignore[misc] # that is the point
 
 

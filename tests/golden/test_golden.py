@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from calibrary.calibration_json import calibration_json
 from calibrary.cli.main import main
 from calibrary.distortion import MODELS
 from calibrary.jobs.demo.flight import write_flight
+from calibrary.records import to_json
 from calibrary.registry.digest import digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.pins import lock_yaml, parse_lock, pin_of
@@ -47,7 +47,7 @@ def test_there_is_an_entry_of_every_distortion_model() -> None:
 class TestEntry:
     def test_reads_to_the_same_numbers(self, path: Path) -> None:
         entry = parse_entry(path.read_bytes(), path.name)
-        assert _is_within(_kept(path)["calibration"], calibration_json(entry.calibration))
+        assert _is_within(_kept(path)["calibration"], to_json(entry.calibration))
 
     def test_has_the_same_digest_and_place(self, path: Path) -> None:
         entry = parse_entry(path.read_bytes(), path.name)

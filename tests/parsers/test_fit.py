@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -120,7 +119,6 @@ def test_a_fisheye_of_ordinary_width_can_be_fitted(lens: KannalaBrandt, target: 
     assert found[1].max_px < 10.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Capped(OpenCVDistortion):
     """A model that allows less than the lens would need."""
 

@@ -53,7 +53,9 @@ def an_entry(
 ) -> Entry:
     """An approved entry of a Phantom 4 RTK; what is not an entry's own goes into its key or calibration."""
     stated = {
-        name: fields.pop(name) for name in list(fields) if name in CameraKey.__slots__ and name != "firmware"
+        name: fields.pop(name)
+        for name in list(fields)
+        if name in CameraKey.__struct_fields__ and name != "firmware"
     }
     key = replace(key, **stated)
     if size is not _KEPT:

@@ -60,7 +60,7 @@ def keys() -> st.SearchStrategy[CameraKey]:
 
 
 def folded(key: CameraKey) -> tuple[object, ...]:
-    values = (getattr(key, name) for name in CameraKey.__slots__)
+    values = (getattr(key, name) for name in CameraKey.__struct_fields__)
     return tuple(match_key(value) if isinstance(value, str) else value for value in values)
 
 

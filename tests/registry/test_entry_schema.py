@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, fields
 from typing import Any
 
 import pytest
+from msgspec import NODEFAULT
+from msgspec.structs import fields
 
 from calibrary.distortion import MODELS, distortion_from
 from calibrary.errors import ParseError
@@ -33,7 +34,7 @@ def test_the_coefficients_of_a_model_are_the_codes(model: str) -> None:
         require(document(distortion={**good, "k99": 0.0}), "entry-1")
     for field in fields(MODELS[model]):
         without = {name: value for name, value in good.items() if name != field.name}
-        if field.default is MISSING:
+        if field.default is NODEFAULT:
             with pytest.raises(ParseError, match=f"lacks {field.name}"):
                 require(document(distortion=without), "entry-1")
         else:

@@ -13,8 +13,8 @@ from jsonschema import Draft202012Validator
 
 from calibrary.errors import ParseError
 from calibrary.records import Json
+from calibrary.records.complaints import complaints
 from calibrary.schemas import load, names, require, validator
-from calibrary.schemas.complaints import complaints
 from calibrary.strictyaml import line_of
 
 

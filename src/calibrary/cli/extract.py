@@ -140,14 +140,13 @@ def _add_source_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from dataclasses import replace
-
     from calibrary.atomic import write_files
     from calibrary.cli.extract_display import Display
     from calibrary.jobs.extract.hand_off import Solver
     from calibrary.jobs.extract.outputs import check_page_place, check_place, plan
     from calibrary.jobs.extract.report import encode
     from calibrary.jobs.extract.run import Request, run
+    from calibrary.records import replace
 
     if arguments.locked is not None and arguments.registry is None:
         arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
@@ -201,9 +200,8 @@ def _sensor(arguments: argparse.Namespace) -> tuple[float | None, float | None]:
 
 def _policy(arguments: argparse.Namespace) -> Policy:
     """The policy named, with the limits that were typed in place of its own."""
-    from dataclasses import replace
-
     from calibrary.policy_file import policy_named
+    from calibrary.records import replace
 
     policy = policy_named(arguments.policy)
     if isinstance(arguments.max_focal_deviation_pct, _Given):

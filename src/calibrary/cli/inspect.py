@@ -138,14 +138,14 @@ def _print_json(inspected: Sequence[Inspected], *, alone: bool) -> None:
 
 
 def _json(one: Inspected) -> dict[str, Json]:
-    from calibrary.calibration_json import calibration_json
+    from calibrary.records import to_json
 
     return {
         "file": one.path.name,
         "format": one.format,
         "why": one.why,
         "conventions": list(one.sentences),
-        "calibrations": [calibration_json(calibration) for calibration in one.calibrations],
+        "calibrations": [to_json(calibration) for calibration in one.calibrations],
         "warnings": list(one.warnings),
         "error": one.error,
     }

@@ -20,7 +20,7 @@ def document(
     arguments: argparse.Namespace, done: Sequence[Done], cameras: Mapping[ImageSize, Written]
 ) -> dict[str, Json]:
     """What was done, as schemas/undistort-1.schema.json describes it."""
-    from calibrary.calibration_json import calibration_json
+    from calibrary.records import to_json
 
     out: Path = arguments.out
     return {
@@ -33,7 +33,7 @@ def document(
                 "verdict": camera.verdict.outcome.value,
                 "dropped": list(camera.verdict.dropped),
                 "image_size": list(size),
-                "calibration": calibration_json(camera.calibration),
+                "calibration": to_json(camera.calibration),
                 "kept": camera.plan.kept,
                 "empty": camera.plan.empty,
                 "notes": list(camera.notes),

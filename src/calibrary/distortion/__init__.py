@@ -6,9 +6,11 @@ The family is closed: what a file calls by another name is either one of these e
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, fields
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final, TypeAlias, Union
+
+from msgspec import NODEFAULT
+from msgspec.structs import fields
 
 from calibrary.distortion.australis import Australis
 from calibrary.distortion.base import Distortion
@@ -36,6 +38,7 @@ from calibrary.errors import InputError, UnsupportedModelError
 
 __all__ = [
     "MODELS",
+    "AnyDistortion",
     "Australis",
     "BrownConrady",
     "Distortion",
@@ -91,6 +94,12 @@ MODELS: Final[Mapping[str, type[Distortion]]] = MappingProxyType(
 )
 """Every model by the name that files and reports use."""
 
+if TYPE_CHECKING:
+    AnyDistortion: TypeAlias = Distortion
+else:
+    AnyDistortion = Union[tuple(MODELS.values())]  # noqa: UP007  the models are not written out twice
+"""A model as a field of a record, which is read by the name of its model."""
+
 
 def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion:
     """A model from its name and its coefficients by name, as files and reports hold them.
@@ -115,7 +124,7 @@ def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion
         raise InputError(
             f"the {model} model has no coefficient {_listed(unknown)}; it has {_listed(kind.names()) or 'none'}"
         )
-    required = [f.name for f in fields(kind) if f.default is MISSING]
+    required = [f.name for f in fields(kind) if f.default is NODEFAULT]
     missing = [name for name in required if name not in coefficients]
     if missing:
         raise InputError(

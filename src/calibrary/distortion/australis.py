@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -14,7 +13,6 @@ from calibrary.distortion.none import NoDistortion
 __all__ = ["Australis"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Australis(InverseModel):
     """Distorted to undistorted: Australis, iWitness, CameraCalibrator, with OpenCV's axes, names and order.
 

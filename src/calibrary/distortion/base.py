@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
-from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -14,16 +12,16 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
+from calibrary.records import Record, force_setattr
 
 BLOCK_ROWS = 8_192
 """Rows worked on at a time: a dozen columns of this length stay in a processor's second-level cache."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Distortion(ABC):
+class Distortion(Record, tag_field="model"):
     """How a lens departs from a pinhole: a map from undistorted to distorted normalised coordinates.
 
-    A model is a frozen dataclass whose fields are its coefficients, in the order of its source. Normalised
+    A model is a record whose fields are its coefficients, in the order of its source. Normalised
     coordinates are x/z, y/z: K turns the distorted ones into pixels. Arrays are (N, 2) float64 throughout;
     where the model has no answer the row is NaN.
 
@@ -42,13 +40,12 @@ class Distortion(ABC):
                     f"{name} of the {self.model} model is {getattr(self, name)!r:.40}, wanted a finite number",
                     place=name,
                 )
-            object.__setattr__(self, name, value)
+            force_setattr(self, name, value)
 
     @classmethod
-    @cache
     def names(cls) -> tuple[str, ...]:
         """The names of the coefficients, in the model's order."""
-        return tuple(f.name for f in fields(cls))
+        return cls.__struct_fields__
 
     @property
     def coefficients(self) -> dict[str, float]:

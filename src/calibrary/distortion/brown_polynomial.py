@@ -21,7 +21,6 @@ __all__ = ["BrownMap", "BrownPolynomial"]
 LARGEST_AFFINITY = 0.1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class BrownPolynomial(OpenCVDistortion):
     """From (x, y) to (x', y'), whichever of the two is the distorted one.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -16,7 +15,6 @@ from calibrary.distortion.omnidirectional import Omnidirectional
 __all__ = ["Division"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Division(Omnidirectional):
     """COLMAP ``DIVISION`` and ``SIMPLE_DIVISION``; a barrel has k < 0.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.arrays import FloatArray
@@ -23,7 +22,6 @@ from calibrary.distortion.unified import Unified
 __all__ = ["DoubleSphere"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class DoubleSphere(Omnidirectional):
     """Kalibr and Basalt ``ds``.
 

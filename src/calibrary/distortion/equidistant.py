@@ -23,7 +23,6 @@ from calibrary.distortion.polynomial import PolynomialMap
 __all__ = ["EquidistantDistortion", "PlanarPolynomial", "only"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PlanarPolynomial(OpenCVDistortion):
     """What the fisheye models compute with; no model of its own. All of its coefficients multiply.
 
@@ -56,7 +55,6 @@ class PlanarPolynomial(OpenCVDistortion):
         )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class EquidistantDistortion(Omnidirectional):
     """A model that is one or several planar maps of the equidistant point.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.arrays import FloatArray
@@ -13,7 +12,6 @@ from calibrary.distortion.omnidirectional import Omnidirectional, divided, undiv
 __all__ = ["ExtendedUnified"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ExtendedUnified(Omnidirectional):
     """Kalibr and Basalt ``eucm``, COLMAP ``EUCM``; with beta = 1 Basalt's ``ucm``.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -20,7 +19,6 @@ STRAIGHT = 1e-10
 """Below this ω moves no point by more than rounding, and its formula divides rounding by rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FieldOfView(Distortion):
     """Kalibr ``fov``, COLMAP ``FOV``, AliceVision ``fisheye1``, RealSense ``F-Theta``; ω in radians.
 

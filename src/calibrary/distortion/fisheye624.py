@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -15,7 +14,6 @@ __all__ = ["Fisheye624"]
 RADIAL = ("k1", "k2", "k3", "k4")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Fisheye624(EquidistantDistortion):
     """OpenSfM ``fisheye624`` and, without s0 to s3, ``fisheye62``.
 

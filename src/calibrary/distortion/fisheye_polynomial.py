@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -24,7 +23,6 @@ SETTLED = 1e-9
 SOLVER_STEPS = 60
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FisheyePolynomial(Omnidirectional):
     """Pix4D's and Bentley's fisheye, with even powers of the angle too; k_i multiplies θ^i.
 

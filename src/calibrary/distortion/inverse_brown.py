@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -13,7 +12,6 @@ from calibrary.distortion.none import NoDistortion
 __all__ = ["InverseBrown"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class InverseBrown(InverseModel):
     """Distorted to undistorted, with OpenCV's names and order; PhotoModeler, VisualSfM, MicMac's C2M.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +19,6 @@ from calibrary.distortion.brown_polynomial import BrownPolynomial
 __all__ = ["InverseModel"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class InverseModel(Distortion):
     """A model whose polynomial, about a centre, gives the undistorted point from the distorted one."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -13,7 +12,6 @@ from calibrary.distortion.inverse_model import InverseModel
 __all__ = ["InversePolynomial"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class InversePolynomial(InverseModel):
     """Distorted to undistorted: USGS reports with P3 or P4, and the Stereo Pipeline's decentring by an angle.
 

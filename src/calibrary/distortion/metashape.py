@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -14,7 +13,6 @@ from calibrary.distortion.polynomial import PolynomialMap
 __all__ = ["MetashapeFrame"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class MetashapeFrame(OpenCVDistortion):
     """Metashape's (PhotoScan's) eight coefficients, in its own order: p1 and p2 stand the other way round.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +13,6 @@ from calibrary.distortion.base import Distortion, as_rows, finite_pair
 __all__ = ["NoDistortion"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class NoDistortion(Distortion):
     """Distorted = undistorted. This is a statement; an *unknown* distortion is ``None``, not this."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +17,6 @@ from calibrary.distortion.none import NoDistortion
 __all__ = ["OffCentreBrown"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class OffCentreBrown(Distortion):
     """Undistorted to distorted about (x0, y0), with OpenCV's names and order.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
 __all__ = ["Omnidirectional", "divided", "lifted", "lowered", "undivided", "widest", "widest_lifted"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Omnidirectional(Distortion):
     """A camera that may see past 90°, so that rays say more of it than x/z and y/z.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +14,6 @@ from calibrary.distortion.valid_field import monotonic_radius
 __all__ = ["OpenCVDistortion"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class OpenCVDistortion(Distortion):
     """A model whose coefficients are OpenCV's k, p, s (and τ), or a part of them."""
 

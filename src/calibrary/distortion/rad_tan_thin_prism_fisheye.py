@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -13,7 +12,6 @@ from calibrary.distortion.kannala_brandt import KannalaBrandt
 __all__ = ["RadTanThinPrismFisheye"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RadTanThinPrismFisheye(EquidistantDistortion):
     """COLMAP ``RAD_TAN_THIN_PRISM_FISHEYE``, Project Aria ``FISHEYE624``.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.distortion.opencv import OpenCVDistortion
@@ -10,7 +9,6 @@ from calibrary.distortion.opencv import OpenCVDistortion
 __all__ = ["Rational"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Rational(OpenCVDistortion):
     """OpenCV's eight coefficients, ROS ``rational_polynomial``, COLMAP ``FULL_OPENCV``.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -26,7 +25,6 @@ SETTLED = 1e-9
 SOLVER_STEPS = 60
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Scaramuzza(Omnidirectional):
     """OCamCalib's and MATLAB's ``fisheyeIntrinsics``; distorted coordinates give the ray in closed form.
 

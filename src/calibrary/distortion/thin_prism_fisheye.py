@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.distortion.base import Distortion
@@ -12,7 +11,6 @@ from calibrary.distortion.kannala_brandt import KannalaBrandt
 __all__ = ["ThinPrismFisheye"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ThinPrismFisheye(EquidistantDistortion):
     """COLMAP ``THIN_PRISM_FISHEYE``; Metashape's fisheye, with its p1 and p2 in each other's place.
 

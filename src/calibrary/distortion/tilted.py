@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +16,6 @@ from calibrary.errors import InputError
 __all__ = ["Tilted"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Tilted(OpenCVDistortion):
     """OpenCV's fourteen coefficients; τx and τy in radians.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.arrays import FloatArray
@@ -14,7 +13,6 @@ from calibrary.distortion.omnidirectional import Omnidirectional, lifted, lowere
 __all__ = ["Unified"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Unified(Omnidirectional):
     """Kalibr ``omni`` with ``radtan`` or none, camodocal ``MEI``, OpenCV's ``cv2.omnidir``.
 

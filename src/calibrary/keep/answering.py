@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Final
 
 from calibrary.calibration import CameraKey
-from calibrary.calibration_json import calibration_json, camera_json
 from calibrary.errors import InputError, RegistryError
 from calibrary.keep.identity import image_key
 from calibrary.keep.names import find_path, find_paths, id_of
 from calibrary.keep.shelf import Shelf
 from calibrary.parsers.image_names import is_image
-from calibrary.records import Json, replace
+from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.resolution import Near, RegistryIndex, Resolution
@@ -107,7 +106,7 @@ def answer_json(shelf: Shelf, found: Answer, *, on: date | None) -> dict[str, Js
         "registry": str(shelf.place),
         "commit": shelf.commit,
         "on": on.isoformat() if on is not None else None,
-        "camera": camera_json(found.question.key),
+        "camera": to_json(found.question.key),
         "known_by": found.question.known_by,
         "entry": None,
         "calibration": None,
@@ -124,7 +123,7 @@ def answer_json(shelf: Shelf, found: Answer, *, on: date | None) -> dict[str, Js
             "tolerance": entry.tolerance,
             "image_size": list(entry.calibration.intrinsics.image_size),
         }
-        document["calibration"] = calibration_json(resolution.calibration)
+        document["calibration"] = to_json(resolution.calibration)
         document["why"] = resolution.why
     return document
 

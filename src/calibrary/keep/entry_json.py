@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from calibrary.calibration_json import calibration_json
 from calibrary.keep.keeper import Held
-from calibrary.records import Json
+from calibrary.records import Json, to_json
 
 __all__ = ["held_json"]
 
@@ -20,7 +19,7 @@ def held_json(held: Held) -> dict[str, Json]:
         "blob": held.oid,
         "status": entry.status.value,
         "reason": entry.reason,
-        "calibration": calibration_json(entry.calibration),
+        "calibration": to_json(entry.calibration),
         "firmware": {"min": firmware.min, "max": firmware.max} if firmware is not None else None,
         "valid": {
             "from": validity.first.isoformat() if validity.first is not None else None,

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from calibrary.calibration_json import calibration_json
-from calibrary.records import Json
+from calibrary.records import Json, to_json
 from calibrary.registry.entry import Entry
 
 __all__ = ["Field", "FieldChange", "change_json", "differences", "entry_fields", "std_of"]
@@ -40,7 +39,7 @@ class FieldChange:
 
 def entry_fields(entry: Entry) -> dict[str, Field]:
     """Everything that an entry says, in the order of its file; what it does not say is left out."""
-    whole = calibration_json(entry.calibration)
+    whole = to_json(entry.calibration)
     calibration = {name: whole[name] for name in ("camera", "intrinsics", "distortion")}
     firmware, sensor, validity = entry.firmware, entry.sensor, entry.validity
     fields: dict[str, Json] = {

@@ -218,11 +218,11 @@ def _corners_name(arguments: argparse.Namespace) -> str | None:
 
 def _registry(arguments: argparse.Namespace) -> tuple[Keeper | None, Callable[[CameraKey], CameraKey]]:
     """The registry that is to be written, and what was said of the camera."""
-    from dataclasses import replace
     from functools import partial
 
     from calibrary.cli.registry.place import opened
     from calibrary.jobs.calibrate_board.entry import camera_named
+    from calibrary.records import replace
 
     flags = partial(camera_of, arguments)
     if not _writes_registry(arguments):

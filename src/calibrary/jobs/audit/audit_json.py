@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from calibrary.calibration_json import camera_json
 from calibrary.jobs.audit.agreement import gaps
 from calibrary.jobs.audit.answers import Answer
 from calibrary.jobs.audit.run import LEVELS, Audit
 from calibrary.policy import Policy
-from calibrary.records import Json
+from calibrary.records import Json, to_json
 from calibrary.validation import finding_json
 
 __all__ = ["audit_json"]
@@ -41,7 +40,7 @@ def audit_json(done: Audit) -> dict[str, Json]:
 def _camera(answer: Answer, policy: Policy) -> dict[str, Json]:
     flown, resolution = answer.flown, answer.resolution
     return {
-        "camera": camera_json(flown.key),
+        "camera": to_json(flown.key),
         "images": flown.images,
         "first": flown.first.isoformat() if flown.first is not None else None,
         "last": flown.last.isoformat() if flown.last is not None else None,

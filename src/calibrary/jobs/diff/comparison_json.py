@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from calibrary.calibration_json import calibration_json
 from calibrary.jobs.diff.comparison import Comparison, Numbers
-from calibrary.records import Json
+from calibrary.records import Json, to_json
 
 __all__ = ["comparison_json"]
 
@@ -21,8 +20,8 @@ def comparison_json(comparison: Comparison, labels: tuple[str, str], altitude_m:
         "reasons": list(comparison.reasons),
         "structural": [{"kind": one.kind.value, "reason": one.reason} for one in comparison.structural],
         "steps": list(comparison.steps),
-        "a": {"label": labels[0], "calibration": calibration_json(comparison.a)},
-        "b": {"label": labels[1], "calibration": calibration_json(comparison.b)},
+        "a": {"label": labels[0], "calibration": to_json(comparison.a)},
+        "b": {"label": labels[1], "calibration": to_json(comparison.b)},
         "numbers": _numbers(numbers, altitude_m) if numbers is not None else None,
     }
 

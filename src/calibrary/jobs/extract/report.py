@@ -6,13 +6,12 @@ import json
 from collections.abc import Mapping
 
 from calibrary.calibration import Calibration
-from calibrary.calibration_json import calibration_json, camera_json, distortion_json, intrinsics_json
 from calibrary.evidence.collect import Evidence
 from calibrary.evidence.witness import Witness
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import seed_command
-from calibrary.records import Json
+from calibrary.records import Json, to_json
 from calibrary.validation import Report, finding_json
 
 __all__ = ["encode", "report_json"]
@@ -54,9 +53,7 @@ def _camera(c: CameraReport, output: str | None) -> dict[str, Json]:
     return {
         "id": c.slug,
         # A camera without a valid K has no "K" to be picked up by mistake.
-        "calibration": calibration_json(c.calibration)
-        if c.calibration
-        else {"camera": camera_json(c.camera.key)},
+        "calibration": to_json(c.calibration) if c.calibration else {"camera": to_json(c.camera.key)},
         "verdict": c.verdict.value,
         "why": c.reason,
         "what_to_do": c.advice,
@@ -93,7 +90,7 @@ def _candidate(camera: Camera, failed: Calibration) -> dict[str, Json]:
     return {
         "grade": failed.grade.value,
         "tag": failed.provenance.tag,
-        "intrinsics": intrinsics_json(failed.intrinsics),
+        "intrinsics": to_json(failed.intrinsics),
         "findings": _findings(camera.report),
     }
 
@@ -104,8 +101,8 @@ def _witness(witness: Witness, evidence: Evidence) -> dict[str, Json]:
         "tag": witness.tag,
         "grade": witness.grade.value,
         "chosen": witness is evidence.chosen,
-        "intrinsics": intrinsics_json(witness.intrinsics),
-        "distortion": distortion_json(witness.distortion),
+        "intrinsics": to_json(witness.intrinsics),
+        "distortion": to_json(witness.distortion) if witness.distortion is not None else None,
         "principal_point_measured": witness.measured_centre,
         "reference_size": list(witness.reference_size),
         "steps": list(witness.steps),
@@ -124,7 +121,7 @@ def _seed(c: CameraReport) -> Json:
         return None
     return {
         "grade": seed.grade.value,
-        "intrinsics": intrinsics_json(seed.intrinsics),
+        "intrinsics": to_json(seed.intrinsics),
         "note": "no K: a start for self-calibration",
         "colmap": seed_command(seed),
     }

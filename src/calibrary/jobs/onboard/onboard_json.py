@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from calibrary.calibration_json import calibration_json, camera_json, intrinsics_json
 from calibrary.jobs.onboard.claims import Claim
 from calibrary.jobs.onboard.judging import Hearing, Relative
 from calibrary.jobs.onboard.proposing import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Onboarding
-from calibrary.records import Json
+from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written
 from calibrary.validation import Report, finding_json
 
@@ -48,7 +47,7 @@ def onboard_json(done: Onboarding, written: Mapping[str, Written], page: str | N
 def _camera(one: CameraDecision, done: Onboarding) -> dict[str, Json]:
     entry = one.entry
     return {
-        "camera": camera_json(one.subject.key),
+        "camera": to_json(one.subject.key),
         "decision": one.decision.value,
         "reason": one.reason,
         "next": one.advice,
@@ -60,7 +59,7 @@ def _camera(one: CameraDecision, done: Onboarding) -> dict[str, Json]:
             "path": entry.path,
             "status": entry.status.value,
             "status_before": one.standing.status.value if one.standing is not None else None,
-            "calibration": calibration_json(entry.calibration),
+            "calibration": to_json(entry.calibration),
         }
         if entry is not None
         else None,
@@ -80,7 +79,7 @@ def _claim(claim: Claim, hearing: Hearing | None) -> dict[str, Json]:
         "who": claim.kind.value,
         "name": claim.name,
         "grade": claim.grade.value if claim.grade is not None else None,
-        "intrinsics": intrinsics_json(claim.intrinsics),
+        "intrinsics": to_json(claim.intrinsics),
         "chosen": hearing is not None and claim is hearing.chosen,
         "difference": voice.share if voice is not None else None,
         "limit": claim.limit,

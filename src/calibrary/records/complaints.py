@@ -1,15 +1,25 @@
-"""What a document breaks of its schema, said to the person who wrote the document."""
+"""What a document breaks of its schema, said to the person who wrote the document.
+
+Two words are read more strictly here than the standard asks: a *number* is finite (NaN passes every bound,
+for all comparisons with it are false), and an *integer* is written as one (the standard takes ``5472.0``).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-if TYPE_CHECKING:
-    from jsonschema.exceptions import ValidationError
+from calibrary.errors import ParseError
+from calibrary.records import Locate
 
-__all__ = ["Complaint", "complaints"]
+if TYPE_CHECKING:
+    from jsonschema import TypeChecker
+    from jsonschema.exceptions import ValidationError
+    from jsonschema.protocols import Validator
+
+__all__ = ["Complaint", "check", "complaints", "place_of", "validator"]
 
 Path: TypeAlias = tuple[str | int, ...]
 Complaint: TypeAlias = tuple[Path, str]
@@ -26,15 +36,78 @@ KINDS: Final = {
 LONGEST_SHOWN: Final = 60
 
 
+def validator(
+    schema: Mapping[str, Any],
+    resources: Mapping[str, Mapping[str, Any]] | None = None,
+    keywords: Mapping[str, Any] | None = None,
+) -> Validator:
+    """A schema made ready once: preparing costs thirty times what checking one document does.
+
+    Args:
+        schema: JSON Schema 2020-12.
+        resources: other schemas that it refers to, by their ``$id``; nothing is ever fetched.
+        keywords: other ways to check some of the standard's keywords.
+    """
+    # 80 ms that only a document to be checked is worth.
+    from jsonschema import Draft202012Validator, validators  # noqa: PLC0415  the reason above
+    from referencing import Registry, Resource  # noqa: PLC0415  the reason above
+
+    def is_number(_: TypeChecker, value: object) -> bool:
+        return type(value) is int or (type(value) is float and math.isfinite(value))
+
+    def is_integer(_: TypeChecker, value: object) -> bool:
+        return type(value) is int
+
+    types = Draft202012Validator.TYPE_CHECKER.redefine_many({"number": is_number, "integer": is_integer})
+    # The stubs leave the arguments of extend untyped.
+    strict = validators.extend(Draft202012Validator, keywords or {}, type_checker=types)  # type: ignore[no-untyped-call]
+    ours = Registry().with_resources(
+        (name, Resource.from_contents(known)) for name, known in (resources or {}).items()
+    )
+    prepared: Validator = strict(schema, registry=ours)
+    return prepared
+
+
+def check(value: Any, prepared: Validator, *, source: str | None, locate: Locate | None = None) -> None:
+    """Refuse a value that breaks a schema.
+
+    Raises:
+        ParseError: the first breach, its place in the document, and how many more there are.
+    """
+    said = complaints(prepared.iter_errors(value))
+    if not said:
+        return
+    path, message = said[0]
+    if len(said) > 1:
+        message += f" (and {len(said) - 1} more to put right)"
+    raise ParseError(message, source=source, place=place_of(path, locate))
+
+
+def place_of(path: Sequence[str | int], locate: Locate | None = None) -> str | None:
+    """A path as people write it, behind its line if that is known: ``line 7, cameras[3].pitch_um``."""
+    line = locate(path) if locate is not None else None
+    dotted = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).removeprefix(".")
+    return ", ".join([*([f"line {line}"] if line is not None else []), *([dotted] if dotted else [])]) or None
+
+
 def complaints(errors: Iterable[ValidationError]) -> list[Complaint]:
     """(path, message) of every breach, in the order of the document's paths, each said once."""
-    said = dict.fromkeys(_complaint(error) for error in errors)
+    said = dict.fromkeys(_complaint(error) for one in errors for error in _meant(one))
     return sorted(said, key=lambda complaint: [str(step).rjust(12) for step in complaint[0]])
 
 
+def _meant(error: ValidationError) -> Iterator[ValidationError]:
+    """The errors of the one of several alternatives that the value comes closest to; else the error itself."""
+    if error.validator not in {"anyOf", "oneOf"} or not error.context:
+        yield error
+        return
+    closest = max(error.context, key=_depth).relative_schema_path[0]
+    for inner in error.context:
+        if inner.relative_schema_path[0] == closest:
+            yield from _meant(inner)
+
+
 def _complaint(error: ValidationError) -> Complaint:
-    if error.validator in {"anyOf", "oneOf"} and error.context:
-        return _complaint(max(error.context, key=_depth))
     say = _SAYINGS.get(str(error.validator))
     message = say(error.instance, error.validator_value, error.schema) if say else _shorten(error.message)
     return tuple(error.absolute_path), message

@@ -1,0 +1,51 @@
+"""Write the files of schemas/ from the records they are of; ``make schemas`` runs this, a test keeps them fresh."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+from calibrary.records import Record
+from calibrary.records.schema import URN, schema
+
+FOLDER: Final = Path(__file__).parents[1] / "schemas"
+
+PRINTED: Final[Mapping[str, str]] = {
+    "calibration-1": "calibrary.calibration:Calibration",
+}
+"""The documents that calibrary writes for programs: every field is always there. A record in several of them has its
+schema in the first, and the others refer to it there."""
+
+WRITTEN_BY_PEOPLE: Final[Mapping[str, str]] = {}
+"""The documents that people write too: a field with a default may be left out."""
+
+
+def schemas() -> dict[str, dict[str, Any]]:
+    """Every generated schema by its name."""
+    made: dict[str, dict[str, Any]] = {}
+    homes: dict[str, str] = {}
+    for name, path in PRINTED.items():
+        kind = _record(path)
+        made[name] = schema(kind, name, printed=True, homes=homes)
+        homes |= {part: f"{URN}{name}#/$defs/{part}" for part in made[name].get("$defs", {})}
+        homes[kind.__name__] = f"{URN}{name}"
+    return made | {name: schema(_record(path), name) for name, path in WRITTEN_BY_PEOPLE.items()}
+
+
+def text_of(document: Mapping[str, Any]) -> str:
+    """A schema as the text of its file."""
+    return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+
+
+def _record(path: str) -> type[Record]:
+    module, _, name = path.partition(":")
+    kind: type[Record] = getattr(import_module(module), name)
+    return kind
+
+
+if __name__ == "__main__":
+    for name, document in schemas().items():
+        (FOLDER / f"{name}.schema.json").write_text(text_of(document), encoding="utf-8")

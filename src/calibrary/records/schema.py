@@ -1,0 +1,233 @@
+"""JSON Schema (2020-12) from the declaration of a record.
+
+msgspec's own generator knows neither docstrings nor the shape a record is written in, and makes a schema of a family
+of records that no message about a wrong document could be drawn from; so this walks the types msgspec inspects.
+"""
+
+from __future__ import annotations
+
+import inspect as python
+import re
+from collections.abc import Mapping
+from enum import Enum
+from functools import cache
+from typing import Any, Final, cast
+
+from msgspec import NODEFAULT, inspect
+
+from calibrary.records import Record
+
+__all__ = ["descriptions", "schema"]
+
+DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
+URN: Final = "urn:calibrary:schema:"
+BOUNDS: Final = {
+    "gt": "exclusiveMinimum",
+    "ge": "minimum",
+    "lt": "exclusiveMaximum",
+    "le": "maximum",
+    "multiple_of": "multipleOf",
+}
+DAY: Final = "^[0-9]{4}-[0-9]{2}-[0-9]{2}$"
+SCALARS: Final[Mapping[type[inspect.Type], str]] = {
+    inspect.StrType: "string",
+    inspect.IntType: "integer",
+    inspect.FloatType: "number",
+    inspect.BoolType: "boolean",
+    inspect.NoneType: "null",
+}
+
+Schema = dict[str, Any]
+
+
+def schema(
+    kind: type[Record],
+    name: str | None = None,
+    *,
+    printed: bool = False,
+    homes: Mapping[str, str] | None = None,
+) -> Schema:
+    """The schema of a record's documents.
+
+    Args:
+        kind: its class.
+        name: of the schema's file, for its ``$id``.
+        printed: whether calibrary writes the documents: then every field is there. Where people write them, those
+            with a default may be absent.
+        homes: where other files define some classes: a reference by the class's name.
+    """
+    builder = _Builder(printed=printed, homes=homes or {})
+    body = builder.body(kind)
+    head: Schema = {"$schema": DIALECT} | ({"$id": URN + name} if name is not None else {})
+    defs = {key: builder.defs[key] for key in sorted(builder.defs)}
+    return head | body | ({"$defs": defs} if defs else {})
+
+
+@cache
+def descriptions(kind: type[Record]) -> Mapping[str, str]:
+    """What the docstrings of a record and its bases say under ``Attributes:``, by field."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        text = python.cleandoc(base.__doc__ or "")
+        section = re.search(r"^Attributes:\n(.*?)(?=^\S|\Z)", text, re.MULTILINE | re.DOTALL)
+        if section is None:
+            continue
+        for names, said in re.findall(
+            r"^    ([a-z_][\w, ]*): (.*?)(?=^    \S|\Z)", section[1], re.MULTILINE | re.DOTALL | re.IGNORECASE
+        ):
+            for field in names.split(","):
+                found[field.strip()] = _prose(said)
+    return found
+
+
+def _title(kind: type) -> str:
+    return _prose(python.cleandoc(kind.__doc__ or kind.__name__).split("\n\n")[0])
+
+
+def _prose(text: str) -> str:
+    """A docstring's words without its markup, as a reader of JSON knows them."""
+    text = re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"\1", " ".join(text.split()))
+    return re.sub(r"\bNone\b", "null", text).replace("``", "").removesuffix(".")
+
+
+class _Builder:
+    def __init__(self, *, printed: bool, homes: Mapping[str, str]) -> None:
+        self.printed = printed
+        self.homes = homes
+        self.defs: dict[str, Schema] = {}
+
+    def body(self, kind: type[Record]) -> Schema:
+        """A record's own schema; those of the records in it go to ``defs``."""
+        info = cast("inspect.StructType", inspect.type_info(kind))
+        said = descriptions(kind)
+        members: Schema = {}
+        required: list[str] = []
+        if info.tag_field is not None:
+            members[info.tag_field] = {"const": info.tag}
+            required.append(info.tag_field)
+        for field in info.fields:
+            members[field.encode_name] = self.of(field.type)
+            if field.name in said:
+                members[field.encode_name]["description"] = said[field.name]
+            if self.printed or (field.default is NODEFAULT and field.default_factory is NODEFAULT):
+                required.append(field.encode_name)
+        made: Schema = {"title": _title(kind), "type": "object"}
+        if required:
+            made["required"] = required
+        made |= {"additionalProperties": False, "properties": members}
+        return kind._wire_schema(made)
+
+    def of(self, type_: inspect.Type) -> Schema:
+        """The schema of a field's type."""
+        match type_:
+            case inspect.Metadata():
+                made = self.of(type_.type) | (type_.extra_json_schema or {})
+            case inspect.UnionType():
+                made = self.union(type_.types)
+            case inspect.StructType():
+                made = self.reference(cast("type[Record]", type_.cls))
+            case inspect.EnumType():
+                made = self.enum(type_.cls)
+            case inspect.TupleType() | inspect.VarTupleType() | inspect.ListType() | inspect.DictType():
+                made = self.collection(type_)
+            case _:
+                made = self.scalar(type_)
+        return made
+
+    def collection(
+        self, type_: inspect.TupleType | inspect.VarTupleType | inspect.ListType | inspect.DictType
+    ) -> Schema:
+        """A list of so many values, one of any length, or a map."""
+        if isinstance(type_, inspect.DictType):
+            return {"type": "object", "additionalProperties": self.of(type_.value_type)}
+        if isinstance(type_, inspect.TupleType):
+            sides = [self.of(item) for item in type_.item_types]
+            return {"type": "array", "prefixItems": sides, "minItems": len(sides), "maxItems": len(sides)}
+        sizes = {"minItems": type_.min_length, "maxItems": type_.max_length}
+        return {"type": "array", "items": self.of(type_.item_type)} | _stated(sizes)
+
+    def scalar(self, type_: inspect.Type) -> Schema:
+        """Text, a number, a truth value, null, a day, one of some words, or anything at all."""
+        if isinstance(type_, inspect.LiteralType):
+            return {"enum": list(type_.values)}
+        if isinstance(type_, inspect.AnyType):
+            return {}
+        if isinstance(type_, inspect.DateType):
+            return {"type": "string", "pattern": DAY}
+        bounds = {said: getattr(type_, bound, None) for bound, said in BOUNDS.items()}
+        text = {
+            "pattern": getattr(type_, "pattern", None),
+            "minLength": getattr(type_, "min_length", None),
+            "maxLength": getattr(type_, "max_length", None),
+        }
+        return {"type": SCALARS[type(type_)]} | _stated(bounds) | _stated(text)
+
+    def union(self, types: tuple[inspect.Type, ...]) -> Schema:
+        """A value or null, one of several scalars, or a family of records told apart by their tag."""
+        nullable = any(isinstance(one, inspect.NoneType) for one in types)
+        others = [one for one in types if not isinstance(one, inspect.NoneType)]
+        if len(others) > 1 and all(isinstance(one, inspect.StructType) for one in others):
+            made = self.family([cast("type[Record]", one.cls) for one in others])  # type: ignore[attr-defined]
+        elif len(others) > 1:
+            parts = [self.of(one) for one in others]
+            plain = all(part.keys() == {"type"} for part in parts)
+            made = {"type": [part["type"] for part in parts]} if plain else {"anyOf": parts}
+        else:
+            made = self.of(others[0])
+        if not nullable:
+            return made
+        if "enum" in made:
+            return made | {"enum": [*made["enum"], None]}
+        if "type" in made:
+            kinds = made["type"] if isinstance(made["type"], list) else [made["type"]]
+            return made | {"type": [*kinds, "null"]}
+        return {"anyOf": [made, {"type": "null"}]}
+
+    def family(self, kinds: list[type[Record]]) -> Schema:
+        """Records told apart by their tag: each one's schema holds where its tag is found."""
+        field = cast("str", kinds[0].__struct_config__.tag_field)
+        base = next(one for one in reversed(kinds[0].__mro__) if _tag_field(one) == field)
+        if base.__name__ in self.homes:
+            return {"$ref": self.homes[base.__name__]}
+        if base.__name__ not in self.defs:
+            self.defs[base.__name__] = {
+                "type": "object",
+                "required": [field],
+                "properties": {field: {"enum": [kind.__struct_config__.tag for kind in kinds]}},
+                "allOf": [
+                    {
+                        "if": {
+                            "required": [field],
+                            "properties": {field: {"const": kind.__struct_config__.tag}},
+                        },
+                        "then": self.reference(kind),
+                    }
+                    for kind in kinds
+                ],
+            }
+        return {"$ref": f"#/$defs/{base.__name__}"}
+
+    def enum(self, kind: type[Enum]) -> Schema:
+        """To an enum's schema."""
+        if kind.__name__ in self.homes:
+            return {"$ref": self.homes[kind.__name__]}
+        self.defs[kind.__name__] = {"title": _title(kind), "enum": [member.value for member in kind]}
+        return {"$ref": f"#/$defs/{kind.__name__}"}
+
+    def reference(self, kind: type[Record]) -> Schema:
+        """To a record's schema, in this file or the one it is at home in."""
+        name = kind.__name__
+        if name in self.homes:
+            return {"$ref": self.homes[name]}
+        if name not in self.defs:
+            self.defs[name] = {}  # A record may hold others of its kind.
+            self.defs[name] = self.body(kind)
+        return {"$ref": f"#/$defs/{name}"}
+
+
+def _tag_field(kind: type) -> str | None:
+    return kind.__struct_config__.tag_field if issubclass(kind, Record) else None
+
+
+def _stated(values: Mapping[str, Any]) -> Schema:
+    return {name: value for name, value in values.items() if value is not None}
