@@ -16,7 +16,7 @@ from calibrary.calib.projection_difference import ProjectionDifference, Uncertai
 from calibrary.calib.verdict import BoardVerdict, Evidence, Limits
 from calibrary.calibration import Calibration
 from calibrary.records import Json, to_json
-from calibrary.validation import Finding, finding_json
+from calibrary.validation import Finding
 
 __all__ = ["CalibrationResult", "ViewResult", "Why", "Without", "result_json"]
 
@@ -131,7 +131,7 @@ def result_json(result: CalibrationResult) -> dict[str, Json]:
     return {
         "schema": "calibration-result-1",
         "verdict": result.verdict.value,
-        "findings": [finding_json(finding) for finding in result.findings],
+        "findings": [to_json(finding) for finding in result.findings],
         "calibration": to_json(result.calibration),
         "model": result.model.value,
         "candidates": [_candidate(candidate) for candidate in result.candidates],

@@ -15,6 +15,8 @@ FOLDER: Final = Path(__file__).parents[1] / "schemas"
 
 PRINTED: Final[Mapping[str, str]] = {
     "calibration-1": "calibrary.calibration:Calibration",
+    "finding-1": "calibrary.validation:Finding",
+    "report-1": "calibrary.jobs.extract.report:ExtractReport",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its
 schema in the first, and the others refer to it there."""

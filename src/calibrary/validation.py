@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from calibrary.calibration import Calibration
 from calibrary.errors import ValidationError
 from calibrary.policy import Policy
-from calibrary.records import Json
+from calibrary.records import Json, Record
 
 __all__ = [
     "Circumstances",
@@ -26,7 +26,6 @@ __all__ = [
     "Report",
     "Severity",
     "Verdict",
-    "finding_json",
     "validate",
 ]
 
@@ -52,8 +51,7 @@ class Verdict(StrEnum):
     REJECTED = "rejected"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class Finding(Record):
     """One rule, measured: what validation, the registry's check, an audit and a board calibration report.
 
     Attributes:
@@ -81,23 +79,15 @@ class Finding:
         remedy = f"; {self.remedy}" if self.remedy else ""
         return f"{where}{self.rule}: {self.message}{remedy}"
 
-
-def finding_json(finding: Finding) -> dict[str, Json]:
-    """The JSON form of a finding, the same wherever one is written (schemas/finding-1.schema.json)."""
-    return {
-        "rule": str(finding.rule),
-        "severity": finding.severity.value,
-        "camera": finding.camera,
-        "place": finding.place,
-        "measured": _finite(finding.measured),
-        "limit": _finite(finding.limit),
-        "message": finding.message,
-        "remedy": finding.remedy,
-    }
+    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
+        # A rule that measured NaN fails, and JSON has no NaN.
+        stated = {name: document[name] for name in ("measured", "limit")}
+        finite = {name: value if _is_finite(value) else None for name, value in stated.items()}
+        return document | finite
 
 
-def _finite(value: float | None) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) else None
+def _is_finite(value: Json) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,12 +150,16 @@ class Circumstances:
     spread: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
-    """Every rule's finding, and the verdict they add up to."""
+class Report(Record):
+    """Every rule's finding, and the verdict they add up to.
+
+    Attributes:
+        policy: the name of the policy it was judged by.
+        findings: of every rule.
+    """
 
     policy: str
-    findings: tuple[Finding, ...] = field(default_factory=tuple)
+    findings: tuple[Finding, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

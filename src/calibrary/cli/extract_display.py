@@ -21,7 +21,7 @@ from rich.text import Text
 from calibrary.cli.console import make_console, plain, printable
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Step
-from calibrary.jobs.extract.gather import Rejected
+from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.hand_off import Solver, seed_command
 from calibrary.jobs.extract.outputs import STALE, Outputs
 from calibrary.validation import Verdict
@@ -215,7 +215,7 @@ def _below(camera: CameraReport) -> Iterator[Text]:
             yield Text(printable(f"{dropped.tag} is not believed: {dropped.reason}"), "dim")
 
 
-def _set_aside(rejected: tuple[Rejected, ...]) -> RenderableType:
+def _set_aside(rejected: tuple[SkippedFile, ...]) -> RenderableType:
     lines: list[RenderableType] = [Text(f"{_count(len(rejected), 'image')} set aside", "bold")]
     for item in rejected[:MOST_REJECTED]:
         lines.append(Padding(Text(printable(item.name)), (0, 0, 0, GAP)))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
-from calibrary.distortion import Distortion
+from calibrary.distortion import AnyDistortion
+from calibrary.records import Record
 
 __all__ = ["Dropped", "Source", "Witness"]
 
@@ -54,8 +54,7 @@ RESTS_ON = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Witness:
+class Witness(Record):
     """What one source says K is, brought to the file's frame.
 
     Attributes:
@@ -78,7 +77,7 @@ class Witness:
     tag: str
     grade: Grade
     intrinsics: Intrinsics
-    distortion: Distortion | None = None
+    distortion: AnyDistortion | None = None
     measured_centre: bool = False
     reference_size: ImageSize
     steps: tuple[str, ...] = ()
@@ -107,8 +106,7 @@ class Witness:
         return grade.rank, self.source.rank
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dropped:
+class Dropped(Record):
     """A source that is there but cannot be believed.
 
     Attributes:

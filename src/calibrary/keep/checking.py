@@ -11,7 +11,7 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.keep.names import id_of
 from calibrary.keep.shelf import Shelf
 from calibrary.policy import FLEET, Policy
-from calibrary.records import Json
+from calibrary.records import Json, to_json
 from calibrary.registry.check import CheckReport, check
 from calibrary.registry.entry import ROOT, SUFFIX, folder_of
 from calibrary.registry.entry_yaml import parse_entry
@@ -21,7 +21,7 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.revisions import commit_at, parse_rev
 from calibrary.registry.git.signatures import signatures
 from calibrary.registry.layout import CAMERAS, check_path
-from calibrary.validation import Finding, Severity, finding_json
+from calibrary.validation import Finding, Severity
 
 __all__ = [
     "Checked",
@@ -200,7 +200,7 @@ def check_signatures(
 
 def checked_json(done: Checked, unsigned: tuple[str, ...] | None) -> dict[str, Json]:
     """The JSON form of a check (schemas/registry-check-1.schema.json)."""
-    findings: list[Json] = [finding_json(finding) for finding in done.report.findings]
+    findings: list[Json] = [to_json(finding) for finding in done.report.findings]
     commits: Json = [*unsigned] if unsigned is not None else None
     return {
         "schema": "calibrary/registry-check-1",

@@ -20,12 +20,12 @@ from calibrary.keep.catalogue_entries import KIND, catalogue_entries
 from calibrary.keep.keeper import Keeper, note_of
 from calibrary.keep.operand import Reading
 from calibrary.parsers.image_names import is_image
-from calibrary.records import Json, replace
+from calibrary.records import Json, replace, to_json
 from calibrary.registry.digest import digest
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.writing import Written
-from calibrary.validation import Finding, Severity, finding_json
+from calibrary.validation import Finding, Severity
 
 __all__ = ["Fate", "Import", "Item", "import_catalogue", "import_folder", "imported_json", "write_import"]
 
@@ -156,7 +156,7 @@ def imported_json(found: Import, commit: str | None) -> dict[str, Json]:
         {"source": item.source, "fate": item.fate.value, "entry": item.entry_id, "why": item.why}
         for item in found.items
     ]
-    findings: list[Json] = [finding_json(finding) for finding in found.findings]
+    findings: list[Json] = [to_json(finding) for finding in found.findings]
     return {
         "schema": "calibrary/registry-import-1",
         "commit": commit,

@@ -9,7 +9,7 @@ import pytest
 
 from calibrary.errors import InputError
 from calibrary.jobs.extract.gather import CHUNK, find_images, gather
-from calibrary.jobs.extract.report import report_json
+from calibrary.jobs.extract.report import report_of
 from tests.jobs.extract.fleet import NOBODY, P4R, gate, picture
 
 
@@ -107,7 +107,7 @@ def test_an_image_whose_exif_is_of_another_frame_is_set_aside(tmp_path: Path) ->
 
 def test_two_workers_find_what_one_finds(flight: Path) -> None:
     alone, together = gate(flight, workers=1), gate(flight, workers=2)
-    assert report_json(alone, {}) == report_json(together, {})
+    assert report_of(alone, {}) == report_of(together, {})
     assert [c.slug for c in alone.cameras] == [c.slug for c in together.cameras]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from calibrary.jobs.extract import page as page_module
 from calibrary.jobs.extract.extraction import Extraction
-from calibrary.jobs.extract.gather import Rejected
+from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.page import outcome_page
@@ -150,7 +150,7 @@ def test_a_run_of_very_many_cameras_stays_a_page(
     monkeypatch.setattr(page_module, "MOST_CAMERAS", 3)
     monkeypatch.setattr(page_module, "MOST_DRAWN", 2)
     monkeypatch.setattr(page_module, "MOST_NAMES", 4)
-    torn = tuple(Rejected(f"{n}.jpg", "torn") for n in range(9))
+    torn = tuple(SkippedFile(name=f"{n}.jpg", reason="torn") for n in range(9))
     page = made(replace(outcome, rejected=torn), tmp_path)
     assert len(overview(page).rows) == 3
     drawn = [any(isinstance(block, SideBySide) for block in s.blocks) for s in page.sections[1:4]]

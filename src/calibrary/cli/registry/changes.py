@@ -8,6 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from calibrary.records import to_json
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -132,7 +134,6 @@ def print_document(
 ) -> None:
     """What was written, or would have been, on standard output (schemas/registry-change-1.schema.json)."""
     from calibrary.keep.fields import change_json
-    from calibrary.validation import finding_json
 
     document = {
         "schema": "calibrary/registry-change-1",
@@ -149,7 +150,7 @@ def print_document(
             }
             for one in changed
         ],
-        "findings": [finding_json(finding) for finding in findings],
+        "findings": [to_json(finding) for finding in findings],
         "warnings": list(written.warnings) if written is not None else [],
     }
     sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")

@@ -7,7 +7,6 @@ from calibrary.jobs.audit.answers import Answer
 from calibrary.jobs.audit.run import LEVELS, Audit
 from calibrary.policy import Policy
 from calibrary.records import Json, to_json
-from calibrary.validation import finding_json
 
 __all__ = ["audit_json"]
 
@@ -32,7 +31,7 @@ def audit_json(done: Audit) -> dict[str, Json]:
         "entries": done.entries,
         "counts": counts,
         "cameras": [_camera(answer, done.policy) for answer in done.answers],
-        "findings": [finding_json(finding) for finding in done.findings],
+        "findings": [to_json(finding) for finding in done.findings],
         "unreadable": [{"file": one.name, "reason": one.reason} for one in seen.unreadable],
     }
 

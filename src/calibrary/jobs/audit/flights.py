@@ -13,7 +13,7 @@ from calibrary.errors import InputError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
-from calibrary.jobs.extract.gather import Rejected, find_images, gather
+from calibrary.jobs.extract.gather import SkippedFile, find_images, gather
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.keep.identity import identified
 from calibrary.parsers.imagery.taken import taken_on
@@ -64,7 +64,7 @@ class Flights:
     images: int
     before: int = 0
     undated: int = 0
-    unreadable: tuple[Rejected, ...] = ()
+    unreadable: tuple[SkippedFile, ...] = ()
 
 
 @dataclass(slots=True)
@@ -105,7 +105,7 @@ def flights(
     total = 2 * len(images.paths)
     _leave_out_older(images, since, progress, total)
     states: dict[ImageMetadata, list[str]] = {}
-    unreadable: list[Rejected] = []
+    unreadable: list[SkippedFile] = []
     done = total - len(images.paths)
     for folder, group in groupby(images.paths.items(), key=lambda item: item[1][0]):
         names = {path.relative_to(folder).as_posix(): name for name, (_, path) in group}
@@ -119,11 +119,11 @@ def flights(
         gathered = gather([folder / name for name in names], folder, workers=workers, progress=advance)
         for metadata, own in gathered.states.items():
             states.setdefault(metadata, []).extend(names[name] for name in own)
-        unreadable += [Rejected(names[one.name], one.reason) for one in gathered.rejected]
+        unreadable += [SkippedFile(name=names[one.name], reason=one.reason) for one in gathered.rejected]
     for metadata in list(states):
         contradiction = exif_contradiction(metadata)
         if contradiction is not None:
-            unreadable += [Rejected(name, contradiction) for name in states.pop(metadata)]
+            unreadable += [SkippedFile(name=name, reason=contradiction) for name in states.pop(metadata)]
     return Flights(
         flown=tuple(_flown(states, images, policy)),
         images=len(images.paths),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.fallback import Fallback
-from calibrary.jobs.extract.gather import Rejected
+from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.policy import Policy
 from calibrary.validation import Report, Verdict
 
@@ -93,7 +93,7 @@ class Extraction:
 
     policy: Policy
     cameras: tuple[CameraReport, ...]
-    rejected: tuple[Rejected, ...] = ()
+    rejected: tuple[SkippedFile, ...] = ()
     warnings: tuple[str, ...] = ()
 
     @property

@@ -20,7 +20,7 @@ from calibrary.jobs.extract.gather import find_files
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.parsers.image_names import is_image
 from calibrary.policy import Policy
-from calibrary.records import replace
+from calibrary.records import Record, replace
 from calibrary.validation import Report, Verdict, validate
 
 __all__ = [
@@ -58,9 +58,15 @@ class StepOutcome(StrEnum):
     KEPT_ASIDE = "kept aside"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
-    """One step of the chain and what became of it."""
+class Step(Record):
+    """One step of the chain and what became of it.
+
+    Attributes:
+        step: which one.
+        outcome: whether its K is used.
+        source: the file or entry; None where there is none.
+        why: of the outcome.
+    """
 
     step: StepName
     outcome: StepOutcome

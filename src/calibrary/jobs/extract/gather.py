@@ -15,29 +15,31 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+import msgspec
+
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import read_metadata
+from calibrary.records import Record
 from calibrary.workers import end_with_parent
 
-__all__ = ["Gathered", "Rejected", "find_files", "find_images", "gather"]
+__all__ = ["Gathered", "SkippedFile", "find_files", "find_images", "gather"]
 
 CHUNK = 64
 WORTH_A_POOL = 400
 """Below this many images starting workers costs more than it saves."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rejected:
+class SkippedFile(Record):
     """An image that no camera can be told from.
 
     Attributes:
         name: path below the image directory.
-        reason: what was found and what was wanted.
+        reason: what was found and what was expected.
     """
 
-    name: str
+    name: str = msgspec.field(name="file")
     reason: str
 
 
@@ -46,7 +48,7 @@ class Gathered:
     """What a directory of images says: names by camera state, and the images that say nothing."""
 
     states: dict[ImageMetadata, list[str]] = field(default_factory=dict)
-    rejected: list[Rejected] = field(default_factory=list)
+    rejected: list[SkippedFile] = field(default_factory=list)
 
     def add(self, other: Gathered) -> None:
         """Take in what another part of the directory says."""
@@ -154,9 +156,9 @@ def _read_chunk(images: Sequence[Path], *, directory: Path) -> Gathered:
         try:
             metadata = read_metadata(path)
         except InputError as error:
-            part.rejected.append(Rejected(name, error.message))
+            part.rejected.append(SkippedFile(name=name, reason=error.message))
         except OSError as error:
-            part.rejected.append(Rejected(name, f"cannot be read: {error.strerror or error}"))
+            part.rejected.append(SkippedFile(name=name, reason=f"cannot be read: {error.strerror or error}"))
         else:
             part.states.setdefault(metadata, []).append(name)
     return part

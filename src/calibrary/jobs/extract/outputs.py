@@ -15,8 +15,8 @@ from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import SOLVER_FILES, Candidate, Solver, hand_off, refusal
-from calibrary.jobs.extract.report import encode, report_json
-from calibrary.records import Json
+from calibrary.jobs.extract.report import encode, report_of
+from calibrary.records import Json, replace, to_json
 from calibrary.validation import Verdict
 
 __all__ = ["STALE", "Outputs", "check_page_place", "check_place", "plan"]
@@ -78,13 +78,12 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
             place="--output-matrix",
         )
     stale = tuple(path for path in _earlier(matrix_path, solver) if path not in files)
-    document = report_json(outcome, matrices)
     warnings = (
         *outcome.warnings,
         *(f"{path.name} {STALE}" for path in stale),
         *(f"{slug} is not handed to {solver}: {why}" for slug, why in refused.items()),
     )
-    document["warnings"] = [*warnings]
+    document = to_json(replace(report_of(outcome, matrices), warnings=warnings))
     files[report_path] = encode(document)
     return Outputs(
         files=files,

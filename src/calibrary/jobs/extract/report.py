@@ -1,127 +1,263 @@
-"""The run's report as one JSON document (schemas/report-1.schema.json)."""
+"""What a run reports, as one JSON document (schemas/report-1.schema.json)."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from typing import Annotated, Any
 
-from calibrary.calibration import Calibration
-from calibrary.evidence.collect import Evidence
-from calibrary.evidence.witness import Witness
+import msgspec
+
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
+from calibrary.evidence.conflict import Cause
+from calibrary.evidence.witness import Dropped, Witness
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
+from calibrary.jobs.extract.fallback import Step
+from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.hand_off import seed_command
-from calibrary.records import Json, to_json
-from calibrary.validation import Report, finding_json
+from calibrary.records import Json, Meta, Record
+from calibrary.validation import Finding, Report, Verdict
 
-__all__ = ["encode", "report_json"]
-
-SCHEMA = "calibrary/report-1"
+__all__ = ["CameraDocument", "ExtractReport", "encode", "report_of"]
 
 
-def report_json(outcome: Extraction, outputs: Mapping[str, str]) -> dict[str, Json]:
+class JudgedSource(Witness):
+    """What one source says of K.
+
+    Attributes:
+        chosen: whether the camera's K rests on it.
+    """
+
+    chosen: bool
+
+
+class Disagreement(Record):
+    """Two sources of one camera that are further apart than they may be.
+
+    Attributes:
+        chosen: tag of the better one.
+        other: tag of the one that disagrees with it.
+        difference: (other − chosen) / chosen of the focal length.
+        cause: the likeliest reason.
+    """
+
+    chosen: str
+    other: str
+    difference: float
+    cause: Cause
+
+
+class RejectedCandidate(Record):
+    """The numbers that failed, for whoever looks into it.
+
+    Attributes:
+        grade: what such a K is good for.
+        tag: where it is from.
+        intrinsics: the numbers.
+        findings: of every rule.
+    """
+
+    grade: Grade
+    tag: str | None
+    intrinsics: Intrinsics
+    findings: tuple[Finding, ...]
+
+
+class Seed(Record):
+    """Where a self-calibration may start; not a K.
+
+    Attributes:
+        grade: always ``seed``.
+        intrinsics: where to start.
+        note: what it is for.
+        colmap: the commands that refine it.
+    """
+
+    grade: Grade
+    intrinsics: Intrinsics
+    note: str
+    colmap: str
+
+
+class CameraDocument(Record):
+    """One camera of a run.
+
+    Attributes:
+        id: its name in file names, unique in the run.
+        camera: which camera.
+        calibration: its K; None where there is none to use. It is written with the camera in it, and a camera without
+            a K is written as ``{"camera": …}``: no "K" is there to be picked up by mistake.
+        verdict: of K.
+        why: the reason, where K is not valid or not the images' own.
+        what_to_do: the next step; None where there is nothing to do.
+        uncalibrated: whether principal point and distortion are defaults.
+        output: name of the file K is written to.
+        rejected_candidate: the K that the images gave and the policy rejected.
+        known_as: what the catalogue calls the camera.
+        witnesses: what each source says of K.
+        dropped: sources that are there and cannot be of these images.
+        conflicts: sources that disagree.
+        findings: of every rule.
+        spread: of fx over the images, as a share of it.
+        fallback: what was tried where the images give no valid K.
+        seed: where a self-calibration may start.
+        images: path of each image below the folder.
+    """
+
+    id: str
+    camera: CameraKey
+    calibration: Calibration | None
+    verdict: Verdict
+    why: str | None
+    what_to_do: str | None
+    uncalibrated: bool
+    output: str | None
+    rejected_candidate: RejectedCandidate | None
+    known_as: str | None
+    witnesses: tuple[JudgedSource, ...]
+    dropped: tuple[Dropped, ...]
+    conflicts: tuple[Disagreement, ...]
+    findings: tuple[Finding, ...]
+    spread: float | None
+    fallback: tuple[Step, ...]
+    seed: Seed | None
+    images: tuple[str, ...]
+
+    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
+        camera = document.pop("camera")
+        return document | {"calibration": document["calibration"] or {"camera": camera}}
+
+    @classmethod
+    def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
+        found = document.get("calibration")
+        if isinstance(found, dict) and "camera" in found:
+            document["camera"] = found["camera"]
+            document["calibration"] = found if len(found) > 1 else None
+        return document
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any]) -> dict[str, Any]:
+        members = schema["properties"]
+        without = {
+            "type": "object",
+            "required": ["camera"],
+            "additionalProperties": False,
+            "properties": {"camera": members.pop("camera")},
+        }
+        schema["required"].remove("camera")
+        calibration = members["calibration"]
+        alternatives = [one for one in calibration["anyOf"] if one != {"type": "null"}]
+        members["calibration"] = calibration | {"anyOf": [*alternatives, without]}
+        return schema
+
+
+class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
+    """What ``calibrary extract`` found.
+
+    Attributes:
+        policy: the name of the policy that K is judged by.
+        uncalibrated: whether any camera goes on without measured principal point and distortion.
+        images: how many were looked at.
+        cameras: in a fixed order.
+        rejected: images that no camera could be told from.
+        warnings: what to know of the run itself.
+        exit_code: 0 where every camera has a valid K.
+    """
+
+    policy: str
+    uncalibrated: bool
+    images: Annotated[int, Meta(ge=0)]
+    cameras: tuple[CameraDocument, ...]
+    rejected: tuple[SkippedFile, ...]
+    warnings: tuple[str, ...]
+    exit_code: Annotated[int, Meta(ge=0, le=1)]
+
+
+def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
     """The whole run.
 
     Args:
         outcome: what was found.
         outputs: the K file of each camera that has one, by slug.
     """
-    return {
-        "schema": SCHEMA,
-        "policy": outcome.policy.name,
-        "uncalibrated": outcome.uncalibrated,
-        "images": sum(len(c.camera.names) for c in outcome.cameras) + len(outcome.rejected),
-        "cameras": [_camera(c, outputs.get(c.slug)) for c in outcome.cameras],
-        "rejected": [{"file": r.name, "reason": r.reason} for r in outcome.rejected],
-        "warnings": list(outcome.warnings),
-        "exit_code": outcome.exit_code,
-    }
+    return ExtractReport(
+        policy=outcome.policy.name,
+        uncalibrated=outcome.uncalibrated,
+        images=sum(len(c.camera.names) for c in outcome.cameras) + len(outcome.rejected),
+        cameras=tuple(_camera(c, outputs.get(c.slug)) for c in outcome.cameras),
+        rejected=outcome.rejected,
+        warnings=outcome.warnings,
+        exit_code=outcome.exit_code,
+    )
 
 
 def encode(document: Mapping[str, Json]) -> bytes:
     """UTF-8 JSON; NaN and infinity are not JSON and never come this far.
 
-    What Python makes of a file name that is no UTF-8 is written as the JSON escape of the same character, so the
+    What Python makes of a file name that is not UTF-8 is written as the JSON escape of the same character, so the
     document is valid and ``os.fsencode`` of the name it gives back is the file's.
     """
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     return text.encode(errors="backslashreplace")
 
 
-def _camera(c: CameraReport, output: str | None) -> dict[str, Json]:
+def _camera(c: CameraReport, output: str | None) -> CameraDocument:
+    evidence = c.camera.evidence
     failed = c.camera.calibration if c.calibration is None else None
-    return {
-        "id": c.slug,
-        # A camera without a valid K has no "K" to be picked up by mistake.
-        "calibration": to_json(c.calibration) if c.calibration else {"camera": to_json(c.camera.key)},
-        "verdict": c.verdict.value,
-        "why": c.reason,
-        "what_to_do": c.advice,
-        "uncalibrated": c.uncalibrated,
-        "output": output,
-        "rejected_candidate": _candidate(c.camera, failed) if failed is not None else None,
-        "known_as": c.camera.states[0].known.title,
-        "witnesses": [_witness(w, c.camera.evidence) for w in c.camera.evidence.witnesses],
-        "dropped": [
-            {"source": d.source.value, "tag": d.tag, "reason": d.reason} for d in c.camera.evidence.dropped
-        ],
-        "conflicts": [
-            {
-                "chosen": conflict.chosen.tag,
-                "other": conflict.other.tag,
-                "difference": conflict.difference,
-                "cause": conflict.cause.value,
-            }
-            for conflict in c.camera.evidence.conflicts
-        ],
-        "findings": _findings(c.report),
-        "spread": c.camera.spread,
-        "fallback": [
-            {"step": s.step.value, "outcome": s.outcome.value, "source": s.source, "why": s.why}
-            for s in (c.fallback.steps if c.fallback is not None else ())
-        ],
-        "seed": _seed(c),
-        "images": list(c.camera.names),
-    }
+    return CameraDocument(
+        id=c.slug,
+        camera=c.calibration.camera if c.calibration is not None else c.camera.key,
+        calibration=c.calibration,
+        verdict=c.verdict,
+        why=c.reason,
+        what_to_do=c.advice,
+        uncalibrated=c.uncalibrated,
+        output=output,
+        rejected_candidate=_candidate(c.camera, failed) if failed is not None else None,
+        known_as=c.camera.states[0].known.title,
+        witnesses=tuple(
+            JudgedSource(**msgspec.structs.asdict(one), chosen=one is evidence.chosen)
+            for one in evidence.witnesses
+        ),
+        dropped=evidence.dropped,
+        conflicts=tuple(
+            Disagreement(
+                chosen=conflict.chosen.tag,
+                other=conflict.other.tag,
+                difference=conflict.difference,
+                cause=conflict.cause,
+            )
+            for conflict in evidence.conflicts
+        ),
+        findings=_findings(c.report),
+        spread=c.camera.spread,
+        fallback=c.fallback.steps if c.fallback is not None else (),
+        seed=_seed(c),
+        images=tuple(c.camera.names),
+    )
 
 
-def _candidate(camera: Camera, failed: Calibration) -> dict[str, Json]:
-    """The numbers that failed, for whoever looks into it."""
-    return {
-        "grade": failed.grade.value,
-        "tag": failed.provenance.tag,
-        "intrinsics": to_json(failed.intrinsics),
-        "findings": _findings(camera.report),
-    }
+def _candidate(camera: Camera, failed: Calibration) -> RejectedCandidate:
+    return RejectedCandidate(
+        grade=failed.grade,
+        tag=failed.provenance.tag,
+        intrinsics=failed.intrinsics,
+        findings=_findings(camera.report),
+    )
 
 
-def _witness(witness: Witness, evidence: Evidence) -> dict[str, Json]:
-    return {
-        "source": witness.source.value,
-        "tag": witness.tag,
-        "grade": witness.grade.value,
-        "chosen": witness is evidence.chosen,
-        "intrinsics": to_json(witness.intrinsics),
-        "distortion": to_json(witness.distortion) if witness.distortion is not None else None,
-        "principal_point_measured": witness.measured_centre,
-        "reference_size": list(witness.reference_size),
-        "steps": list(witness.steps),
-        "assumptions": list(witness.assumptions),
-        "pinhole": witness.pinhole,
-    }
+def _findings(report: Report | None) -> tuple[Finding, ...]:
+    return report.findings if report is not None else ()
 
 
-def _findings(report: Report | None) -> Json:
-    return [finding_json(finding) for finding in (report.findings if report is not None else ())]
-
-
-def _seed(c: CameraReport) -> Json:
+def _seed(c: CameraReport) -> Seed | None:
     seed = c.fallback.seed if c.fallback is not None else None
     if seed is None:
         return None
-    return {
-        "grade": seed.grade.value,
-        "intrinsics": to_json(seed.intrinsics),
-        "note": "no K: a start for self-calibration",
-        "colmap": seed_command(seed),
-    }
+    return Seed(
+        grade=seed.grade,
+        intrinsics=seed.intrinsics,
+        note="no K: a start for self-calibration",
+        colmap=seed_command(seed),
+    )

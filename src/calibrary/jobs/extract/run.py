@@ -12,7 +12,7 @@ from calibrary.evidence.frame import exif_contradiction
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_calibrations, read_matrix
-from calibrary.jobs.extract.gather import Gathered, Rejected, find_images, gather
+from calibrary.jobs.extract.gather import Gathered, SkippedFile, find_images, gather
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.policy import FLEET, Policy
 from calibrary.validation import Finding, Report, Severity, Verdict
@@ -113,7 +113,7 @@ def _set_contradictions_aside(gathered: Gathered) -> None:
         contradiction = exif_contradiction(metadata)
         if contradiction is not None:
             names = gathered.states.pop(metadata)
-            gathered.rejected.extend(Rejected(name, contradiction) for name in names)
+            gathered.rejected.extend(SkippedFile(name=name, reason=contradiction) for name in names)
     gathered.rejected.sort(key=lambda rejected: rejected.name)
 
 

@@ -10,7 +10,7 @@ from calibrary.jobs.onboard.proposing import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Onboarding
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written
-from calibrary.validation import Report, finding_json
+from calibrary.validation import Report
 
 __all__ = ["onboard_json"]
 
@@ -63,7 +63,7 @@ def _camera(one: CameraDecision, done: Onboarding) -> dict[str, Json]:
         }
         if entry is not None
         else None,
-        "check": [finding_json(finding) for finding in one.findings],
+        "check": [to_json(finding) for finding in one.findings],
         "relatives": [_relative(relative) for relative in one.relatives],
         "sources": [
             {"what": what, "name": source.name, "sha256": source.sha256}
@@ -101,7 +101,7 @@ def _board(board: BoardSolve) -> dict[str, Json]:
 
 
 def _report(report: Report | None) -> Json:
-    return [finding_json(finding) for finding in (report.findings if report is not None else ())]
+    return [to_json(finding) for finding in (report.findings if report is not None else ())]
 
 
 def _relative(relative: Relative) -> dict[str, Json]:

@@ -13,7 +13,7 @@ from calibrary.calib.presence import shows_board
 from calibrary.errors import InputError, UnknownFormatError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.extract.gather import Rejected, find_files, gather
+from calibrary.jobs.extract.gather import SkippedFile, find_files, gather
 from calibrary.parsers.image_names import is_image
 
 __all__ = ["Payload", "sort_payload"]
@@ -42,7 +42,7 @@ class Payload:
     states: Mapping[ImageMetadata, tuple[str, ...]]
     frames: frozenset[str]
     files: tuple[tuple[Path, str], ...]
-    others: tuple[Rejected, ...]
+    others: tuple[SkippedFile, ...]
 
     @property
     def images(self) -> int:
@@ -83,7 +83,7 @@ def sort_payload(
     for metadata, names in gathered.states.items():
         contradiction = exif_contradiction(metadata)
         if contradiction is not None:
-            others += [Rejected(name, contradiction) for name in names]
+            others += [SkippedFile(name=name, reason=contradiction) for name in names]
         else:
             states[metadata] = tuple(names)
     return Payload(
@@ -95,23 +95,27 @@ def sort_payload(
     )
 
 
-def _calibrations(paths: Sequence[Path], folder: Path) -> tuple[list[tuple[Path, str]], list[Rejected]]:
+def _calibrations(paths: Sequence[Path], folder: Path) -> tuple[list[tuple[Path, str]], list[SkippedFile]]:
     """The files that some format claims, and of the others why they are none."""
     files: list[tuple[Path, str]] = []
-    others: list[Rejected] = []
+    others: list[SkippedFile] = []
     for path in paths:
         name = path.relative_to(folder).as_posix()
         try:
             identity = parsers.identify(path, max_bytes=LARGEST_CALIBRATION)
         except UnknownFormatError:
-            others.append(Rejected(name, "neither an image nor a calibration file of a known format"))
+            others.append(
+                SkippedFile(name=name, reason="neither an image nor a calibration file of a known format")
+            )
         except InputError as error:
-            others.append(Rejected(name, error.message))
+            others.append(SkippedFile(name=name, reason=error.message))
         except OSError as error:
-            others.append(Rejected(name, f"cannot be read: {error.strerror or error}"))
+            others.append(SkippedFile(name=name, reason=f"cannot be read: {error.strerror or error}"))
         else:
             if identity.format.read is None:
-                others.append(Rejected(name, f"{identity.format.title}: {identity.format.refuses}"))
+                others.append(
+                    SkippedFile(name=name, reason=f"{identity.format.title}: {identity.format.refuses}")
+                )
             else:
                 files.append((path, identity.format.name))
     return files, others

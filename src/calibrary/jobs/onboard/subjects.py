@@ -12,7 +12,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize, same_aspect
 from calibrary.errors import InputError, MissingTagError
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
-from calibrary.jobs.extract.gather import Rejected
+from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.onboard.sorting import LARGEST_CALIBRATION, Payload
 from calibrary.known_camera import normalise_sub_camera
@@ -82,14 +82,14 @@ class Subjects:
     """
 
     found: tuple[Subject, ...]
-    aside: tuple[Rejected, ...]
+    aside: tuple[SkippedFile, ...]
     nameless: tuple[ImageSize, ...] = ()
 
 
 @dataclass(slots=True)
 class _Sorting:
     subjects: list[Subject] = field(default_factory=list)
-    aside: list[Rejected] = field(default_factory=list)
+    aside: list[SkippedFile] = field(default_factory=list)
     nameless: list[ImageSize] = field(default_factory=list)
 
 
@@ -159,7 +159,9 @@ def _named(
             continue
         if key.image_size is not None:
             sorting.nameless.append(key.image_size)
-        sorting.aside += [Rejected(name, "names no make and model; say --make and --model") for name in names]
+        sorting.aside += [
+            SkippedFile(name=name, reason="names no make and model; say --make and --model") for name in names
+        ]
     return named
 
 
@@ -183,10 +185,10 @@ def _hand_out_files(
             sha256 = sha256_of(path)
         except MissingTagError as error:
             way_out = "" if "--image-size" in error.message else "; say --image-size WxH"
-            sorting.aside.append(Rejected(name, f"{error.message}{way_out}"))
+            sorting.aside.append(SkippedFile(name=name, reason=f"{error.message}{way_out}"))
             continue
         except InputError as error:
-            sorting.aside.append(Rejected(name, error.message))
+            sorting.aside.append(SkippedFile(name=name, reason=error.message))
             continue
         for at, calibration in enumerate(calibrations, start=1):
             label = name if len(calibrations) == 1 else f"{name}, camera {at}"
@@ -220,11 +222,11 @@ def _hand_out(
     if len(fitting) > 1:
         names = ", ".join(str(sorting.subjects[at].key) for at in fitting[:NAMES_SHOWN])
         why = f"does not say which of {len(fitting)} cameras it is of: {names}; put it beside that one's images alone"
-        sorting.aside.append(Rejected(one.name, why))
+        sorting.aside.append(SkippedFile(name=one.name, reason=why))
         return
     if from_images:
         kept = ", ".join(str(subject.key) for subject in sorting.subjects[:NAMES_SHOWN])
-        sorting.aside.append(Rejected(one.name, f"is of {key}, and the images are of {kept}"))
+        sorting.aside.append(SkippedFile(name=one.name, reason=f"is of {key}, and the images are of {kept}"))
         return
     told = said(key)
     if _has_name(told):
@@ -232,7 +234,9 @@ def _hand_out(
         sorting.subjects.append(Subject(key=named, firmware=told.firmware, files=(one,)))
     else:
         sorting.nameless.append(one.calibration.intrinsics.image_size)
-        sorting.aside.append(Rejected(one.name, "names no make and model; say --make and --model"))
+        sorting.aside.append(
+            SkippedFile(name=one.name, reason="names no make and model; say --make and --model")
+        )
 
 
 def _fits(calibration: Calibration, key: CameraKey) -> bool:
