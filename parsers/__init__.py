@@ -29,9 +29,20 @@ from calibrary.parsers.reading import (
     read_content,
     read_in_place,
 )
-from calibrary.parsers.writing import encoded
+from calibrary.parsers.writing import encoded, format_by_suffix
 
-__all__ = ["Format", "Identity", "WriteVerdict", "decode", "encode", "formats", "identify", "read", "write"]
+__all__ = [
+    "Format",
+    "Identity",
+    "WriteVerdict",
+    "decode",
+    "encode",
+    "format_by_suffix",
+    "formats",
+    "identify",
+    "read",
+    "write",
+]
 
 PathLike: TypeAlias = str | Path
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 from calibrary.calibration import Calibration
@@ -9,11 +10,12 @@ from calibrary.errors import MissingTagError, ParseError
 from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
+from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.files import display_name
-from calibrary.parsers.imagery import read_metadata
+from calibrary.parsers.imagery import Source, read_metadata, read_source
 from calibrary.registry.catalogue import load_catalogue, match_image
 
-__all__ = ["image_evidence", "read_image"]
+__all__ = ["decode_image", "image_evidence", "read_image"]
 
 
 def image_evidence(path: Path) -> Evidence:
@@ -23,9 +25,7 @@ def image_evidence(path: Path) -> Evidence:
         InputError: the file cannot be read.
         ParseError: it is no image.
     """
-    metadata = read_metadata(path)
-    match = match_image(load_catalogue(), metadata)
-    return collect(Scene(metadata=metadata, known=match.camera, siblings=match.siblings or match.candidates))
+    return _evidence(read_metadata(path))
 
 
 def read_image(path: Path) -> list[Calibration]:
@@ -36,8 +36,25 @@ def read_image(path: Path) -> list[Calibration]:
         ParseError: it is no image, or its EXIF is of another frame.
         MissingTagError: nothing in it tells K.
     """
-    evidence = image_evidence(path)
-    name = display_name(path)
+    return _calibration(image_evidence(path), display_name(path))
+
+
+def decode_image(data: bytes, name: str) -> list[Calibration]:
+    """The same for an image that is in memory already.
+
+    Raises:
+        ParseError: it is no image, or its EXIF is of another frame.
+        MissingTagError: nothing in it tells K.
+    """
+    return _calibration(_evidence(read_source(Source(io.BytesIO(data), name=name, size=len(data)))), name)
+
+
+def _evidence(metadata: ImageMetadata) -> Evidence:
+    match = match_image(load_catalogue(), metadata)
+    return collect(Scene(metadata=metadata, known=match.camera, siblings=match.siblings or match.candidates))
+
+
+def _calibration(evidence: Evidence, name: str) -> list[Calibration]:
     if evidence.contradiction is not None:
         raise ParseError(evidence.contradiction, source=name)
     scene = evidence.scene

@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.content import Content
+from calibrary.parsers.discovery import known_formats
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, adapt, compare
 from calibrary.parsers.format import STATED, Format, WriteContext, WriteVerdict
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
 
-__all__ = ["encoded"]
+__all__ = ["encoded", "format_by_suffix"]
 
 QUALITY = {
     "rms_px": "rms of the reprojection error",
@@ -29,6 +31,24 @@ QUALITY = {
     "coverage": "coverage of the frame",
 }
 """What is known of a calibration's quality in one number each, in words."""
+
+
+def format_by_suffix(path: str | Path) -> Format:
+    """The one format that is written under such a name.
+
+    Raises:
+        InputError: none or several are.
+    """
+    suffix, written = Path(path).suffix.lower(), [item for item in known_formats().values() if item.write]
+    fitting = [item for item in written if suffix in item.suffixes]
+    if len(fitting) == 1:
+        return fitting[0]
+    found = "several formats are" if fitting else "no format is"
+    raise InputError(
+        f"{found} written as {suffix or 'a file without a suffix'}; say which, one of "
+        f"{', '.join(item.name for item in fitting or written)}",
+        source=Path(path).name,
+    )
 
 
 def encoded(

@@ -9,19 +9,11 @@ from typing import Final
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
 from calibrary.conventions import Origin
 from calibrary.distortion import (
-    BrownConrady,
     Distortion,
-    Division,
-    ExtendedUnified,
     FieldOfView,
-    KannalaBrandt,
-    NoDistortion,
-    RadTanThinPrismFisheye,
-    Rational,
-    ThinPrismFisheye,
 )
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
-from calibrary.interop.colmap import ColmapCamera, ColmapModel, lens_from
+from calibrary.interop.colmap import COLMAP_LENSES, ColmapCamera, ColmapModel, lens_from
 from calibrary.parsers.convention import Convention
 from calibrary.parsers.format import Capacity, ReadContext
 from calibrary.records import replace
@@ -35,20 +27,7 @@ CONVENTION: Final = Convention(
         "RAD_TAN_THIN_PRISM_FISHEYE has p0 and p1 the other way round than OpenCV",
     ),
 )
-CAPACITY: Final = Capacity(
-    models=(
-        NoDistortion,
-        BrownConrady,
-        Rational,
-        KannalaBrandt,
-        ExtendedUnified,
-        FieldOfView,
-        Division,
-        ThinPrismFisheye,
-        RadTanThinPrismFisheye,
-    ),
-    several_cameras=True,
-)
+CAPACITY: Final = Capacity(models=COLMAP_LENSES, several_cameras=True)
 
 MAX_CAMERAS = 20_000
 """A camera for every image of a large collection, read in a second or two."""

@@ -39,17 +39,13 @@ from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Quality
 from calibrary.distortion import (
-    BrownConrady,
     Distortion,
     KannalaBrandt,
     NoDistortion,
-    Rational,
-    ThinPrism,
-    Tilted,
     Unified,
 )
 from calibrary.errors import ParseError, UnsupportedModelError
-from calibrary.interop.opencv import OPENCV_MODELS
+from calibrary.interop.opencv import OPENCV_LENSES, OPENCV_MODELS
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
@@ -325,7 +321,7 @@ FORMAT = Format(
     read=read,
     write=write,
     capacity=Capacity(
-        models=(NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt, Unified),
+        models=(*OPENCV_LENSES, Unified),
         several_cameras=True,
     ),
     states=("date",),

@@ -18,7 +18,7 @@ from calibrary.parsers.imagery.xmp import XmpFacts, read_xmp
 from calibrary.parsers.imagery.xmp_exif import mirrored_exif
 from calibrary.records import replace
 
-__all__ = ["read_metadata", "read_source"]
+__all__ = ["begins_as_image", "read_metadata", "read_source"]
 
 _PLACEHOLDERS = {
     b"version https://git-lfs.github.com/spec/": "Git LFS pointer; run `git lfs pull`",
@@ -65,6 +65,11 @@ def read_source(source: Source) -> ImageMetadata:
         values = {**mirrored_exif(xmp.properties), **values}
     exif = exif_facts(values, faults)
     return _merged(found.head, exif, xmp, has_exif=has_exif)
+
+
+def begins_as_image(head: bytes) -> bool:
+    """Whether a file that begins with these bytes is an image that :func:`read_source` recognises."""
+    return head.startswith((jpeg.SIGNATURE, *tiff.SIGNATURES, png.SIGNATURE)) or heif.is_heif(head)
 
 
 @dataclass(frozen=True, slots=True)

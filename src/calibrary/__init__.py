@@ -1,7 +1,7 @@
 """The library of a fleet's camera calibrations: derives, validates and keeps K, one per camera.
 
->>> from calibrary import extract_intrinsic_matrix
->>> K, report = extract_intrinsic_matrix("DJI_0001.JPG", 13.2, 8.8)          # doctest: +SKIP
+>>> camera = calibrary.read("camera.xml")
+>>> K, dist = camera.to_opencv()
 """
 
 from __future__ import annotations
@@ -10,11 +10,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from calibrary.api.files import read, read_all, refit, write
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
     from calibrary.jobs.extract.minimal import extract_intrinsic_matrix
     from calibrary.policy import FLEET, SOURCE, Policy
     from calibrary.validation import Report, Verdict, validate
+
+    __version__: str
 
 __all__ = [
     "FLEET",
@@ -29,11 +32,17 @@ __all__ = [
     "Quality",
     "Report",
     "Verdict",
+    "__version__",
     "extract_intrinsic_matrix",
+    "read",
+    "read_all",
+    "refit",
     "validate",
+    "write",
 ]
 
 _HOMES = {
+    "calibrary.api.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
     "calibrary.errors": ("CalibraryError",),
     "calibrary.jobs.extract.minimal": ("extract_intrinsic_matrix",),
@@ -42,12 +51,16 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> object:
-    """Import a public name when it is first asked for: ``import calibrary`` alone costs next to nothing."""
-    for module, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(module), name)
-    raise AttributeError(f"module 'calibrary' has no attribute {name!r}")
+if not TYPE_CHECKING:  # a type checker is to see that a name is not there
+
+    def __getattr__(name: str) -> object:
+        """Import a public name when it is first asked for: ``import calibrary`` alone costs next to nothing."""
+        if name == "__version__":
+            return import_module("importlib.metadata").version("calibrary")
+        for module, names in _HOMES.items():
+            if name in names:
+                return getattr(import_module(module), name)
+        raise AttributeError(f"module 'calibrary' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

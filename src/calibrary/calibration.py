@@ -27,6 +27,7 @@ from calibrary.distortion import AnyDistortion, NoDistortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
 from calibrary.errors import FrameError, InputError, UnsupportedModelError
 from calibrary.interop import colmap, opencv
+from calibrary.interop.notebook import html_table
 from calibrary.quality import Covariance, Quality
 from calibrary.records import Json, Meta, Record, force_setattr, from_json, replace, to_json
 
@@ -470,6 +471,28 @@ class Calibration(Record):
         held, coefficients = colmap.model_for(lens, one_focal=K.fx == K.fy, preferred=model)
         focals = (K.fx, K.fy)[: held.focals]
         return colmap.ColmapCamera(held.name, *K.image_size, (*focals, K.cx, K.cy, *coefficients))
+
+    def _repr_html_(self) -> str:
+        """The calibration as a notebook shows it."""
+        K, quality, source = self.intrinsics, self.quality or Quality(), self.provenance
+        rows = [(name, getattr(K, name), ".3f") for name in ("fx", "fy", "cx", "cy")]
+        rows += [("skew", K.skew, ".3f")] if K.skew else []
+        lens = self.distortion.coefficients if self.distortion is not None else {}
+        rows += [(name, value, ".6g") for name, value in lens.items()]
+        sigma = math.sqrt(quality.inflation)
+        spread = {name: f" ± {value * sigma:.2g}" for name, value in quality.std.items()}
+        origin = (source.source or source.kind, source.tag, source.tool, source.date, source.operator)
+        return html_table(
+            str(self.camera),
+            [
+                ("image", "{} × {} px".format(*K.image_size)),
+                ("distortion", self.distortion.model if self.distortion is not None else "unknown"),
+                *((name, f"{value:{form}}{spread.get(name, '')}") for name, value, form in rows),
+                ("grade", self.grade.value),
+                ("rms", f"{quality.rms_px:.3g} px" if quality.rms_px is not None else ""),
+                ("source", ", ".join(part for part in origin if part)),
+            ],
+        )
 
 
 def _behind(name: str, more: dict[str, Any], members: dict[str, Any]) -> dict[str, Any]:

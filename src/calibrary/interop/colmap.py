@@ -30,6 +30,7 @@ from calibrary.distortion.equivalence import exact
 from calibrary.errors import UnsupportedModelError
 
 __all__ = [
+    "COLMAP_LENSES",
     "COLMAP_MODELS",
     "PANORAMAS",
     "ColmapCamera",
@@ -119,6 +120,19 @@ _WRITTEN = (
 
 _BY_NAME = {model.name: model for model in COLMAP_MODELS}
 _BY_NUMBER = {model.number: model for model in COLMAP_MODELS}
+
+COLMAP_LENSES: Final[tuple[type[Distortion], ...]] = (
+    NoDistortion,
+    BrownConrady,
+    Rational,
+    KannalaBrandt,
+    ExtendedUnified,
+    FieldOfView,
+    Division,
+    ThinPrismFisheye,
+    RadTanThinPrismFisheye,
+)
+"""What COLMAP can hold, the most usual first."""
 
 
 def model_named(name: str) -> ColmapModel | None:

@@ -28,14 +28,22 @@ from calibrary.distortion import (
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError, UnsupportedModelError
 
-__all__ = ["OPENCV_MODELS", "coefficients_of", "lens_from"]
+__all__ = ["OPENCV_LENSES", "OPENCV_MODELS", "coefficients_of", "lens_from"]
 
 OPENCV_MODELS: Final[Mapping[int, type[Distortion]]] = MappingProxyType(
     {4: BrownConrady, 5: BrownConrady, 8: Rational, 12: ThinPrism, 14: Tilted}
 )
 """What so many coefficients are to cv2's perspective functions."""
 
-_SIMPLEST_FIRST = (BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt)
+OPENCV_LENSES: Final[tuple[type[Distortion], ...]] = (
+    NoDistortion,
+    BrownConrady,
+    Rational,
+    ThinPrism,
+    Tilted,
+    KannalaBrandt,
+)
+"""The simplest first; the last is for ``cv2.fisheye``."""
 
 
 def lens_from(coefficients: ArrayLike, *, fisheye: bool = False) -> Distortion:
@@ -81,14 +89,12 @@ def coefficients_of(lens: Distortion) -> FloatArray:
     Raises:
         UnsupportedModelError: OpenCV has no model that is exactly this.
     """
-    if isinstance(lens, NoDistortion):
-        return np.zeros(5)
     # A lens of one of OpenCV's own models keeps its count, though higher terms may be zero.
-    for kind in (type(lens), *_SIMPLEST_FIRST):
-        same = exact(lens, kind) if kind in _SIMPLEST_FIRST else None
+    for kind in (type(lens),) if type(lens) in OPENCV_LENSES else OPENCV_LENSES:
+        same = exact(lens, kind)
         if same is not None:
-            return np.array(list(same.coefficients.values()))
+            return np.array(list(same.coefficients.values())) if same.names() else np.zeros(5)
     raise UnsupportedModelError(
-        f"OpenCV has no model that is exactly {lens.model!r}; calibrary.refit(camera, max_error_px=…) gives the "
-        "nearest one it has, and camera.project and camera.unproject need none"
+        f"OpenCV has no model that is exactly {lens.model!r}; calibrary.refit(camera, 'opencv', max_error_px=…) gives "
+        "the nearest one it has, and camera.project and camera.unproject need none"
     )

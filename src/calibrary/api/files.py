@@ -1,0 +1,237 @@
+"""Calibration files and images, read into calibrations and written from them."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO, TypeAlias
+
+from calibrary import parsers
+from calibrary.calibration import Calibration, ImageSize
+from calibrary.distortion import MODELS
+from calibrary.errors import InputError
+from calibrary.interop.colmap import COLMAP_LENSES
+from calibrary.interop.opencv import OPENCV_LENSES
+from calibrary.parsers.files import MAX_BYTES
+from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
+from calibrary.parsers.format import Capacity
+from calibrary.parsers.imagery.reader import begins_as_image
+from calibrary.parsers.images import decode_image
+from calibrary.quality import Covariance, Quality
+from calibrary.records import replace
+
+__all__ = ["Source", "choose", "read", "read_all", "refit", "write"]
+
+Source: TypeAlias = str | Path | bytes | BinaryIO
+"""A file by its path, its bytes, or the file opened in binary mode."""
+
+K_NAMES = ("fx", "fy", "cx", "cy", "skew")
+LISTED = 8
+
+
+def read(
+    source: Source,
+    *,
+    camera: int | None = None,
+    format: str | None = None,  # noqa: A002  the word of the field, and of numpy, PIL and pandas
+    image_size: ImageSize | None = None,
+    options: Mapping[str, str] | None = None,
+    max_bytes: int = MAX_BYTES,
+) -> Calibration:
+    """The camera in a calibration file of any format, or in an image's metadata.
+
+    Args:
+        source: path, bytes, or a file opened in binary mode.
+        camera: which one of a file with several, from 1.
+        format: the format's name, where the file itself does not settle it.
+        image_size: (width, height) px, for files that do not state it.
+        options: answers to what only the file's owner knows, as the format lists them, such as
+            ``{"distortion": "fisheye"}``.
+        max_bytes: the longest file that is read.
+
+    Raises:
+        InputError: it cannot be read, or holds several cameras and none was chosen; also of the kinds that
+            :func:`calibrary.parsers.read` lists.
+
+    >>> camera = calibrary.read("camera.xml")
+    >>> camera.intrinsics.fx
+    3659.5
+    >>> calibrary.read("survey/DJI_0001.JPG").grade
+    <Grade.CALIBRATED: 'calibrated'>
+    """
+    found = read_all(source, format=format, image_size=image_size, options=options, max_bytes=max_bytes)
+    return choose(
+        found, camera, source=_name(source), how="camera=N, or take all of them with calibrary.read_all"
+    )
+
+
+def read_all(
+    source: Source,
+    *,
+    format: str | None = None,  # noqa: A002  as in read
+    image_size: ImageSize | None = None,
+    options: Mapping[str, str] | None = None,
+    max_bytes: int = MAX_BYTES,
+) -> list[Calibration]:
+    """Every camera in a calibration file, in the file's order.
+
+    Args:
+        source: as for :func:`read`.
+        format: as for :func:`read`.
+        image_size: as for :func:`read`.
+        options: as for :func:`read`.
+        max_bytes: as for :func:`read`.
+
+    Raises:
+        InputError: it cannot be read; also of the kinds that :func:`calibrary.parsers.read` lists.
+
+    >>> [camera.camera.sub_camera for camera in calibrary.read_all("stereo.yml")]
+    ['left', 'right']
+    """
+    if isinstance(source, str | Path):
+        return parsers.read(
+            source, format=format, image_size=image_size, options=options, max_bytes=max_bytes
+        )
+    data = source if isinstance(source, bytes) else _content(source, max_bytes)
+    if format is None and begins_as_image(data):
+        return decode_image(data, _name(source))
+    return parsers.decode(
+        data,
+        name=_name(source),
+        format=format,
+        image_size=image_size,
+        options=options,
+        max_bytes=max_bytes,
+    )
+
+
+def write(
+    cameras: Calibration | Sequence[Calibration],
+    path: str | Path,
+    *,
+    format: str | None = None,  # noqa: A002  as in read
+    max_error_px: float | None = None,
+) -> parsers.WriteVerdict:
+    """Write a calibration file, whole or not at all, and say what it holds of what was meant.
+
+    Args:
+        cameras: one, or several where the format takes several.
+        path: the file to make or replace.
+        format: the format's name; by the path's suffix where only one format is written so.
+        max_error_px: the largest error, anywhere in the image, that a model which the format lacks may leave;
+            0.05 px when not given.
+
+    Returns:
+        Whether the file holds the cameras exactly or refitted, by how many px it is off, and what it has no
+        place for.
+
+    Raises:
+        InputError: the suffix does not tell the format, the file cannot be made, or a K is only a guess.
+        UnsupportedModelError: the format holds the calibration only with a larger error.
+
+    >>> verdict = calibrary.write(calibrary.read("camera.xml"), "camera.yaml", format="opencv_storage")
+    >>> verdict.outcome
+    <Fidelity.EXACT: 'exact'>
+    >>> calibrary.read("camera.yaml").intrinsics.fx
+    3659.5
+    """
+    chosen = [cameras] if isinstance(cameras, Calibration) else list(cameras)
+    return parsers.write(chosen, path, format or parsers.format_by_suffix(path), max_error_px=max_error_px)
+
+
+def refit(
+    camera: Calibration, model: str = "opencv", *, max_error_px: float = DEFAULT_MAX_ERROR_PX
+) -> Calibration:
+    """The nearest calibration with a distortion model that another program has.
+
+    Args:
+        camera: the original.
+        model: "opencv" or "colmap" for the first of their models that is off by at most 0.05 px, else the nearest
+            of them; or one model's name.
+        max_error_px: how far a projection may be off, anywhere in the image.
+
+    Returns:
+        The same K with the new distortion, and without skew where the program has none. Equal maps are
+        converted exactly; of the uncertainty, what is known of K alone stays after a fit.
+
+    Raises:
+        UnsupportedModelError: no such model is near enough; the message says how far the nearest is off.
+        InputError: there is no model of that name.
+
+    >>> camera = calibrary.read("AutoCal.xml")
+    >>> camera.distortion.model
+    'observed-brown'
+    >>> K, dist = calibrary.refit(camera, "opencv").to_opencv()
+    >>> dist.shape
+    (5,)
+    """
+    families = {"opencv": OPENCV_LENSES, "colmap": COLMAP_LENSES}
+    if model in families:
+        capacity = Capacity(models=families[model])
+    elif model in MODELS:
+        capacity = Capacity(models=(MODELS[model],), skew=True)
+    else:
+        raise InputError(
+            f"no distortion model {model!r:.60}; wanted one of {', '.join([*families, *MODELS])}"
+        )
+    fitted = adapt(camera, capacity, max_error_px=max_error_px)
+    if fitted.distortion == camera.distortion or fitted.quality is None:
+        return fitted
+    return replace(fitted, quality=_of_k_alone(fitted.quality))
+
+
+def choose(
+    cameras: Sequence[Calibration], number: int | None, *, source: str, how: str = "--camera N"
+) -> Calibration:
+    """One of a file's cameras.
+
+    Args:
+        cameras: all of them.
+        number: which, from 1; None for the only one.
+        source: the file's name, for messages.
+        how: how to say which, for messages.
+
+    Raises:
+        InputError: there are several and no number, or none of that number.
+    """
+    if number is None and len(cameras) == 1:
+        return cameras[0]
+    more = f" and {len(cameras) - LISTED} more" if len(cameras) > LISTED else ""
+    listed = "; ".join(f"{at} {item.camera}" for at, item in enumerate(cameras[:LISTED], start=1)) + more
+    if number is None:
+        raise InputError(f"holds {len(cameras)} cameras, choose one with {how}: {listed}", source=source)
+    if not 1 <= number <= len(cameras):
+        raise InputError(
+            f"has no camera {number}; it holds {len(cameras)}, counted from 1: {listed}", source=source
+        )
+    return cameras[number - 1]
+
+
+def _content(file: BinaryIO, max_bytes: int) -> bytes:
+    if isinstance(file, io.TextIOBase):
+        raise InputError("is open as text, open it in binary mode", source=_name(file))
+    data = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise InputError(f"is longer than {max_bytes} bytes, raise max_bytes to read it", source=_name(file))
+    return data
+
+
+def _name(source: object) -> str:
+    if isinstance(source, str | Path):
+        return Path(source).name
+    name = getattr(source, "name", None)
+    return Path(name).name if isinstance(name, str) else "bytes"
+
+
+def _of_k_alone(quality: Quality) -> Quality:
+    """The uncertainty of a fitted lens's coefficients is not that of the original's."""
+    covariance = quality.covariance
+    held = tuple(name for name in K_NAMES if covariance is not None and name in covariance.names)
+    return replace(
+        quality,
+        std={name: value for name, value in quality.std.items() if name in K_NAMES},
+        covariance=Covariance.from_matrix(held, covariance.of(held))
+        if covariance is not None and held
+        else None,
+    )

@@ -1,0 +1,48 @@
+"""Every public function of the door has an example in its docstring, and the example is true."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import calibrary
+from calibrary import Calibration
+
+SOURCE_DOCUMENT = {"extract_intrinsic_matrix", "validate"}
+"""As the source document has it, and a rule of the core: they read no file and are no part of the door."""
+
+FUNCTIONS = {
+    name: getattr(calibrary, name)
+    for name in calibrary.__all__
+    if inspect.isfunction(getattr(calibrary, name)) and name not in SOURCE_DOCUMENT
+}
+METHODS = {
+    f"Calibration.{name}": getattr(Calibration, name) for name in ("to_opencv", "from_opencv", "to_colmap")
+}
+DOCUMENTED = {"calibrary": calibrary, **FUNCTIONS, **METHODS}
+
+
+def examples(documented: object, name: str) -> Iterator[doctest.DocTest]:
+    finder = doctest.DocTestFinder(recurse=False)
+    names = {"calibrary": calibrary, "Calibration": Calibration}
+    yield from (test for test in finder.find(documented, name, globs=names) if test.examples)
+
+
+@pytest.mark.parametrize("name", DOCUMENTED)
+def test_the_example_is_true(
+    name: str, furnished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(furnished, tmp_path / "work")
+    monkeypatch.chdir(tmp_path / "work")
+    found = list(examples(DOCUMENTED[name], name))
+    assert found, f"{name} has no example"
+    told: list[str] = []
+    for test in found:
+        runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+        runner.run(test, out=told.append)
+        assert runner.failures == 0, "".join(told)

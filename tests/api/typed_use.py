@@ -1,0 +1,39 @@
+"""A program that uses the door, for mypy --strict to read: every ignored error must be one, every other none."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import calibrary
+
+
+def read() -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    camera: calibrary.Calibration = calibrary.read(
+        "camera.xml", camera=1, format=None, image_size=(4000, 3000)
+    )
+    cameras: list[calibrary.Calibration] = calibrary.read_all(b"...", options={"distortion": "fisheye"})
+    with Path("camera.xml").open("rb") as file:
+        cameras.append(calibrary.read(file))
+    name: str = camera.to_colmap().model
+    params: tuple[float, ...] = camera.to_colmap(name).params
+    version: str = calibrary.__version__
+    sys.stdout.write(f"{params} {version}")
+    return calibrary.refit(camera, "opencv", max_error_px=0.1).to_opencv()
+
+
+def write(camera: calibrary.Calibration) -> float:
+    again = calibrary.Calibration.from_opencv(
+        np.eye(3), [0.1, 0.0, 0.0, 0.0], image_size=(4, 3), fisheye=True
+    )
+    return calibrary.write([camera, again], "cameras.txt", format="colmap_text", max_error_px=0.1).max_px
+
+
+def misuse(camera: calibrary.Calibration) -> None:
+    calibrary.read(1)  # type: ignore[arg-type]
+    calibrary.read("camera.xml", "agisoft_xml")  # type: ignore[call-arg, arg-type]
+    calibrary.write(camera, "camera.xml", format=7)  # type: ignore[arg-type]
+    _ = calibrary.reed  # type: ignore[attr-defined]
