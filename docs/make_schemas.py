@@ -17,6 +17,8 @@ PRINTED: Final[Mapping[str, str]] = {
     "calibration-1": "calibrary.calibration:Calibration",
     "finding-1": "calibrary.validation:Finding",
     "report-1": "calibrary.jobs.extract.report:ExtractReport",
+    "diff-1": "calibrary.jobs.diff.report:DiffReport",
+    "fleet-diff-1": "calibrary.jobs.diff.report:FleetDiffReport",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its
 schema in the first, and the others refer to it there."""

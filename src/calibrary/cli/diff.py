@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from calibrary.jobs.diff.fleet import Change
     from calibrary.pages import Page
     from calibrary.policy import Policy
-    from calibrary.records import Json
+    from calibrary.records import Record
 
 __all__ = ["add_parser"]
 
@@ -99,7 +99,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _pair(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
     from calibrary.jobs.diff.comparison import compare
-    from calibrary.jobs.diff.comparison_json import comparison_json
+    from calibrary.jobs.diff.report import diff_report
     from calibrary.keep.operand import Reading, read_operands
 
     answers = Answers.of(arguments)
@@ -119,7 +119,7 @@ def _pair(arguments: argparse.Namespace) -> int:
 
         _write(comparison_page(comparison, labels, arguments.altitude_m), arguments.html)
     if arguments.json:
-        _print(comparison_json(comparison, labels, arguments.altitude_m))
+        _print(diff_report(comparison, labels, arguments.altitude_m))
     else:
         _show(make_console(stderr=False), comparison, labels, arguments.altitude_m)
     return EXIT_ALARM if comparison.alarm else 0
@@ -231,7 +231,9 @@ def _fleet(arguments: argparse.Namespace) -> int:
 
         _write(fleet_page(changes, _title(arguments), arguments.altitude_m), arguments.html)
     if arguments.json:
-        _print({"schema": "calibrary/fleet-diff-1", "changes": [_change_json(change) for change in changes]})
+        from calibrary.jobs.diff.report import fleet_diff_report
+
+        _print(fleet_diff_report(changes))
     else:
         _show_fleet(make_console(stderr=False), changes)
     return EXIT_ALARM if any(change.alarm for change in changes) else 0
@@ -282,20 +284,7 @@ def _show_fleet(console: Console, changes: Sequence[Change]) -> None:
     console.print(table)
 
 
-def _change_json(change: Change) -> dict[str, Json]:
-    found = change.comparison
-    numbers = found.numbers if found is not None else None
-    return {
-        "id": change.id,
-        "verdict": found.verdict.value if found is not None else None,
-        "alarm": change.alarm,
-        "reasons": list(found.reasons) if found is not None else [change.why_not or ""],
-        "structural": [one.kind.value for one in found.structural] if found is not None else [],
-        "focal_change": numbers.focal_change if numbers is not None else None,
-        "rms_px": numbers.difference.rms_px if numbers is not None else None,
-        "max_px": numbers.difference.max_px if numbers is not None else None,
-    }
+def _print(report: Record) -> None:
+    from calibrary.records import to_json
 
-
-def _print(document: dict[str, Json]) -> None:
-    sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    sys.stdout.write(json.dumps(to_json(report), indent=2, ensure_ascii=True, allow_nan=False) + "\n")

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 from scipy.special import chdtrc, chdtri
@@ -30,7 +30,7 @@ from calibrary.jobs.diff.frames import common_frame
 from calibrary.jobs.diff.priors import Spread, spread_of
 from calibrary.jobs.diff.structure import Kind, Structural, signatures
 from calibrary.policy import FLEET, Policy
-from calibrary.records import replace
+from calibrary.records import Meta, Record, replace
 
 __all__ = ["ChangeVerdict", "ChiSquare", "Comparison", "Ground", "Numbers", "Parameter", "compare"]
 
@@ -58,14 +58,15 @@ class ChangeVerdict(StrEnum):
     STRUCTURAL = "structural"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
+class Parameter(Record):
     """One number of both calibrations.
 
     Attributes:
         name: fx, fy, cx, cy, skew, or a coefficient of the distortion.
         a, b: None where the calibration has no such number.
         std_a, std_b: None where nothing is known of it.
+        delta: b less a.
+        z: delta in standard deviations of the difference.
     """
 
     name: str
@@ -73,19 +74,23 @@ class Parameter:
     b: float | None
     std_a: float | None
     std_b: float | None
+    delta: float | None
+    z: float | None
 
-    @property
-    def delta(self) -> float | None:
-        """How much b is more than a."""
-        return self.b - self.a if self.a is not None and self.b is not None else None
-
-    @property
-    def z(self) -> float | None:
-        """The difference in its own standard deviations."""
-        if self.delta is None or self.std_a is None or self.std_b is None:
-            return None
-        std = float(np.hypot(self.std_a, self.std_b))
-        return self.delta / std if std > 0 else None
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        a: float | None,
+        b: float | None,
+        std_a: float | None = None,
+        std_b: float | None = None,
+    ) -> Parameter:
+        """With the difference and what it is in standard deviations."""
+        delta = b - a if a is not None and b is not None else None
+        std = float(np.hypot(std_a, std_b)) if std_a is not None and std_b is not None else 0.0
+        z = delta / std if delta is not None and std > 0 else None
+        return cls(name=name, a=a, b=b, std_a=std_a, std_b=std_b, delta=delta, z=z)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,8 +113,7 @@ class ChiSquare:
         return float(chdtrc(self.dof, self.value))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ground:
+class Ground(Record):
     """What a difference does to a map.
 
     Attributes:
@@ -119,10 +123,10 @@ class Ground:
         height_cm: error of heights by the difference in focal length, positive where B sees farther down.
     """
 
-    altitude_m: float
-    gsd_cm: float
-    rms_cm: float
-    max_cm: float
+    altitude_m: Annotated[float, Meta(gt=0)]
+    gsd_cm: Annotated[float, Meta(ge=0)]
+    rms_cm: Annotated[float, Meta(ge=0)]
+    max_cm: Annotated[float, Meta(ge=0)]
     height_cm: float
 
 
@@ -319,25 +323,23 @@ def _parameters(a: Calibration, b: Calibration, one: Spread, two: Spread) -> tup
     # Where the models differ a name they share means two things, and neither is subtracted from the other.
     same_model = type(a.distortion) is type(b.distortion)
     rows = [
-        Parameter(
-            name=name,
-            a=float(getattr(a.intrinsics, name)),
-            b=float(getattr(b.intrinsics, name)),
-            std_a=std_a.get(name),
-            std_b=std_b.get(name),
+        Parameter.of(
+            name,
+            float(getattr(a.intrinsics, name)),
+            float(getattr(b.intrinsics, name)),
+            std_a.get(name),
+            std_b.get(name),
         )
         for name in (*K_NAMES, *skew)
     ]
     if same_model:
         rows += [
-            Parameter(
-                name=name, a=lenses[0][name], b=lenses[1][name], std_a=std_a.get(name), std_b=std_b.get(name)
-            )
+            Parameter.of(name, lenses[0][name], lenses[1][name], std_a.get(name), std_b.get(name))
             for name in lenses[0]
         ]
     else:
-        rows += [Parameter(name=n, a=v, b=None, std_a=std_a.get(n), std_b=None) for n, v in lenses[0].items()]
-        rows += [Parameter(name=n, a=None, b=v, std_a=None, std_b=std_b.get(n)) for n, v in lenses[1].items()]
+        rows += [Parameter.of(name, value, None, std_a.get(name)) for name, value in lenses[0].items()]
+        rows += [Parameter.of(name, None, value, None, std_b.get(name)) for name, value in lenses[1].items()]
     return tuple(rows)
 
 

@@ -78,9 +78,7 @@ def comparison_sections(
 ) -> tuple[Section, ...]:
     """The parts of a comparison, in the order in which somebody who has to decide wants them."""
     numbers = comparison.numbers
-    sections = [
-        Section(title="ChangeVerdict", badge=badge_of(comparison), blocks=tuple(_verdict(comparison)))
-    ]
+    sections = [Section(title="Verdict", badge=badge_of(comparison), blocks=tuple(_verdict(comparison)))]
     if numbers is not None:
         sections += [
             Section(title="In numbers", blocks=tuple(_in_numbers(numbers))),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -18,6 +17,7 @@ from calibrary.calibration import Calibration, ImageSize, same_aspect
 from calibrary.distortion import NoDistortion
 from calibrary.jobs.diff.frames import FOCAL_SLACK
 from calibrary.jobs.diff.priors import PRIORS
+from calibrary.records import Record
 
 __all__ = ["Kind", "Structural", "signatures"]
 
@@ -70,8 +70,7 @@ class Kind(StrEnum):
     STRETCH = "transcode"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Structural:
+class Structural(Record):
     """One change of kind.
 
     Attributes:
