@@ -26,9 +26,9 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.calibrate import calibrate
 from calibrary.calib.corners_file import write_corners
 from calibrary.calib.detect import detect
+from calibrary.calib.estimation import estimate
 from calibrary.calib.found import NotFound
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import warp_test
@@ -131,7 +131,7 @@ class Errors:
 
 def clean(seeds: int) -> Iterator[Row]:
     """Nothing wrong: errors as stated, no false alarms."""
-    runs = [calibrate(shoot(seed)) for seed in range(seeds)]
+    runs = [estimate(shoot(seed)) for seed in range(seeds)]
     errors = Errors.of(runs, camera((1920, 1440)))
     kappa = [run.evidence.kappa2 or np.inf for run in runs]
     warped = np.mean([run.evidence.is_warped for run in runs])
@@ -161,10 +161,10 @@ def false_positives(seeds: int) -> Iterator[Row]:
 def bow(seeds: int) -> Iterator[Row]:
     """0.2 mm over 400 mm."""
     sets = [shoot(100 + seed, bow_mm=0.2) for seed in range(seeds)]
-    runs = [calibrate(each) for each in sets]
+    runs = [estimate(each) for each in sets]
     errors = Errors.of(runs, camera((1920, 1440)))
     power = np.mean([run.evidence.is_warped for run in runs])
-    flat = [calibrate(each, warp=False) for each in sets]
+    flat = [estimate(each, warp=False) for each in sets]
     planar = Errors.of(flat, camera((1920, 1440)))
     kappa = [run.evidence.kappa2 or 0.0 for run in flat]
     flagged = np.mean([run.verdict.value == "refuse" for run in flat])
@@ -244,7 +244,7 @@ FAULTS: dict[str, Callable[[int], Observations]] = {
 def named(seeds: int) -> Iterator[Row]:
     """Each fault by its name, and no other fault by that name."""
     named_in: dict[str, list[tuple[str, ...]]] = {
-        fault: [calibrate(make(seed)).rules for seed in range(seeds)] for fault, make in FAULTS.items()
+        fault: [estimate(make(seed)).rules for seed in range(seeds)] for fault, make in FAULTS.items()
     }
     for fault, codes in named_in.items():
         caught = sum(fault in each for each in codes)
@@ -269,7 +269,7 @@ def frames(seeds: int, *, large: bool) -> Iterator[Row]:
         runs.append(("5472×3648 × 25", (5472, 3648), 25, Settings(), 0.02, 2, BOARD))
     for name, size, views, settings, goal, number, board in runs:
         sets = [photograph(size, 40 + seed, views, settings, board) for seed in range(max(1, number))]
-        results = [calibrate(each) for each in sets]
+        results = [estimate(each) for each in sets]
         errors = Errors.of(results, camera(size))
         found = sum(len(each.views) for each in sets)
         yield _at_most(f"frames {name}: worst fx of {len(sets)}", errors.worst_fx, goal, "%")
@@ -284,12 +284,12 @@ def frames(seeds: int, *, large: bool) -> Iterator[Row]:
 def speed() -> Iterator[Row]:
     """CPU seconds of one process, on this machine as busy as it is."""
     seen = shoot(1)
-    calibrate(seen)
-    best = min(_cpu(lambda: calibrate(seen)) for _ in range(5))
+    estimate(seen)
+    best = min(_cpu(lambda: estimate(seen)) for _ in range(5))
     yield _at_most("25 views × 88 corners, everything", best, 0.5, "s CPU")
     many = shoot(2, views=100)
     yield _row(
-        "100 views × 88 corners, everything", f"{_cpu(lambda: calibrate(many)):.2f} s CPU", "", good=None
+        "100 views × 88 corners, everything", f"{_cpu(lambda: estimate(many)):.2f} s CPU", "", good=None
     )
     points = [seen.object_points(view).astype(np.float32) for view in seen.views]
     pixels = [view.image_points.astype(np.float32) for view in seen.views]

@@ -29,9 +29,9 @@ from scipy.interpolate import RegularGridInterpolator
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.calibrate import calibrate
 from calibrary.calib.collect import collect
 from calibrary.calib.corners_file import read_corners, write_corners
+from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import pixel_grid, projection_difference
 from calibrary.calib.synthesis import Settings, Sheet, Truth, observe, poses
@@ -160,7 +160,7 @@ def solved(path: Path, *, warp: bool) -> Calibration:
     """The calibration from a session's corners."""
     cv2.setNumThreads(1)
     seen: Observations = read_corners(path)
-    return calibrate(seen, warp=warp).calibration
+    return estimate(seen, warp=warp).calibration
 
 
 @dataclass(frozen=True, kw_only=True)

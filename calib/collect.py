@@ -9,10 +9,10 @@ import multiprocessing
 import os
 import signal
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -63,11 +63,15 @@ class Collected:
         observations: the views that can be calibrated with.
         rejected: the frames that cannot, each with its reason, in the order of the frames.
         remarks: what else to know of the views that are kept.
+        notes: on the set as a whole.
+        files: the frames by the SHA-256 of their bytes, where they are at hand.
     """
 
     observations: Observations
     rejected: tuple[NamedRemark, ...] = ()
     remarks: tuple[NamedRemark, ...] = ()
+    notes: tuple[str, ...] = ()
+    files: Mapping[str, Path] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,7 +89,7 @@ class _Looked:
 
 def collect(
     frames: Sequence[Path],
-    board: Board,
+    board: Board | float,
     *,
     setting: Setting | None = None,
     workers: int = 0,
@@ -95,7 +99,7 @@ def collect(
 
     Args:
         frames: files, of one camera at one focus.
-        board: what to look for.
+        board: what to look for, or only the side of its squares in mm: the corners are then counted by trying.
         setting: what the frames' metadata says, alike for all; see
             :func:`calibrary.calib.frames.the_one_setting`. None where there is no metadata.
         workers: processes; 0 takes as many as there are cores once it is worth it.
@@ -108,6 +112,10 @@ def collect(
         InputError: there are no frames, they differ in size, or the board cannot be looked for.
         CalibrationError: no frame shows the board.
     """
+    notes: tuple[str, ...] = ()
+    if not isinstance(board, Board):
+        board = try_board_sizes(frames, board)
+        notes = (f"the board was taken for {board}, which was found by trying",)
     check_detectable(board)
     size = _common_size(frames)
     looked: list[_Looked] = []
@@ -144,7 +152,21 @@ def collect(
             if one.rejection is None
             for remark in one.remarks
         ),
+        notes=notes,
+        files=_files(frames, observations),
     )
+
+
+def _files(frames: Sequence[Path], observations: Observations) -> dict[str, Path]:
+    """Frames share names across folders; their content identifies them."""
+    by_name: dict[str, list[Path]] = {}
+    for path in frames:
+        by_name.setdefault(path.name, []).append(path)
+    return {
+        view.sha256: by_name[view.name][0]
+        for view in observations.views
+        if view.sha256 is not None and len(by_name.get(view.name, ())) == 1
+    }
 
 
 def try_board_sizes(frames: Sequence[Path], square_mm: float) -> Board:

@@ -10,6 +10,7 @@ import hashlib
 import json
 import stat
 from collections.abc import Mapping, Sequence
+from datetime import date
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,13 +19,20 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.atomic import write_files
 from calibrary.calib.board import Board, Pattern
-from calibrary.calib.observations import ControlPoints, Observations, View
+from calibrary.calib.observations import ControlPoints, Days, Observations, View
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, ParseError
 from calibrary.records import Json, from_json, to_json
 from calibrary.schemas import require
 
-__all__ = ["corners_sha256", "decode_corners", "encode_corners", "read_corners", "write_corners"]
+__all__ = [
+    "corners_sha256",
+    "decode_corners",
+    "encode_corners",
+    "read_corners",
+    "read_table",
+    "write_corners",
+]
 
 
 SCHEMA: Final = "corners-1"
@@ -48,16 +56,27 @@ def read_corners(path: Path) -> Observations:
         InputError: it is no regular file, or cannot be read.
         ParseError: it is broken, longer than 64 MB, or contradicts itself.
     """
+    return decode_corners(read_table(path), source=path.name)
+
+
+def read_table(path: Path) -> bytes:
+    """The bytes of a file of corners or points.
+
+    Raises:
+        InputError: it is not a regular file, or cannot be read.
+        ParseError: it is longer than 64 MB.
+    """
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
-            raise InputError("is no regular file", source=path.name)
+            raise InputError("is not a regular file", source=path.name)
         if status.st_size > MAX_BYTES:
-            raise ParseError(f"is {status.st_size} bytes long, wanted at most {MAX_BYTES}", source=path.name)
-        content = path.read_bytes()
+            raise ParseError(
+                f"is {status.st_size} bytes long, expected at most {MAX_BYTES}", source=path.name
+            )
+        return path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=path.name) from None
-    return decode_corners(content, source=path.name)
 
 
 def encode_corners(observations: Observations) -> bytes:
@@ -74,6 +93,8 @@ def encode_corners(observations: Observations) -> bytes:
         "board": {name: getattr(board, name) for name in BOARD_FIELDS} if on_board else None,
         "control_points_mm": None if isinstance(board, Board) else board.points.tolist(),
     }
+    if observations.taken is not None:
+        head["taken"] = [day.isoformat() for day in observations.taken]
     lines = [f"{_dump(key)}: {_dump(value)}" for key, value in head.items()]
     views = ",\n  ".join(_dump(_view_json(view)) for view in observations.views)
     return ("{\n" + ",\n".join([*lines, f'"views": [\n  {views}\n]']) + "\n}\n").encode()
@@ -111,6 +132,7 @@ def decode_corners(content: bytes, *, source: str | None = None) -> Observations
             camera=from_json(CameraKey, document["camera"], source=source),
             focus=document["focus"],
             firmware=document["firmware"],
+            taken=_days(document.get("taken")),
         )
     except InputError as error:
         raise ParseError(error.message, source=source, place=error.place) from None
@@ -138,6 +160,16 @@ def _unique(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
 
 def _not_finite(text: str) -> float:
     raise ValueError(f"{text} is no number")
+
+
+def _days(taken: Sequence[str] | None) -> Days | None:
+    if taken is None:
+        return None
+    try:
+        first, last = (date.fromisoformat(day) for day in taken)
+    except ValueError:
+        raise ParseError("expected the first and the last day, such as 2025-03-04", place="taken") from None
+    return first, last
 
 
 def _board(document: Mapping[str, Any]) -> Board | ControlPoints:

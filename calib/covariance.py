@@ -3,7 +3,7 @@
 With S the normal matrix after eliminating every pose, C = s²·S⁻¹ where s² = rss / (2N − n − 6V). Its diagonal is
 what ``cv2.calibrateCameraExtended`` gives as standard deviations (right since OpenCV 4.8.1, too large by 1.46 in 4.6
 and 4.7); OpenCV gives no correlations. This is the scatter that corner noise alone causes. What a bent board, a rolling
-shutter or a poor model add to it only :mod:`calibrary.calib.kappa` shows.
+shutter or a poor model add to it only :mod:`calibrary.calib.variance_factor` shows.
 """
 
 from __future__ import annotations

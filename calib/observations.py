@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,7 +13,10 @@ from calibrary.calib.board import Board
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError
 
-__all__ = ["ControlPoints", "Observations", "View"]
+__all__ = ["ControlPoints", "Days", "Observations", "View"]
+
+Days: TypeAlias = tuple[date, date]
+"""The first and the last of several days."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,6 +76,7 @@ class Observations:
         camera: which camera, as its frames say.
         focus: how the lens was focused, in words, where the frames say it.
         firmware: as the frames say it.
+        taken: the first and the last day of the frames, by the camera's clock, where they state one.
     """
 
     board: Board | ControlPoints
@@ -79,6 +85,7 @@ class Observations:
     camera: CameraKey
     focus: str | None = None
     firmware: str | None = None
+    taken: Days | None = None
 
     def object_points(self, view: View) -> FloatArray:
         """(N, 3) mm on the board, for a view's image points."""

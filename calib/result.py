@@ -8,11 +8,11 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.kappa import SplitHalf
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import ProjectionDifference, Uncertainty
+from calibrary.calib.variance_factor import SplitHalf
 from calibrary.calib.verdict import BoardVerdict, Evidence, Limits
 from calibrary.calibration import Calibration
 from calibrary.records import Json, to_json
@@ -83,6 +83,7 @@ class CalibrationResult:
         uncertainty: of a direction, in px over the frame, κ² included.
         observations: what all this was made from.
         versions: of the programs.
+        date_origin: where the calibration's date is from, in words; None before it has one.
     """
 
     calibration: Calibration
@@ -98,6 +99,7 @@ class CalibrationResult:
     uncertainty: Uncertainty | None
     observations: Observations
     versions: Mapping[str, str]
+    date_origin: str | None = None
 
     @property
     def verdict(self) -> BoardVerdict:
@@ -160,6 +162,7 @@ def result_json(result: CalibrationResult) -> dict[str, Json]:
         else None,
         "limits": limits,
         "versions": versions,
+        "date_origin": result.date_origin,
     }
 
 

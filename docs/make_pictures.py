@@ -27,10 +27,9 @@ from calibrary.calib.synthesis.cameras import example_camera, head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.cli.extract_display import judgement
 from calibrary.cli.main import main as command
-from calibrary.jobs.calibrate_board.frames import find_frames, told_by
+from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
 from calibrary.jobs.calibrate_board.page import calibration_page
-from calibrary.jobs.calibrate_board.sights import search
-from calibrary.jobs.calibrate_board.solving import Wanted, solved
+from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe
 from calibrary.jobs.demo import write_flight
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
@@ -160,8 +159,10 @@ def board_page() -> str:
         truth = Truth(board=BOARD, calibration=camera, poses=held, settings=Settings())
         write_frames(out, truth, BOARD_SEED, lambda number: head(camera, None, number))
         frames = find_frames([str(out)])
-        sights = search(frames, told_by(frames, lambda key: key, focus="locked at infinity"), BOARD)
-        return render_page(calibration_page(solved(sights, Wanted()), sights))
+        collected = observe(
+            frames, describe_frames(frames, lambda key: key, focus="locked at infinity"), BOARD
+        )
+        return render_page(calibration_page(calibrate_from(collected, SolveRequest()), collected))
 
 
 def fleet_pages() -> tuple[str, str, str]:

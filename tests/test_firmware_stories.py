@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from calibrary import parsers
-from calibrary.calib.calibrate import calibrate
+from calibrary.calib.estimation import estimate
 from calibrary.calibration import Calibration
 from calibrary.cli.main import main
 from calibrary.jobs.demo.cameras import Band, Shot, rededge_m
@@ -37,7 +37,7 @@ def calibrated(stretch: float, seed: int) -> Calibration:
     """A calibration from corners of a board, its covariance with it, of a lens so much longer than the true one."""
     K = TRUE.intrinsics
     lens = replace(TRUE, intrinsics=replace(K, fx=K.fx * stretch, fy=K.fy * stretch))
-    return calibrate(shoot(lens, TWENTY, seed)).calibration
+    return estimate(shoot(lens, TWENTY, seed)).calibration
 
 
 def read(path: Path) -> Calibration:

@@ -20,7 +20,7 @@ from calibrary.parsers.imagery.directory import Directory, Tiff
 from calibrary.parsers.imagery.exif import EXIF_POINTER
 from calibrary.parsers.imagery.source import Block, Source, open_source
 
-__all__ = ["taken_on"]
+__all__ = ["exif_block", "taken_on"]
 
 ORIGINAL: Final = 0x9003
 DIGITIZED: Final = 0x9004
@@ -31,23 +31,27 @@ FIRST_YEAR: Final = 1990
 """A camera whose clock was never set begins at 1970, 1980 or in the year 0."""
 
 
-def taken_on(path: str | os.PathLike[str]) -> date | None:
+def taken_on(path: str | os.PathLike[str], *, by_shutter: bool = False) -> date | None:
     """The day by the camera's clock; None where the image does not say one, or none that can be.
+
+    Args:
+        path: the image.
+        by_shutter: leave out TIFF's DateTime, which an editor sets to the day of its own work.
 
     Raises:
         InputError: the file cannot be opened or read.
     """
     with open_source(path) as source, suppress(InputError):
-        block = _exif(source)
+        block = exif_block(source)
         if block is None:
             return None
         structure = Tiff(block)
         image = structure.directory(structure.first, {EXIF_POINTER, MODIFIED})
-        return next(_days(structure, image), None)
+        return next(_days(structure, image, by_shutter=by_shutter), None)
     return None
 
 
-def _exif(source: Source) -> Block | None:
+def exif_block(source: Source) -> Block | None:
     """What begins with a TIFF header: the block inside another file, or a TIFF itself."""
     if source.head.startswith(jpeg.SIGNATURE):
         return jpeg.read_jpeg(source).exif
@@ -58,7 +62,7 @@ def _exif(source: Source) -> Block | None:
     return Block(source, 0, source.size) if source.head.startswith(tiff.SIGNATURES) else None
 
 
-def _days(structure: Tiff, image: Directory) -> Iterator[date]:
+def _days(structure: Tiff, image: Directory, *, by_shutter: bool) -> Iterator[date]:
     """The shutter's first, then the scanner's, then the editor's."""
     pointer = image.entries.get(EXIF_POINTER)
     offsets = structure.integers(pointer) if pointer is not None else ()
@@ -66,7 +70,8 @@ def _days(structure: Tiff, image: Directory) -> Iterator[date]:
         with suppress(InputError):
             exif = structure.directory(offsets[0], {ORIGINAL, DIGITIZED})
             yield from _said(structure, exif, (ORIGINAL, DIGITIZED))
-    yield from _said(structure, image, (MODIFIED,))
+    if not by_shutter:
+        yield from _said(structure, image, (MODIFIED,))
 
 
 def _said(structure: Tiff, directory: Directory, tags: tuple[int, ...]) -> Iterator[date]:

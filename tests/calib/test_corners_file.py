@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,15 @@ def test_corners_come_back_bit_for_bit(points: list[tuple[float, float]]) -> Non
     assert back.views[0].image_points.tobytes() == view.image_points.tobytes()
     assert (back.board, back.camera, back.focus, back.firmware) == (BOARD, seen.camera, "manual", "01.02")
     assert encode_corners(back) == encode_corners(seen)
+
+
+def test_the_days_of_the_frames_come_back_and_unknown_ones_are_not_written() -> None:
+    days = (date(2019, 5, 17), date(2019, 5, 18))
+    assert decode_corners(encode_corners(replace(SMALL, taken=days))).taken == days
+    assert b"taken" not in encode_corners(SMALL)
+    for wrong in ["2019-05-17"], ["2019-05-17", "2019-02-30"], "2019-05-17":
+        with pytest.raises(ParseError, match="taken"):
+            decode_corners(_document(taken=wrong))
 
 
 def test_control_points_come_back() -> None:

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from calibrary.calib.calibrate import calibrate
 from calibrary.calib.covariance import lens_covariance
+from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
 from calibrary.calib.projection_difference import projection_difference, projection_uncertainty
@@ -144,7 +144,7 @@ def test_coefficients_that_cancel_leave_a_rational_lens_as_sure_as_its_pixels() 
     lens = Rational(k1=0.5, k2=0.1, p1=1e-4, p2=1e-4, k3=0.01, k4=0.9, k5=0.2, k6=0.03)
     truth = camera(fx=1000.0, fy=1000.0, distortion=lens)
     held = poses(BOARD, truth, 25, 1, roll_deg=180.0)
-    found = calibrate(observe(BOARD, truth, held, 0.05, 1), model="rational").calibration
+    found = estimate(observe(BOARD, truth, held, 0.05, 1), model="rational").calibration
     assert found.quality is not None
     assert found.quality.covariance is not None
     C = found.quality.covariance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import hashlib
 import json
 import re
@@ -18,7 +19,7 @@ from PIL import Image
 from calibrary import parsers
 from calibrary.calib.corners_file import read_corners, write_corners
 from calibrary.calib.lens_models import Solvable
-from calibrary.cli.calibrate.solve import MODELS
+from calibrary.cli.calibrate.solve import LENS_MODELS
 from calibrary.cli.main import main
 from calibrary.keep.beginning import begin
 from calibrary.keep.keeper import Keeper
@@ -118,6 +119,40 @@ def test_the_board_is_found_by_trying_where_nobody_names_it(calibrated: Run, pho
     _, out, _ = calibrated(f"{photographed}/*.jpg", "--square-mm", "40", "--json")
     tried = json.loads(out)
     assert tried["calibration"]["provenance"]["sha256"] == by_name["calibration"]["provenance"]["sha256"]
+
+
+@pytest.mark.parametrize(
+    ("flags", "date", "origin"),
+    [
+        ((), "2019-05-18", "from the frames' EXIF, the last day of 2019-05-17 to 2019-05-18"),
+        (("--date", "2019-06-01"), "2019-06-01", "as stated"),
+    ],
+)
+def test_the_date_is_that_of_the_frames_or_the_stated_one(
+    calibrated: Run, tmp_path: Path, flags: tuple[str, ...], date: str, origin: str
+) -> None:
+    frames(tmp_path / "set", 3, exif(date_time="2019:05:17 23:59:59"))
+    frames(tmp_path / "set", 3, exif(date_time="2019:05:18 00:10:00"), first=3)
+    _, out, _ = calibrated("set", *BOARD, *flags, "--json", "--operator", "Ada")
+    document = json.loads(out)
+    made = document["calibration"]["provenance"]
+    assert (made["date"], made["operator"], document["date_origin"]) == (date, "Ada", origin)
+    assert made["tool"].startswith("calibrary ")
+
+
+def test_saved_corners_keep_the_date_of_their_frames(calibrated: Run, tmp_path: Path) -> None:
+    kept = corners(tmp_path / "c.json")
+    day = dt.date(2019, 5, 17)
+    write_corners(replace(read_corners(kept), taken=(day, day)), kept)
+    made = json.loads(calibrated("--from", kept, "--json")[1])["calibration"]["provenance"]
+    assert (made["date"], made["operator"]) == ("2019-05-17", None)
+
+
+def test_a_model_names_the_camera_and_a_lens_model_its_distortion(calibrated: Run, tmp_path: Path) -> None:
+    kept = corners(tmp_path / "c.json")
+    _, out, _ = calibrated("--from", kept, "--model", "brown", "--lens-model", "k1k2", "--json")
+    document = json.loads(out)
+    assert (document["calibration"]["camera"]["model"], document["model"]) == ("brown", "k1k2")
 
 
 def test_corners_that_were_kept_give_the_same_numbers_again(calibrated: Run, photographed: Path) -> None:
@@ -277,7 +312,7 @@ def test_a_camera_without_a_name_is_asked_for_before_the_work(
     shots = frames(tmp_path / "shots", 3, exif(make="", model="", firmware=None))
     code, _, err = calibrated(*shots, *BOARD, "--registry", "fleet", "--yes")
     assert code == 3
-    assert "--make NAME --camera-model NAME" in err
+    assert "--make NAME --model NAME" in err
     assert list(fleet.entries()) == []
 
 
@@ -295,7 +330,7 @@ def test_a_key_that_nobody_has_is_told_of(calibrated: Run, tmp_path: Path, fleet
     code, _, err = calibrated("--from", kept, "--registry", "fleet", "--as", "dji/fc6310", "--yes")
     assert code == 4
     assert "no such camera" in err
-    assert "--camera-model" in err
+    assert "--model" in err
 
 
 def test_a_wrong_square_moves_the_poses_and_not_k(calibrated: Run, tmp_path: Path) -> None:
@@ -327,7 +362,7 @@ def test_a_seed_of_another_frame_is_refused(calibrated: Run, tmp_path: Path) -> 
     )
     code, _, err = calibrated("--from", kept, "--seed-k", "k.yml")
     assert code == 3
-    assert "no K to start from" in err
+    assert "not a K to start from" in err
 
 
 def test_control_points_need_no_board(calibrated: Run, tmp_path: Path) -> None:
@@ -339,7 +374,7 @@ def test_control_points_need_no_board(calibrated: Run, tmp_path: Path) -> None:
         pixels = truth.project(points - [shift, 0, 0]) - 0.5
         rows += [f"{x},{y},{z},{u},{v},{name}" for (x, y, z), (u, v) in zip(points, pixels, strict=True)]
     (tmp_path / "gcp.csv").write_text("\n".join(rows))
-    flags = ("--image-size", "640x480", "--pixel-origin", "centre", "--model", "k1k2", "--json")
+    flags = ("--image-size", "640x480", "--pixel-origin", "centre", "--lens-model", "k1k2", "--json")
     _, out, _ = calibrated("--points", "gcp.csv", *flags)
     K = json.loads(out)["calibration"]["intrinsics"]
     assert K["fx"] == pytest.approx(500.0, abs=0.01)
@@ -347,7 +382,7 @@ def test_control_points_need_no_board(calibrated: Run, tmp_path: Path) -> None:
 
 
 def test_the_lens_models_are_those_that_are_solved_for() -> None:
-    assert set(MODELS) == {"auto", *Solvable}
+    assert set(LENS_MODELS) == {"auto", *Solvable}
 
 
 def mosaic(folder: Path) -> None:
@@ -458,7 +493,7 @@ def test_a_place_that_cannot_be_written_is_named_before_the_work(
         ("--from", "c.json", "--to", "agisoft_xml"),
         ("--from", "c.json", "--approve"),
         ("--from", "c.json", "--registry", "fleet"),
-        ("--from", "c.json", "--model", "splined"),
+        ("--from", "c.json", "--lens-model", "splined"),
     ],
 )
 def test_what_makes_no_sense_exits_with_2(calibrated: Run, argv: tuple[str, ...]) -> None:

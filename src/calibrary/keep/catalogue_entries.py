@@ -147,7 +147,7 @@ def _entry(
 
 
 def _with_focal(entry: Entry, camera: KnownCamera) -> Entry:
-    """Told from a camera that differs in nothing but its focal length."""
+    """FrameMetadata from a camera that differs in nothing but its focal length."""
     calibration = entry.calibration
     key = replace(calibration.camera, focal_mm=camera.focal_mm)
     return replace(entry, calibration=replace(calibration, camera=key))

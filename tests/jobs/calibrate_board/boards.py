@@ -19,11 +19,18 @@ def exif(
     *,
     focus_m: tuple[int, int] | None = (15, 10),
     firmware: str | None = FIRMWARE,
+    date_time: str | None = None,
 ) -> ExifTags:
     """What the camera writes."""
     distance = (ExifField("SubjectDistance", (focus_m,)),) if focus_m is not None else ()
     return ExifTags(
-        make=make, model=model, software=firmware, focal_mm=(48, 10), body_serial="A123", overrides=distance
+        make=make,
+        model=model,
+        software=firmware,
+        date_time=date_time,
+        focal_mm=(48, 10),
+        body_serial="A123",
+        overrides=distance,
     )
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable
+from datetime import date
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from calibrary.calib.board import Board
 
-__all__ = ["add_size_flags", "board_of", "number"]
+__all__ = ["add_size_flags", "board_of", "day", "number"]
 
 
 def add_size_flags(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +40,17 @@ def board_of(text: str, arguments: argparse.Namespace) -> Board:
     from calibrary.calib.board import parse_board
 
     return parse_board(text, arguments.square_mm, arguments.marker_mm)
+
+
+def day(text: str) -> date:
+    """An argument's type: a day that is not in the future."""
+    try:
+        found = date.fromisoformat(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a day such as 2025-03-04") from None
+    if found > date.today():
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a day that is not in the future")
+    return found
 
 
 def number(low: float, high: float) -> Callable[[str], float]:

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.calibrate.flags import number
+from calibrary.cli.calibrate.flags import day, number
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from calibrary.calib.board import Board
+    from calibrary.calib.collect import Collected
     from calibrary.calib.result import CalibrationResult
     from calibrary.calibration import CameraKey
     from calibrary.cli.calibrate.solve_display import Display
     from calibrary.jobs.calibrate_board.outputs import Places
-    from calibrary.jobs.calibrate_board.sights import Sights
-    from calibrary.jobs.calibrate_board.solving import Wanted
+    from calibrary.jobs.calibrate_board.run import SolveRequest
     from calibrary.keep.keeper import Keeper
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "MODELS", "add_arguments", "run"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "LENS_MODELS", "add_arguments", "run"]
 
 DESCRIPTION = """\
 Find a camera's K and distortion from frames of a calibration board, and say how far to trust them.
@@ -38,12 +38,12 @@ examples:
   calibrary calibrate frames/ --board checkerboard:11x8 --square-mm 40 --report camera.html
   calibrary calibrate 'frames/*.JPG' --square-mm 40 --out camera.xml --to agisoft_xml
   calibrary calibrate frames/ --board charuco:8x5 --square-mm 30 --corners corners.json --registry ../fleet
-  calibrary calibrate --from corners.json --model rational --json
+  calibrary calibrate --from corners.json --lens-model rational --json
   calibrary calibrate --points gcp.csv --image-size 5472x3648 --seed-k K_matrix_seed.npy --report camera.html
 
 exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or the registry's check objects; 3 unreadable input
 """
-MODELS = ("auto", "k1k2", "k1k2k3", "k1k2p1p2", "brown", "rational", "fisheye")
+LENS_MODELS = ("auto", "k1k2", "k1k2k3", "k1k2p1p2", "brown", "rational", "fisheye")
 EXIT_NOT_PASSED = 1
 
 
@@ -83,6 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: corner)",
     )
     _add_output_flags(parser)
+    _add_provenance_flags(parser)
     add_camera_flags(parser)
     _add_solving_flags(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON on standard output")
@@ -90,19 +91,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_solving_flags(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--camera-model", dest="model", metavar="NAME", help="the camera's Model, as EXIF writes it"
-    )
-    # The camera's --model of the other commands gives way: here the word means the lens.
-    parser.conflict_handler = "resolve"
     solving = parser.add_argument_group("how to solve")
-    parser.conflict_handler = "error"
     solving.add_argument(
-        "--model",
-        dest="lens_model",
-        choices=MODELS,
+        "--lens-model",
+        choices=LENS_MODELS,
         default="auto",
-        help="of the lens (default: auto, by the corners)",
+        help="distortion model (default: auto, chosen by its BIC)",
     )
     solving.add_argument("--no-warp", action="store_true", help="take the board for flat without asking")
     solving.add_argument(
@@ -134,11 +128,21 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     keeping.add_argument("--as", dest="as_key", metavar="KEY", help="for the camera of this entry")
     keeping.add_argument("--approve", action="store_true", help="use it at once, if it passes")
     keeping.add_argument("--reason", metavar="TEXT", help="why, for the history")
-    keeping.add_argument("--operator", metavar="NAME", help="who answers for it; git's user when left out")
     keeping.add_argument(
         "--override-held", action="store_true", help="take the place of an entry that a person pinned"
     )
     add_yes_flag(parser, "write into the registry without asking")
+
+
+def _add_provenance_flags(parser: argparse.ArgumentParser) -> None:
+    stated = parser.add_argument_group("where it is from")
+    stated.add_argument(
+        "--date",
+        type=day,
+        metavar="DATE",
+        help="of the calibration, 2025-03-04 (default: the day of the frames, else today)",
+    )
+    stated.add_argument("--operator", metavar="NAME", help="who made the calibration (default: not stated)")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -147,30 +151,30 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.calib.result import result_json
     from calibrary.calib.verdict import BoardVerdict
     from calibrary.cli.calibrate.solve_display import Display
-    from calibrary.jobs.calibrate_board.sights import read_seed
-    from calibrary.jobs.calibrate_board.solving import Wanted, solved
+    from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, read_seed
 
     _check_usage(arguments)
     places = _places(arguments)
     places.check()
     keeper, said = _registry(arguments)
     with Display(quiet=arguments.json) as display:
-        sights = _sights(arguments, said, needs_key=keeper is not None, display=display)
-        size = sights.observations.image_size
-        wanted = Wanted(
+        collected = _collected(arguments, said, needs_key=keeper is not None, display=display)
+        size = collected.observations.image_size
+        request = SolveRequest(
             model=arguments.lens_model,
             warp=not arguments.no_warp,
             guess=read_seed(arguments.seed_k, size) if arguments.seed_k is not None else None,
+            date=arguments.date,
             operator=arguments.operator,
             corners_name=_corners_name(arguments),
         )
-        result = solved(sights, wanted)
-    display.show(result, sights, correlations=arguments.correlations)
-    files = places.files(result, sights)
+        result = calibrate_from(collected, request)
+    display.show(result, collected, correlations=arguments.correlations)
+    files = places.files(result, collected)
     write_files(files.content)
     display.tell(files)
     passed = result.verdict is BoardVerdict.PASS
-    kept = keeper is None or _keep(arguments, keeper, result, wanted, display)
+    kept = keeper is None or _keep(arguments, keeper, result, request, display)
     if arguments.json:
         sys.stdout.write(json.dumps(result_json(result), allow_nan=False) + "\n")
     return 0 if passed and kept else EXIT_NOT_PASSED
@@ -239,21 +243,23 @@ def _registry(arguments: argparse.Namespace) -> tuple[Keeper | None, Callable[[C
     return keeper, said
 
 
-def _sights(
+def _collected(
     arguments: argparse.Namespace,
     said: Callable[[CameraKey], CameraKey],
     *,
     needs_key: bool,
     display: Display,
-) -> Sights:
+) -> Collected:
     from calibrary.jobs.calibrate_board.entry import require_key
 
     if arguments.frames:
         return _searched(arguments, said, needs_key=needs_key, display=display)
-    sights = _read_points(arguments, said) if arguments.points is not None else _read_corners(arguments, said)
+    collected = (
+        _read_points(arguments, said) if arguments.points is not None else _read_corners(arguments, said)
+    )
     if needs_key:
-        require_key(sights.observations.camera)
-    return sights
+        require_key(collected.observations.camera)
+    return collected
 
 
 def _searched(
@@ -262,26 +268,26 @@ def _searched(
     *,
     needs_key: bool,
     display: Display,
-) -> Sights:
+) -> Collected:
     from calibrary.calibration import CameraKey
     from calibrary.errors import InputError
     from calibrary.jobs.calibrate_board.entry import require_key
-    from calibrary.jobs.calibrate_board.frames import find_frames, told_by
-    from calibrary.jobs.calibrate_board.sights import search
+    from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
+    from calibrary.jobs.calibrate_board.run import observe
 
     frames = find_frames([str(path) for path in arguments.frames])
     board = _board(arguments)
-    told = told_by(frames, said, arguments.focus)
+    metadata = describe_frames(frames, said, arguments.focus)
     if needs_key:
-        require_key(told.setting.camera if told.setting is not None else said(CameraKey()))
-    if told.setting is not None and arguments.image_size not in {None, told.setting.image_size}:
+        require_key(metadata.setting.camera if metadata.setting is not None else said(CameraKey()))
+    if metadata.setting is not None and arguments.image_size not in {None, metadata.setting.image_size}:
         raise InputError(
             "the frames are {}×{} px and no other size; leave --image-size out".format(
-                *told.setting.image_size
+                *metadata.setting.image_size
             )
         )
     display.found(len(frames))
-    return search(frames, told, board, workers=arguments.workers, progress=display.advance)
+    return observe(frames, metadata, board, workers=arguments.workers, progress=display.advance)
 
 
 def _board(arguments: argparse.Namespace) -> Board | float:
@@ -292,36 +298,40 @@ def _board(arguments: argparse.Namespace) -> Board | float:
     return parse_board(arguments.board, arguments.square_mm, arguments.marker_mm)
 
 
-def _read_points(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Sights:
+def _read_points(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Collected:
+    from calibrary.calib.collect import Collected
+    from calibrary.calib.control_points import read_control_points
     from calibrary.calibration import CameraKey
     from calibrary.conventions import Origin
-    from calibrary.jobs.calibrate_board.control_points import read_control_points
-    from calibrary.jobs.calibrate_board.sights import Sights
 
     origin = Origin.PIXEL_CENTRE if arguments.pixel_origin == "centre" else Origin.CORNER
     camera = said(CameraKey(image_size=arguments.image_size))
     observations = read_control_points(
         arguments.points, arguments.image_size, camera, origin, arguments.focus
     )
-    return Sights(observations=observations)
+    return Collected(observations=observations)
 
 
-def _read_corners(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Sights:
+def _read_corners(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Collected:
     from calibrary.errors import InputError
-    from calibrary.jobs.calibrate_board.sights import saved_sights
+    from calibrary.jobs.calibrate_board.run import saved_corners
 
-    sights = saved_sights(arguments.corners_in, said, arguments.focus)
-    size = sights.observations.image_size
+    collected = saved_corners(arguments.corners_in, said, arguments.focus)
+    size = collected.observations.image_size
     if arguments.image_size not in {None, size}:
         raise InputError(
             "its corners are of {}×{} px; leave --image-size out".format(*size),
             source=arguments.corners_in.name,
         )
-    return sights
+    return collected
 
 
 def _keep(
-    arguments: argparse.Namespace, keeper: Keeper, result: CalibrationResult, wanted: Wanted, display: Display
+    arguments: argparse.Namespace,
+    keeper: Keeper,
+    result: CalibrationResult,
+    request: SolveRequest,
+    display: Display,
 ) -> bool:
     """Write the entry, if the verdict, the check and the person allow it; whether nothing stands against it."""
     from calibrary.calib.verdict import BoardVerdict
@@ -342,7 +352,7 @@ def _keep(
         approve=approve,
         override_held=arguments.override_held,
     )
-    proposal, findings = proposed(keeper, entry_of(result, wanted), wish)
+    proposal, findings = proposed(keeper, entry_of(result, request), wish)
     display.show_entry(proposal, findings)
     if stands_against(findings):
         display.say("the check objects, so nothing was written into the registry")

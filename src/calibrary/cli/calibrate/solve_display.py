@@ -13,13 +13,13 @@ from rich.padding import Padding
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from calibrary.calib.collect import Collected
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Quality
 from calibrary.cli.console import make_console, plain
 from calibrary.cli.registry.changes import EntryChange, show_changes, show_findings, tell_written
 from calibrary.jobs.calibrate_board.outputs import Files
-from calibrary.jobs.calibrate_board.sights import Sights
 from calibrary.keep.adding import Proposal
 from calibrary.registry.entry import Status
 from calibrary.registry.git.writing import Written
@@ -77,11 +77,11 @@ class Display:
         """One line that matters also to who reads the JSON."""
         self._print(plain(text))
 
-    def show(self, result: CalibrationResult, sights: Sights, *, correlations: bool) -> None:
+    def show(self, result: CalibrationResult, collected: Collected, *, correlations: bool) -> None:
         """Tell the whole result, refused or not."""
         if self._quiet:
             return
-        self._verdict(result, sights)
+        self._verdict(result, collected)
         # Of a refused calibration there is no K; its report keeps the numbers for who wants to know why.
         if result.verdict is not BoardVerdict.REFUSE:
             self._indented(_parameters(result.calibration))
@@ -91,7 +91,7 @@ class Display:
         for name, text in _facts(result):
             self._print(f"  [dim]{name:<12}[/] {plain(text)}")
         self._print("")
-        self._indented(_views(result, sights))
+        self._indented(_views(result, collected))
 
     def tell(self, files: Files) -> None:
         """What was written, and what was not."""
@@ -128,18 +128,18 @@ class Display:
         if status is Status.DRAFT:
             self.say(f"a draft is not used yet; next: calibrary registry approve {proposal.entry.id}")
 
-    def _verdict(self, result: CalibrationResult, sights: Sights) -> None:
+    def _verdict(self, result: CalibrationResult, collected: Collected) -> None:
         outcome, quality = result.verdict, result.calibration.quality or Quality()
-        board = sights.observations.board
+        board = collected.observations.board
         self._print(
             f"[{STYLES[outcome]}]{outcome.value.upper()}[/]  {plain(str(result.calibration.camera))}: "
-            f"{quality.views} of {len(result.views) + len(sights.rejected)} views of {plain(str(board))}, rms "
+            f"{quality.views} of {len(result.views) + len(collected.rejected)} views of {plain(str(board))}, rms "
             f"{quality.rms_px:.3f} px"
         )
         for finding in result.findings:
             said = str(finding).removeprefix(finding.rule)
             self._print(f"  [{STYLES[finding.severity]}]{finding.rule}[/]{plain(said)}")
-        for note in sights.notes:
+        for note in collected.notes:
             self._print(f"  [dim]note[/]: {plain(note)}")
         self._print("")
 
@@ -191,6 +191,8 @@ def _correlations(quality: Quality) -> Table:
 def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
     """What the verdict was judged by, a line each."""
     evidence, seen, quality = result.evidence, result.evidence.geometry, result.calibration.quality
+    if result.date_origin is not None:
+        yield "date", f"{result.calibration.provenance.date}, {result.date_origin}"
     if result.candidates:
         least = min(one.bic for one in result.candidates)
         tried = ", ".join(
@@ -216,9 +218,9 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
         yield "uncertainty", f"at most {evidence.edge_px:.2g} px anywhere in the frame"
 
 
-def _views(result: CalibrationResult, sights: Sights) -> Table:
+def _views(result: CalibrationResult, collected: Collected) -> Table:
     """One row a frame, whether it counts or not and why."""
-    remarks = {remark.name: remark.remark.text for remark in sights.remarks}
+    remarks = {remark.name: remark.remark.text for remark in collected.remarks}
     table = Table(box=None, padding=(0, 2, 0, 0))
     table.add_column("view")
     table.add_column("rms px", justify="right")
@@ -239,6 +241,6 @@ def _views(result: CalibrationResult, sights: Sights) -> Table:
             )
     if shown > MOST_VIEWS:
         table.add_row(f"and {shown - MOST_VIEWS} more", "", "")
-    for one in sights.rejected:
+    for one in collected.rejected:
         table.add_row(plain(one.name), "–", f"[red]{one.remark.reason.value}[/]: {plain(one.remark.text)}")
     return table

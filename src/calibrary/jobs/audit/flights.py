@@ -22,7 +22,7 @@ from calibrary.policy import Policy
 __all__ = ["Flights", "Flown", "Progress", "flights"]
 
 Progress = Callable[[int, int], None]
-"""Told how many of how many are done."""
+"""FrameMetadata how many of how many are done."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

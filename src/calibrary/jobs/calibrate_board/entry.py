@@ -13,7 +13,7 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, UnknownCameraError
-from calibrary.jobs.calibrate_board.solving import Wanted
+from calibrary.jobs.calibrate_board.run import SolveRequest
 from calibrary.keep.adding import Proposal, Wish, propose
 from calibrary.keep.keeper import Keeper
 from calibrary.keep.operand import Reading
@@ -41,7 +41,7 @@ def camera_named(keeper: Keeper, key: str) -> CameraKey:
         return keeper.get(key).entry.calibration.camera
     except UnknownCameraError as error:
         raise UnknownCameraError(
-            f"{error}; a camera without an entry is named by --make NAME --camera-model NAME"
+            f"{error}; a camera without an entry is named by --make NAME --model NAME"
         ) from None
 
 
@@ -51,7 +51,7 @@ def require_key(camera: CameraKey) -> None:
     Raises:
         InputError: make or model is not known.
     """
-    flag_of = {"make": "--make", "model": "--camera-model"}
+    flag_of = {"make": "--make", "model": "--model"}
     missing = [name for name in flag_of if not (getattr(camera, name) or "").strip()]
     if missing:
         flags = " ".join(f"{flag_of[name]} NAME" for name in missing)
@@ -61,7 +61,7 @@ def require_key(camera: CameraKey) -> None:
         )
 
 
-def entry_of(result: CalibrationResult, wanted: Wanted) -> Entry:
+def entry_of(result: CalibrationResult, request: SolveRequest) -> Entry:
     """A draft.
 
     Raises:
@@ -76,7 +76,7 @@ def entry_of(result: CalibrationResult, wanted: Wanted) -> Entry:
             "the corners do not say which frames they were seen in (no sha256), and an entry has to; calibrate from "
             "the frames"
         )
-    return replace(Entry.of(result.calibration), extensions={BOARD_BLOCK: _block(result, wanted)})
+    return replace(Entry.of(result.calibration), extensions={BOARD_BLOCK: _block(result, request)})
 
 
 def proposed(keeper: Keeper, entry: Entry, wish: Wish) -> tuple[Proposal, Sequence[Finding]]:
@@ -93,7 +93,7 @@ def proposed(keeper: Keeper, entry: Entry, wish: Wish) -> tuple[Proposal, Sequen
     return proposal, findings
 
 
-def _block(result: CalibrationResult, wanted: Wanted) -> dict[str, YamlValue]:
+def _block(result: CalibrationResult, request: SolveRequest) -> dict[str, YamlValue]:
     """What was asked for, what was found, and by which programs."""
     evidence, seen = result.evidence, result.evidence.geometry
     block: dict[str, YamlValue] = {
@@ -101,9 +101,9 @@ def _block(result: CalibrationResult, wanted: Wanted) -> dict[str, YamlValue]:
         "reasons": list(result.rules),
         "board": _board(result),
         "asked": {
-            "model": wanted.model,
-            "warp": wanted.warp,
-            "guess_fx": wanted.guess.fx if wanted.guess is not None else None,
+            "model": request.model,
+            "warp": request.warp,
+            "guess_fx": request.guess.fx if request.guess is not None else None,
         },
         "model": result.model.value,
         "warp_mm": list(result.warp.warp_mm) if result.warp is not None and evidence.is_warped else None,
@@ -113,6 +113,7 @@ def _block(result: CalibrationResult, wanted: Wanted) -> dict[str, YamlValue]:
         "reach": seen.coverage.reach,
         "left_out": {view.name: view.without.why.value for view in result.views_out if view.without},
         "corners_left_out": evidence.corners_out,
+        "date_origin": result.date_origin,
         "programs": dict(result.versions),
     }
     return {name: value for name, value in block.items() if value not in (None, {}, [])}

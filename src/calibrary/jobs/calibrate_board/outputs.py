@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibrary import parsers
+from calibrary.calib.collect import Collected
 from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate_board.page import calibration_page
-from calibrary.jobs.calibrate_board.sights import Sights
 from calibrary.pages import render_page
 
 __all__ = ["Files", "Places"]
@@ -67,7 +67,7 @@ class Places:
         if self.out is not None:
             self._format()
 
-    def files(self, result: CalibrationResult, sights: Sights) -> Files:
+    def files(self, result: CalibrationResult, collected: Collected) -> Files:
         """Everything that the verdict allows: of a refused calibration its report only.
 
         Raises:
@@ -75,12 +75,12 @@ class Places:
         """
         content: dict[Path, bytes] = {}
         if self.report is not None:
-            content[self.report] = render_page(calibration_page(result, sights)).encode()
+            content[self.report] = render_page(calibration_page(result, collected)).encode()
         if result.verdict is BoardVerdict.REFUSE:
             held_back = tuple(path for path in (self.corners, self.out) if path is not None)
             return Files(content=content, held_back=held_back)
         if self.corners is not None:
-            content[self.corners] = encode_corners(sights.observations)
+            content[self.corners] = encode_corners(collected.observations)
         losses: tuple[str, ...] = ()
         if self.out is not None:
             content[self.out], verdict = parsers.encode(

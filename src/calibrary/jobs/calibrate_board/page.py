@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from calibrary.calib.board import Board
+from calibrary.calib.collect import Collected
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
@@ -16,7 +17,6 @@ from calibrary.jobs.calibrate_board.page_plots import (
     lens_plots,
     trust_plots,
 )
-from calibrary.jobs.calibrate_board.sights import Sights
 from calibrary.pages import (
     Badge,
     Block,
@@ -50,37 +50,37 @@ LEADS = {
 MOST_ROWS = 300
 
 
-def calibration_page(result: CalibrationResult, sights: Sights) -> Page:
+def calibration_page(result: CalibrationResult, collected: Collected) -> Page:
     """Everything about one calibration, refused or not."""
     quality, views = result.calibration.quality, len(result.rms_by_view)
     rms = f"{quality.rms_px:.3f} px" if quality is not None and quality.rms_px is not None else "unknown"
-    shown = len(result.views) + len(sights.rejected)
+    shown = len(result.views) + len(collected.rejected)
     versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
     return Page(
         title=f"Calibration of {result.calibration.camera}",
         badge=OUTCOMES[result.verdict],
-        lead=f"From {views} of {shown} views of {sights.observations.board}, rms {rms}. "
+        lead=f"From {views} of {shown} views of {collected.observations.board}, rms {rms}. "
         f"{LEADS[result.verdict]}",
-        sections=tuple(_sections(result, sights)),
-        made_by=f"Made by {versions}, on {result.calibration.provenance.date}.",
+        sections=tuple(_sections(result, collected)),
+        made_by=f"Made by {versions}.",
     )
 
 
-def _sections(result: CalibrationResult, sights: Sights) -> Iterator[Section]:
-    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, sights)))
+def _sections(result: CalibrationResult, collected: Collected) -> Iterator[Section]:
+    yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, collected)))
     yield Section(title="Parameters", anchor="parameters", blocks=tuple(_parameters(result)))
     yield Section(
-        title="How the views fit", anchor="fit", blocks=(*fit_plots(result), _views(result, sights))
+        title="How the views fit", anchor="fit", blocks=(*fit_plots(result), _views(result, collected))
     )
     yield Section(title="How the board was held", anchor="held", blocks=(_held(result), *board_plots(result)))
     yield Section(title="How far to trust it", anchor="trust", blocks=tuple(trust_plots(result)))
     yield Section(title="The lens", anchor="lens", blocks=(_models(result), *lens_plots(result)))
-    if frames := tuple(frame_plots(result, sights)):
+    if frames := tuple(frame_plots(result, collected)):
         yield Section(title="Corners on frames", anchor="frames", blocks=(SideBySide(frames),))
-    yield Section(title="Made from", anchor="made-from", blocks=tuple(_origin(result, sights)))
+    yield Section(title="Made from", anchor="made-from", blocks=tuple(_origin(result, collected)))
 
 
-def _verdict(result: CalibrationResult, sights: Sights) -> Iterator[Block]:
+def _verdict(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
     reasons = result.findings
     if not reasons:
         yield "Nothing speaks against it."
@@ -92,8 +92,8 @@ def _verdict(result: CalibrationResult, sights: Sights) -> Iterator[Block]:
                 tone=TONES[finding.severity],
             )
     notes = [str(finding) for finding in reasons if finding.severity is Severity.NOTE]
-    if notes or sights.notes:
-        yield Bullets((*notes, *sights.notes))
+    if notes or collected.notes:
+        yield Bullets((*notes, *collected.notes))
 
 
 def _parameters(result: CalibrationResult) -> Iterator[Block]:
@@ -158,9 +158,9 @@ def _values(calibration: Calibration) -> list[tuple[str, float]]:
     ]
 
 
-def _views(result: CalibrationResult, sights: Sights) -> Details:
-    remarks = {remark.name: remark.remark.text for remark in sights.remarks}
-    seen = {view.name: view for view in sights.observations.views}
+def _views(result: CalibrationResult, collected: Collected) -> Details:
+    remarks = {remark.name: remark.remark.text for remark in collected.remarks}
+    seen = {view.name: view for view in collected.observations.views}
     rows: list[tuple[str | Badge, ...]] = []
     for view in result.views:
         given = seen.get(view.name)
@@ -181,7 +181,7 @@ def _views(result: CalibrationResult, sights: Sights) -> Details:
         )
     rows += [
         (one.name, Badge(one.remark.reason.value, Tone.BAD), "–", "–", "–", one.remark.text)
-        for one in sights.rejected
+        for one in collected.rejected
     ]
     table = Table(
         caption="Every frame that was given",
@@ -196,7 +196,7 @@ def _views(result: CalibrationResult, sights: Sights) -> Details:
         rows=tuple(rows[:MOST_ROWS]),
     )
     more = (f"{len(rows) - MOST_ROWS} more are in the JSON.",) if len(rows) > MOST_ROWS else ()
-    without = sum(view.without is not None for view in result.views) + len(sights.rejected)
+    without = sum(view.without is not None for view in result.views) + len(collected.rejected)
     return Details(summary=f"{len(rows)} frames, {without} left out", blocks=(table, *more))
 
 
@@ -243,8 +243,8 @@ def _models(result: CalibrationResult) -> Block:
     )
 
 
-def _origin(result: CalibrationResult, sights: Sights) -> Iterator[Block]:
-    calibration, seen = result.calibration, sights.observations
+def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
+    calibration, seen = result.calibration, collected.observations
     made, key = calibration.provenance, calibration.camera
     board = seen.board
     noise = result.evidence.noise_px
@@ -252,6 +252,7 @@ def _origin(result: CalibrationResult, sights: Sights) -> Iterator[Block]:
         "camera": str(key),
         "unit": f"serial number hashed to {key.serial}" if key.serial is not None else None,
         "firmware": made.firmware,
+        "date": f"{made.date}, {result.date_origin}",
         "focus": made.focus or "not said by the frames",
         "board": f"{board}, {board.square_mm:g} mm" if isinstance(board, Board) else str(board),
         "corner noise": f"{noise:.3f} px by coordinate, from neighbours alone" if noise is not None else None,

@@ -9,12 +9,12 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
+from calibrary.calib.collect import Collected
 from calibrary.calib.geometry import CELLS
 from calibrary.calib.observations import View
 from calibrary.calib.result import CalibrationResult, ViewResult, Why
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate_board.figures import bend, corners_on_frame
-from calibrary.jobs.calibrate_board.sights import Sights
 from calibrary.pages import Block, Figure, SideBySide
 from calibrary.pages.plots import (
     Axis,
@@ -157,12 +157,12 @@ def lens_plots(result: CalibrationResult) -> Iterator[Block]:
     yield SideBySide((arrows, radial_curve(result.calibration)))
 
 
-def frame_plots(result: CalibrationResult, sights: Sights) -> Iterator[Figure]:
+def frame_plots(result: CalibrationResult, collected: Collected) -> Iterator[Figure]:
     """The corners on the frame that fits worst, and on one that fits as most do."""
-    board = sights.observations.board
+    board = collected.observations.board
     if not isinstance(board, Board):
         return
-    seen = {view.name: view for view in sights.observations.views}
+    seen = {view.name: view for view in collected.observations.views}
     fitted = [view for view in result.views if view.rms_px is not None and view.name in seen]
     fitted.sort(key=lambda view: -(view.rms_px or 0.0))
     if not fitted:
@@ -174,12 +174,12 @@ def frame_plots(result: CalibrationResult, sights: Sights) -> Iterator[Figure]:
             usual[len(usual) // 2].name, (usual[len(usual) // 2], "A view that fits as most do")
         )
     for name, (fit, told) in chosen.items():
-        if (figure := _on_frame(seen[name], fit, board, sights, told)) is not None:
+        if (figure := _on_frame(seen[name], fit, board, collected, told)) is not None:
             yield figure
 
 
-def _on_frame(view: View, fit: ViewResult, board: Board, sights: Sights, told: str) -> Figure | None:
-    path = sights.files.get(view.sha256 or "")
+def _on_frame(view: View, fit: ViewResult, board: Board, collected: Collected, told: str) -> Figure | None:
+    path = collected.files.get(view.sha256 or "")
     if path is None:
         return None
     out = ", which does not count" if fit.without is not None and fit.without.why is Why.MISFIT else ""

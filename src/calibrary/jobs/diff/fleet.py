@@ -20,7 +20,7 @@ from calibrary.registry.firmware import compare as compare_versions
 __all__ = ["Change", "Progress", "by_firmware", "since"]
 
 Progress = Callable[[int, int], None]
-"""Told how many of how many are done."""
+"""FrameMetadata how many of how many are done."""
 
 WORST_FIRST: Final = (
     ChangeVerdict.STRUCTURAL,

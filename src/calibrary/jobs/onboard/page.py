@@ -265,7 +265,7 @@ def _findings(report: Report | None) -> Iterator[Block]:
 def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
     if board.why_not is not None:
         yield Note(text=f"{board.frames} frames of a board give no K: {board.why_not}.", tone=Tone.CAUTION)
-    if board.result is None or board.sights is None or not whole:
+    if board.result is None or board.collected is None or not whole:
         return
     result, quality = board.result, board.result.calibration.quality
     rms = f", rms {quality.rms_px:.3f} px" if quality is not None and quality.rms_px is not None else ""
@@ -277,7 +277,11 @@ def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
     yield Section(
         title="The frames of a board",
         badge=Badge(result.verdict.value, SOLVES[result.verdict]),
-        blocks=(lead, *((Bullets((*reasons, *board.sights.notes)),) if reasons else ()), *fit_plots(result)),
+        blocks=(
+            lead,
+            *((Bullets((*reasons, *board.collected.notes)),) if reasons else ()),
+            *fit_plots(result),
+        ),
     )
 
 

@@ -12,7 +12,7 @@ from typing import Final
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, Grade, SourceFile
 from calibrary.jobs.calibrate_board.entry import entry_of
-from calibrary.jobs.calibrate_board.solving import Wanted
+from calibrary.jobs.calibrate_board.run import SolveRequest
 from calibrary.jobs.onboard.claims import EXIF, Kind
 from calibrary.jobs.onboard.judging import Hearing
 from calibrary.jobs.onboard.sorting import Payload
@@ -65,7 +65,7 @@ def entry_for(
     key = _key(subject, hearing, serves)
     if chosen.kind is Kind.BOARD and board is not None:
         named = replace(board.calibration, camera=replace(key, firmware=subject.firmware))
-        entry = entry_of(replace(board, calibration=named), Wanted(operator=operator))
+        entry = entry_of(replace(board, calibration=named), SolveRequest(operator=operator))
         calibration = entry.calibration
     else:
         calibration = replace(chosen.calibration, camera=key, extras=())

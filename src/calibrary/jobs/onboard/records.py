@@ -8,9 +8,9 @@ from enum import StrEnum
 from pathlib import Path
 
 from calibrary.calib.board import Board
+from calibrary.calib.collect import Collected
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, ImageSize
-from calibrary.jobs.calibrate_board.sights import Sights
 from calibrary.jobs.onboard.claims import Claim, Kind
 from calibrary.jobs.onboard.judging import Hearing, Relative
 from calibrary.jobs.onboard.proposing import Serves
@@ -24,7 +24,7 @@ from calibrary.validation import Finding, Report
 __all__ = ["BoardSolve", "CameraDecision", "Decision", "Onboarding", "Progress", "Questions", "Request"]
 
 Progress = Callable[[str, int, int], None]
-"""Told what is done, and how many of how many."""
+"""FrameMetadata what is done, and how many of how many."""
 
 
 class Decision(StrEnum):
@@ -90,12 +90,12 @@ class BoardSolve:
 
     Attributes:
         frames: how many there are.
-        sights, result: None where no board was found or nothing could be solved.
+        collected, result: None where no board was found or nothing could be solved.
         why_not: then why.
     """
 
     frames: int
-    sights: Sights | None = None
+    collected: Collected | None = None
     result: CalibrationResult | None = None
     why_not: str | None = None
 

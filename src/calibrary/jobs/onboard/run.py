@@ -13,9 +13,8 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError
 from calibrary.jobs.calibrate_board.entry import proposed
-from calibrary.jobs.calibrate_board.frames import told_by
-from calibrary.jobs.calibrate_board.sights import search
-from calibrary.jobs.calibrate_board.solving import Wanted, solved
+from calibrary.jobs.calibrate_board.frame_metadata import describe_frames
+from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe
 from calibrary.jobs.onboard.claims import MEASURED, Claim, Kind, claims
 from calibrary.jobs.onboard.judging import Hearing, hear, held_against, refused_by, relatives
 from calibrary.jobs.onboard.proposing import FRAME, Serves, entry_for, is_same, sources_of
@@ -267,15 +266,17 @@ def _board(subject: Subject, square_mm: float, request: Request) -> BoardSolve:
         return replace(subject.key, firmware=known.firmware or subject.firmware)
 
     try:
-        told = told_by(frames, said)
-        sights = search(frames, told, request.board or square_mm, workers=request.workers, progress=advance)
-        result = solved(sights, Wanted(operator=request.operator))
+        metadata = describe_frames(frames, said)
+        collected = observe(
+            frames, metadata, request.board or square_mm, workers=request.workers, progress=advance
+        )
+        result = calibrate_from(collected, SolveRequest(operator=request.operator))
     except (CalibrationError, InputError) as error:
         return BoardSolve(frames=len(frames), why_not=str(error))
     if result.verdict is BoardVerdict.REFUSE:
         why = "; ".join(finding.message for finding in result.findings[:2])
-        return BoardSolve(frames=len(frames), sights=sights, result=result, why_not=why)
-    return BoardSolve(frames=len(frames), sights=sights, result=result)
+        return BoardSolve(frames=len(frames), collected=collected, result=result, why_not=why)
+    return BoardSolve(frames=len(frames), collected=collected, result=result)
 
 
 def _standing(subject: Subject, keeper: Keeper) -> Resolution | None:

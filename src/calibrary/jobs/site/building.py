@@ -27,7 +27,7 @@ from calibrary.workers import end_with_parent
 __all__ = ["Progress", "Site", "build", "build_into"]
 
 Progress = Callable[[int, int], None]
-"""Told how many of how many entries are done."""
+"""FrameMetadata how many of how many entries are done."""
 
 CHUNK = 6
 WORTH_A_POOL = 24

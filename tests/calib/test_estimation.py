@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from calibrary.calib.board import Board
-from calibrary.calib.calibrate import calibrate
 from calibrary.calib.corners_file import decode_corners, encode_corners
+from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.result import CalibrationResult, Why, result_json
@@ -27,7 +27,7 @@ from .solving import BOARD, SIZE, Session, camera, moved, shoot
 
 @pytest.fixture(scope="module")
 def clean() -> CalibrationResult:
-    return calibrate(replace(shoot(how=Session(views=25)), focus="manual", firmware="01.02"))
+    return estimate(replace(shoot(how=Session(views=25)), focus="manual", firmware="01.02"))
 
 
 def _grave(result: CalibrationResult) -> set[str]:
@@ -75,7 +75,7 @@ def test_the_result_prints_as_its_schema_says(clean: CalibrationResult) -> None:
 
 
 def test_corners_solved_again_from_their_file_give_the_same_calibration(clean: CalibrationResult) -> None:
-    again = calibrate(decode_corners(encode_corners(clean.observations)))
+    again = estimate(decode_corners(encode_corners(clean.observations)))
     # OpenCV's threads add up in any order.
     for name in ("fx", "fy", "cx", "cy"):
         found, expected = (getattr(result.calibration.intrinsics, name) for result in (again, clean))
@@ -160,7 +160,7 @@ FAULTS: dict[str, tuple[Callable[[], Observations], Severity]] = {
 @pytest.mark.parametrize("code", FAULTS)
 def test_each_fault_is_called_by_its_name(code: str) -> None:
     make, severity = FAULTS[code]
-    result = calibrate(make())
+    result = estimate(make())
     found = {finding.rule: finding for finding in result.findings}
     assert code in found
     assert found[code].severity is severity
@@ -175,17 +175,17 @@ def test_each_fault_is_called_by_its_name(code: str) -> None:
 
 def test_a_rolling_shutter_is_not_seen_where_there_is_another_fault() -> None:
     for how in (Session(stretch=(1.0, 1.001)), Session(bow_mm=0.3), Session(reach=0.4, fill=(0.1, 0.35))):
-        assert "rolling-shutter" not in _codes(calibrate(shoot(how=how, seed=5)))
+        assert "rolling-shutter" not in _codes(estimate(shoot(how=how, seed=5)))
 
 
 def test_a_bow_that_is_not_to_be_solved_for_is_named_and_halves_disagree() -> None:
-    result = calibrate(shoot(how=Session(bow_mm=0.3)), warp=False)
+    result = estimate(shoot(how=Session(bow_mm=0.3)), warp=False)
     assert _grave(result) >= {"board-warp", "unstable"}
     assert result.verdict is BoardVerdict.REFUSE
 
 
 def test_low_tilt_says_what_to_do() -> None:
-    result = calibrate(shoot(how=Session(tilt_deg=2.0)))
+    result = estimate(shoot(how=Session(tilt_deg=2.0)))
     found = next(finding for finding in result.findings if finding.rule == "low-tilt")
     assert re.match(r"board normals spread \d°, need 20°", found.message)
     assert found.remedy == "tilt the board"
@@ -194,7 +194,7 @@ def test_low_tilt_says_what_to_do() -> None:
 @pytest.mark.parametrize("tilt_deg", [0.0, 0.1, 0.5])
 def test_boards_parallel_to_the_sensor_are_refused_and_nothing_worse(tilt_deg: float) -> None:
     try:
-        result = calibrate(shoot(how=Session(tilt_deg=tilt_deg)))
+        result = estimate(shoot(how=Session(tilt_deg=tilt_deg)))
     except CalibrationError as error:
         message = str(error)
         assert "tilt the board" in message
@@ -205,11 +205,11 @@ def test_boards_parallel_to_the_sensor_are_refused_and_nothing_worse(tilt_deg: f
 
 def test_the_limits_can_be_set() -> None:
     strict = replace(LIMITS, views_wanted=40)
-    assert "few-views" in _grave(calibrate(shoot(), limits=strict))
+    assert "few-views" in _grave(estimate(shoot(), limits=strict))
 
 
 def test_repeats_name_the_view_they_repeat() -> None:
-    out = calibrate(_burst()).views_out
+    out = estimate(_burst()).views_out
     assert len(out) == 18
     assert out[0].without is not None
     assert out[0].without.why is Why.DUPLICATE
@@ -217,7 +217,7 @@ def test_repeats_name_the_view_they_repeat() -> None:
 
 
 def test_a_model_can_be_asked_for() -> None:
-    result = calibrate(shoot(), "k1k2")
+    result = estimate(shoot(), "k1k2")
     assert result.model is Solvable.K1K2
     assert result.calibration.distortion is not None
     assert result.calibration.distortion.coefficients["k3"] == 0.0
@@ -238,7 +238,7 @@ def test_points_in_space_are_solved_from_a_seed() -> None:
     observations = Observations(board=board, image_size=SIZE, views=tuple(views), camera=CameraKey())
     found = []
     for guess in (None, Intrinsics(fx=900, fy=900, cx=960, cy=720, image_size=SIZE)):
-        result = calibrate(observations, guess=guess)
+        result = estimate(observations, guess=guess)
         found.append(result.calibration.intrinsics.fx)
         assert result.calibration.quality is not None
         assert abs(found[-1] - truth.intrinsics.fx) < 4 * result.calibration.quality.std["fx"]
@@ -271,22 +271,22 @@ def test_observations_that_contradict_themselves_are_refused(
     observations: Callable[[], Observations], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        calibrate(observations())
+        estimate(observations())
 
 
 def test_two_views_are_too_few_and_one_pose_is_none() -> None:
     with pytest.raises(CalibrationError, match="2 of 2 views"):
-        calibrate(shoot(how=Session(views=2)))
+        estimate(shoot(how=Session(views=2)))
     seen = shoot(how=Session(views=3))
     with pytest.raises(CalibrationError, match="move and tilt it"):
-        calibrate(replace(seen, views=(seen.views[0],) * 5))
+        estimate(replace(seen, views=(seen.views[0],) * 5))
 
 
 def test_views_without_enough_corners_are_listed_and_left_out() -> None:
     seen = shoot(how=Session(views=10))
     few = replace(seen.views[0], ids=np.arange(5), image_points=seen.views[0].image_points[:5])
     line = replace(seen.views[1], ids=np.arange(11), image_points=seen.views[1].image_points[:11])
-    result = calibrate(replace(seen, views=(few, line, *seen.views[2:])))
+    result = estimate(replace(seen, views=(few, line, *seen.views[2:])))
     assert [view.without.why for view in result.views_out if view.without] == [Why.TOO_FEW_CORNERS] * 2
 
 
@@ -294,9 +294,9 @@ def test_corners_of_no_board_at_all_are_refused() -> None:
     rng = np.random.default_rng(0)
     seen = shoot(how=Session(views=10))
     views = tuple(replace(view, image_points=rng.uniform(0, 1, (88, 2)) * SIZE) for view in seen.views)
-    assert calibrate(replace(seen, views=views)).verdict is BoardVerdict.REFUSE
+    assert estimate(replace(seen, views=views)).verdict is BoardVerdict.REFUSE
 
 
 def test_an_unknown_model_is_refused() -> None:
     with pytest.raises(InputError, match="wanted auto, k1k2"):
-        calibrate(shoot(how=Session(views=3)), "spline")
+        estimate(shoot(how=Session(views=3)), "spline")

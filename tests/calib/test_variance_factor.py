@@ -3,10 +3,10 @@ import pytest
 
 from calibrary.calib.adjustment import adjust
 from calibrary.calib.covariance import lens_covariance
-from calibrary.calib.kappa import chi_square, split_half
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
 from calibrary.calib.solve import solve
+from calibrary.calib.variance_factor import chi_square, split_half
 from calibrary.errors import CalibrationError
 
 from .solving import SIZE, Session, shoot

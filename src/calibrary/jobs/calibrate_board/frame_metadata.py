@@ -1,41 +1,46 @@
-"""Which frames are meant, and what their metadata say of the camera, its focus and its firmware."""
+"""Which frames are meant, and what their metadata state: the camera, its focus and firmware, and the days."""
 
 from __future__ import annotations
 
 import glob
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 
 from calibrary.calib.frames import Setting, group_frames, the_one_setting
+from calibrary.calib.observations import Days
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
 from calibrary.evidence.edits import edits
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.calibrate_board.focus import focus_of
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import read_metadata
+from calibrary.parsers.imagery.focus import focus_of
+from calibrary.parsers.imagery.taken import taken_on
 from calibrary.records import replace
 from calibrary.registry.catalogue import load_catalogue, match_image
 
-__all__ = ["Told", "find_frames", "told_by"]
+__all__ = ["FrameMetadata", "describe_frames", "find_frames"]
 
 MOST_FRAMES = 5_000
 """Some hundred are plenty; a folder of more is a flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
-    """What the frames say of themselves.
+class FrameMetadata:
+    """What the frames state of themselves.
 
     Attributes:
         setting: camera, size and focus, the same for all; None where none of them can be read.
-        notes: what a person should know of it.
+        taken: the first and the last day they were taken on, None where none states one.
+        notes: warnings about them.
     """
 
     setting: Setting | None
+    taken: Days | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -72,7 +77,9 @@ def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def told_by(frames: Sequence[Path], said: Callable[[CameraKey], CameraKey], focus: str | None = None) -> Told:
+def describe_frames(
+    frames: Sequence[Path], said: Callable[[CameraKey], CameraKey], focus: str | None = None
+) -> FrameMetadata:
     """What all frames agree on.
 
     Args:
@@ -85,10 +92,12 @@ def told_by(frames: Sequence[Path], said: Callable[[CameraKey], CameraKey], focu
     """
     settings: dict[Path, Setting] = {}
     notes: dict[str, None] = {}
+    days: list[date] = []
     for path in frames:
         try:
             metadata = read_metadata(path)
             distance = focus if focus is not None else focus_of(path)
+            day = taken_on(path, by_shutter=True)
         except InputError:
             continue
         if changed := edits(metadata):
@@ -98,12 +107,17 @@ def told_by(frames: Sequence[Path], said: Callable[[CameraKey], CameraKey], focu
                 source=path.name,
             )
         notes.update(dict.fromkeys(_notes(metadata)))
+        days += [day] if day is not None else []
         # The size is the file's, whatever was said of the camera; who says another is told by the caller.
         camera = replace(said(_key(metadata)), image_size=metadata.size)
         settings[path] = Setting(camera=camera, image_size=metadata.size, focus=distance)
     if not settings:
-        return Told(setting=None)
-    return Told(setting=the_one_setting(group_frames(settings, settings)), notes=tuple(notes))
+        return FrameMetadata(setting=None)
+    return FrameMetadata(
+        setting=the_one_setting(group_frames(settings, settings)),
+        taken=(min(days), max(days)) if days else None,
+        notes=tuple(notes),
+    )
 
 
 def _key(metadata: ImageMetadata) -> CameraKey:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.focus import focus_of
+from calibrary.parsers.imagery.focus import focus_of
 from calibrary.synthetic import ExifField, ExifTags, write_jpeg, write_tiff
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
@@ -14,7 +14,6 @@ from calibrary.calib.board import Board
 from calibrary.calib.corners_file import corners_sha256
 from calibrary.calib.covariance import identifiability, lens_covariance
 from calibrary.calib.geometry import geometry
-from calibrary.calib.kappa import SplitHalf, split_half
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import corner_noise, rolling_shutter, stretch
 from calibrary.calib.model_choice import WarpTest, has_sound_lens, warp_test
@@ -29,7 +28,8 @@ from calibrary.calib.projection_difference import (
 from calibrary.calib.rejection import Gate, residual_lengths, view_rms
 from calibrary.calib.result import CalibrationResult, ViewResult, Why, Without
 from calibrary.calib.solve import Solution, solve
-from calibrary.calib.verdict import LIMITS, Evidence, Limits, judge
+from calibrary.calib.variance_factor import SplitHalf, split_half
+from calibrary.calib.verdict import LIMITS, BoardVerdict, Evidence, Limits, judge
 from calibrary.calibration import (
     Calibration,
     Covariance,
@@ -41,8 +41,9 @@ from calibrary.calibration import (
 )
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
+from calibrary.validation import Finding, Severity
 
-__all__ = ["calibrate"]
+__all__ = ["estimate"]
 
 
 FEWEST_CORNERS: Final = 6
@@ -51,7 +52,7 @@ FLATTEST: Final = 0.02
 MAP_SHAPE: Final = (17, 13)
 
 
-def calibrate(
+def estimate(
     observations: Observations,
     model: str | Solvable = "auto",
     *,
@@ -85,7 +86,7 @@ def calibrate(
     adjusted = solution.adjusted
     halves = split_half(adjusted, seed=seed)
     covariance = lens_covariance(adjusted)
-    calibration = _calibration(usable, adjusted, covariance, halves)
+    calibration = _calibration(observations, usable, adjusted, covariance, halves)
     uncertainty = _uncertainty(calibration)
     noise = corner_noise(usable)
     tested, explained = _with_warp(solution, asked=warp)
@@ -118,9 +119,10 @@ def calibrate(
         shutter=rolling_shutter(explained, usable.image_size, noise),
         focus=usable.focus,
     )
+    findings = judge(judged, limits)
     return CalibrationResult(
-        calibration=calibration,
-        findings=judge(judged, limits),
+        calibration=replace(calibration, notes=tuple(_notes(findings))),
+        findings=findings,
         evidence=judged,
         limits=limits,
         model=adjusted.state.model,
@@ -197,7 +199,11 @@ def _extent_ratio(points: FloatArray) -> float:
 
 
 def _calibration(
-    usable: Observations, adjusted: Adjusted, covariance: Covariance, halves: SplitHalf | None
+    observations: Observations,
+    usable: Observations,
+    adjusted: Adjusted,
+    covariance: Covariance,
+    halves: SplitHalf | None,
 ) -> Calibration:
     state, network = adjusted.state, adjusted.network
     values = dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
@@ -211,11 +217,13 @@ def _calibration(
         kappa2=halves.kappa2 if halves is not None else None,
         coverage=seen.coverage.fraction,
     )
-    versions = _versions()
+    versions, board = _versions(), observations.board
     provenance = Provenance(
         kind="board" if network.is_planar else "control-points",
         source=str(usable.board),
-        sha256=corners_sha256(usable),
+        tag=f"{board} of {board.square_mm:g} mm" if isinstance(board, Board) else str(board),
+        # Of everything that was seen, as corners.json keeps it; the solve may have left out views.
+        sha256=corners_sha256(observations),
         sources=tuple(
             SourceFile(name=view.name, sha256=view.sha256) for view in usable.views if view.sha256 is not None
         ),
@@ -231,6 +239,14 @@ def _calibration(
         quality=quality,
         provenance=provenance,
     )
+
+
+def _notes(findings: Sequence[Finding]) -> Iterator[str]:
+    """What a user of the K should know."""
+    verdict = BoardVerdict.of(findings)
+    if verdict is not BoardVerdict.PASS:
+        yield f"{verdict.value}: not good enough to be approved"
+    yield from (str(finding) for finding in findings if finding.severity is not Severity.NOTE)
 
 
 def _views(

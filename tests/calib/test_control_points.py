@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibrary.calib.calibrate import calibrate
+from calibrary.calib.control_points import read_control_points
+from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Observations
 from calibrary.calibration import CameraKey
 from calibrary.conventions import Origin
 from calibrary.errors import ParseError
-from calibrary.jobs.calibrate_board.control_points import read_control_points
 from tests.calib.solving import camera
 
 HEAD = "X,Y,Z,u,v,image\n"
@@ -48,13 +48,13 @@ def test_columns_come_in_any_order_and_under_any_separator(tmp_path: Path, delim
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("1,2,3,4,5,a\n", "line 1: names no column x, y, z"),
+        ("1,2,3,4,5,a\n", "line 1: has no column x, y, z"),
         (HEAD, "no rows"),
         (HEAD + "1,2,3,4\n", "line 2: has 4 cells"),
         (HEAD + "1,2,three,4,5,a\n", "line 2: could not convert"),
-        (HEAD + "1,2,nan,4,5,a\n", "line 2: wanted five finite numbers"),
-        (HEAD + "1,2,3,4,5, \n", "line 2: wanted five finite numbers and an image"),
-        (HEAD + "1,2,3,4,5,a\n1,2,3,6,7,a\n", "line 3: shows the point"),
+        (HEAD + "1,2,nan,4,5,a\n", "line 2: expected five finite numbers"),
+        (HEAD + "1,2,3,4,5, \n", "line 2: expected five finite numbers and an image"),
+        (HEAD + "1,2,3,4,5,a\n1,2,3,6,7,a\n", "line 3: repeats the point"),
     ],
 )
 def test_a_row_that_is_none_is_named_with_its_line(tmp_path: Path, text: str, said: str) -> None:
@@ -82,6 +82,6 @@ def test_points_in_space_lead_to_the_camera_that_saw_them(tmp_path: Path) -> Non
         ]
     (tmp_path / "p.csv").write_text("".join(rows))
     seen = read_control_points(tmp_path / "p.csv", (1920, 1440), CameraKey(), Origin.CORNER)
-    found = calibrate(seen, "k1k2").calibration
+    found = estimate(seen, "k1k2").calibration
     assert found.intrinsics.fx == pytest.approx(truth.intrinsics.fx, abs=1e-2)
     assert found.intrinsics.cx == pytest.approx(truth.intrinsics.cx, abs=1e-2)

@@ -1,4 +1,4 @@
-"""Points whose place in space is known, as a table: X Y Z u v image, a row for each sight of a point.
+"""Points whose position in space is known, as a table: X Y Z u v image, a row for each observation of a point.
 
 Ground control, or the sparse cloud of a reconstruction. X, Y and Z are metres in any right-handed frame, u and v
 pixels. K does not depend on the unit of length, so that a cloud without a scale will do as well.
@@ -13,16 +13,15 @@ from typing import Final
 
 import numpy as np
 
+from calibrary.calib.corners_file import read_table
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.conventions import Origin, canonical_from_file
 from calibrary.errors import ParseError
-from calibrary.parsers.files import read_regular_file
 
 __all__ = ["read_control_points"]
 
 COLUMNS: Final = ("x", "y", "z", "u", "v", "image")
-MAX_BYTES: Final = 64_000_000
 MOST_ROWS: Final = 500_000
 MM: Final = 1000.0
 DELIMITERS: Final = ",;\t"
@@ -31,7 +30,7 @@ DELIMITERS: Final = ",;\t"
 def read_control_points(
     path: Path, image_size: ImageSize, camera: CameraKey, origin: Origin, focus: str | None = None
 ) -> Observations:
-    """The sights of a table.
+    """The observations of a table.
 
     Args:
         path: text of comma-, semicolon- or tab-separated columns, which its first line names in any order.
@@ -42,7 +41,7 @@ def read_control_points(
 
     Raises:
         InputError: it cannot be read.
-        ParseError: a column is missing, a value is no number, or an image shows a point twice.
+        ParseError: a column is missing, a value is not a number, or a point is twice in one image.
     """
     rows = _rows(_text(path), path.name)
     points: dict[tuple[float, float, float], int] = {}
@@ -52,12 +51,12 @@ def read_control_points(
         view = views.setdefault(image, {})
         if at in view:
             raise ParseError(
-                f"shows the point {place} twice in {image}; wanted one row for each", source=path.name,
+                f"repeats the point {place} in {image}; expected one row for each", source=path.name,
                 place=f"line {line}",
             )  # fmt: skip
         view[at] = seen
     if not views:
-        raise ParseError("holds no rows below its first line", source=path.name)
+        raise ParseError("has no rows below its first line", source=path.name)
     shift = canonical_from_file((0.0, 0.0), origin, image_size)
     return Observations(
         board=ControlPoints(points=np.array(list(points)) * MM),
@@ -78,23 +77,23 @@ def read_control_points(
 
 def _text(path: Path) -> str:
     try:
-        return read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
+        return read_table(path).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ParseError("is not UTF-8, wanted a table of text", source=path.name) from None
+        raise ParseError("is not UTF-8, expected a table of text", source=path.name) from None
 
 
-_Sight = tuple[tuple[float, float, float], tuple[float, float], str]
+_Row = tuple[tuple[float, float, float], tuple[float, float], str]
 
 
-def _rows(text: str, source: str) -> Iterator[tuple[int, _Sight]]:
+def _rows(text: str, source: str) -> Iterator[tuple[int, _Row]]:
     head = text.partition("\n")[0]
     delimiter = max(DELIMITERS, key=head.count)
     order = _order(head.split(delimiter), source)
     for line, row in enumerate(text.splitlines()[1:], start=2):
         if line > MOST_ROWS:
-            raise ParseError(f"holds more than {MOST_ROWS} rows; thin them out", source=source)
+            raise ParseError(f"has more than {MOST_ROWS} rows; thin them out", source=source)
         if row.strip():
-            yield line, _sight(row.split(delimiter), order, source, f"line {line}")
+            yield line, _row(row.split(delimiter), order, source, f"line {line}")
 
 
 def _order(names: Sequence[str], source: str) -> Mapping[str, int]:
@@ -102,21 +101,21 @@ def _order(names: Sequence[str], source: str) -> Mapping[str, int]:
     missing = [name for name in COLUMNS if name not in found]
     if missing:
         raise ParseError(
-            f"names no column {', '.join(missing)}; wanted X,Y,Z,u,v,image in the first line, metres and pixels below",
+            f"has no column {', '.join(missing)}; expected X,Y,Z,u,v,image in the first line, metres and pixels below",
             source=source,
             place="line 1",
         )
     return found
 
 
-def _sight(cells: Sequence[str], order: Mapping[str, int], source: str, place: str) -> _Sight:
+def _row(cells: Sequence[str], order: Mapping[str, int], source: str, place: str) -> _Row:
     if len(cells) <= max(order[name] for name in COLUMNS):
-        raise ParseError(f"has {len(cells)} cells, wanted {len(order)}", source=source, place=place)
+        raise ParseError(f"has {len(cells)} cells, expected {len(order)}", source=source, place=place)
     try:
         x, y, z, u, v = (float(cells[order[name]]) for name in COLUMNS[:-1])
     except ValueError as error:
         raise ParseError(f"{error}", source=source, place=place) from None
     image = cells[order["image"]].strip()
     if not all(math.isfinite(value) for value in (x, y, z, u, v)) or not image:
-        raise ParseError("wanted five finite numbers and an image's name", source=source, place=place)
+        raise ParseError("expected five finite numbers and an image's name", source=source, place=place)
     return (x, y, z), (u, v), image

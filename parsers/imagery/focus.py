@@ -13,15 +13,10 @@ from typing import Final
 
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import TagFault
-from calibrary.parsers.imagery import Source, open_source
 from calibrary.parsers.imagery.directory import Directory, Tiff
 from calibrary.parsers.imagery.exif import EXIF_POINTER
-from calibrary.parsers.imagery.jpeg import SIGNATURE as JPEG
-from calibrary.parsers.imagery.jpeg import read_jpeg
-from calibrary.parsers.imagery.png import SIGNATURE as PNG
-from calibrary.parsers.imagery.png import read_png
-from calibrary.parsers.imagery.source import Block
-from calibrary.parsers.imagery.tiff import SIGNATURES as TIFF
+from calibrary.parsers.imagery.source import open_source
+from calibrary.parsers.imagery.taken import exif_block
 
 __all__ = ["focus_of"]
 
@@ -40,20 +35,11 @@ def focus_of(path: Path) -> str | None:
         InputError: the file cannot be read.
     """
     with open_source(path) as source, suppress(InputError):
-        block = _exif(source)
+        block = exif_block(source)
         if block is not None:
             tiff = Tiff(block)
             return _in_words(tiff, _exif_directory(tiff))
     return None
-
-
-def _exif(source: Source) -> Block | None:
-    """What begins with a TIFF header: the block inside a JPEG or PNG, or a TIFF itself."""
-    if source.head.startswith(JPEG):
-        return read_jpeg(source).exif
-    if source.head.startswith(PNG):
-        return read_png(source).exif
-    return Block(source, 0, source.size) if source.head.startswith(TIFF) else None
 
 
 def _exif_directory(tiff: Tiff) -> Directory | None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from datetime import date
 from pathlib import Path
 
 import pytest
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.frames import find_frames, told_by
+from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
+from calibrary.records import replace
 from calibrary.synthetic import (
+    ExifField,
     ExifTags,
     Namespace,
     XmpDescription,
@@ -49,7 +52,7 @@ def test_a_word_that_means_no_frame_is_named(tmp_path: Path, operand: str, said:
 
 
 def test_camera_focus_and_firmware_are_what_the_frames_say(tmp_path: Path) -> None:
-    setting = told_by([shot(tmp_path / "a.jpg"), shot(tmp_path / "b.jpg")], as_is).setting
+    setting = describe_frames([shot(tmp_path / "a.jpg"), shot(tmp_path / "b.jpg")], as_is).setting
     assert setting is not None
     assert (setting.camera.make, setting.camera.model) == (MAKE, MODEL)
     assert (setting.camera.firmware, setting.focus, setting.image_size) == (FIRMWARE, "1.5 m", (64, 64))
@@ -62,7 +65,7 @@ def test_what_is_said_of_focus_stands_above_what_the_frames_say(tmp_path: Path) 
         shot(tmp_path / "a.jpg", exif(focus_m=(15, 10))),
         shot(tmp_path / "b.jpg", exif(focus_m=(16, 10))),
     ]
-    setting = told_by(paths, as_is, focus="locked at infinity").setting
+    setting = describe_frames(paths, as_is, focus="locked at infinity").setting
     assert setting is not None
     assert setting.focus == "locked at infinity"
 
@@ -78,7 +81,7 @@ def test_what_is_said_of_focus_stands_above_what_the_frames_say(tmp_path: Path) 
 )
 def test_frames_that_differ_are_told_apart_in_one_line(tmp_path: Path, other: ExifTags, said: str) -> None:
     with pytest.raises(InputError, match=said) as caught:
-        told_by([shot(tmp_path / "a.jpg"), shot(tmp_path / "b.jpg", other)], as_is)
+        describe_frames([shot(tmp_path / "a.jpg"), shot(tmp_path / "b.jpg", other)], as_is)
     assert "\n" not in str(caught.value)
 
 
@@ -86,22 +89,34 @@ def test_a_frame_that_an_editor_bent_is_refused(tmp_path: Path) -> None:
     applied = attributes(CRS, AlreadyApplied="True", LensProfileEnable="1")
     edited = shot(tmp_path / "a.jpg", xmp=XmpPacket(descriptions=(XmpDescription(items=applied),)))
     with pytest.raises(InputError, match="lens profile"):
-        told_by([edited], as_is)
+        describe_frames([edited], as_is)
 
 
 def test_a_frame_that_the_camera_straightened_is_a_mode_of_its_own(tmp_path: Path) -> None:
     straight = XmpPacket(descriptions=(XmpDescription(items=attributes(DJI, DewarpFlag="1")),))
-    setting = told_by([shot(tmp_path / "a.jpg", xmp=straight)], as_is).setting
+    setting = describe_frames([shot(tmp_path / "a.jpg", xmp=straight)], as_is).setting
     assert setting is not None
     assert setting.camera.capture_mode == "dewarped"
 
 
 def test_a_frame_that_was_made_smaller_is_noted(tmp_path: Path) -> None:
     tags = ExifTags(make=MAKE, model=MODEL, pixel_size=(640, 640))
-    told = told_by([shot(tmp_path / "a.jpg", tags)], as_is)
+    told = describe_frames([shot(tmp_path / "a.jpg", tags)], as_is)
     assert "640×640" in told.notes[0]
+
+
+def test_the_days_of_the_frames_are_the_first_and_the_last(tmp_path: Path) -> None:
+    days = ("2019:05:18 08:00:00", "2019:05:17 23:59:59", None, "0000:00:00 00:00:00")
+    paths = [shot(tmp_path / f"{n}.jpg", exif(date_time=day)) for n, day in enumerate(days)]
+    assert describe_frames(paths, as_is).taken == (date(2019, 5, 17), date(2019, 5, 18))
+    assert describe_frames(paths[2:], as_is).taken is None
+
+
+def test_the_day_of_an_editor_is_not_that_of_the_frame(tmp_path: Path) -> None:
+    tags = replace(exif(), overrides=(ExifField("DateTime", "2024:01:02 10:00:00"),))
+    assert describe_frames([shot(tmp_path / "a.jpg", tags)], as_is).taken is None
 
 
 def test_files_that_cannot_be_read_are_left_to_the_search(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(b"nothing")
-    assert told_by([tmp_path / "a.jpg"], as_is).setting is None
+    assert describe_frames([tmp_path / "a.jpg"], as_is).setting is None

@@ -1,0 +1,161 @@
+"""From frames of a board, saved corners or control points to a calibration that states when, from what and by whom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from pathlib import Path
+
+from calibrary import parsers
+from calibrary.calib.board import Board
+from calibrary.calib.collect import Collected, collect
+from calibrary.calib.corners_file import read_corners
+from calibrary.calib.estimation import estimate
+from calibrary.calib.observations import Days
+from calibrary.calib.result import CalibrationResult
+from calibrary.calibration import CameraKey, ImageSize, Intrinsics
+from calibrary.errors import FrameError, InputError, MissingTagError
+from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata
+from calibrary.records import replace
+
+__all__ = ["SolveRequest", "calibrate_from", "calibration_date", "observe", "read_seed", "saved_corners"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolveRequest:
+    """How to solve, and what is stated of the calibration.
+
+    Attributes:
+        model: of the lens, or "auto".
+        warp: whether the board's warp may be solved for.
+        guess: a K to start from.
+        date: of the calibration; None for that of its frames, else today.
+        operator: who made it; None where that is not stated.
+        corners_name: of the corners.json that keeps the observations, where there is one.
+    """
+
+    model: str = "auto"
+    warp: bool = True
+    guess: Intrinsics | None = None
+    date: date | None = None
+    operator: str | None = None
+    corners_name: str | None = None
+
+
+def observe(
+    frames: Sequence[Path],
+    metadata: FrameMetadata,
+    board: Board | float,
+    *,
+    workers: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> Collected:
+    """Find the board in frames.
+
+    Args:
+        frames: files.
+        metadata: what they state.
+        board: what to look for, or only the side of its squares in mm: the corners are then counted by trying.
+        workers: processes; 0 takes as many as there are cores once it is worth it.
+        progress: called with the number of frames done since the last call.
+
+    Raises:
+        InputError: no frame can be read, or they differ in size.
+        CalibrationError: no frame shows the board.
+    """
+    found = collect(frames, board, setting=metadata.setting, workers=workers, progress=progress)
+    return replace(
+        found,
+        observations=replace(found.observations, taken=metadata.taken),
+        notes=(*metadata.notes, *found.notes),
+    )
+
+
+def saved_corners(path: Path, said: Callable[[CameraKey], CameraKey], focus: str | None = None) -> Collected:
+    """The observations that an earlier run wrote.
+
+    Args:
+        path: a corners.json.
+        said: replaces what the file states of the camera by what the user states.
+        focus: how the lens was focused, in place of what the file states.
+
+    Raises:
+        InputError: it cannot be read.
+        ParseError: it is broken.
+    """
+    kept = read_corners(path)
+    camera = replace(said(replace(kept.camera, firmware=kept.firmware)), image_size=kept.image_size)
+    return Collected(
+        observations=replace(
+            kept,
+            camera=camera,
+            firmware=camera.firmware,
+            focus=focus if focus is not None else kept.focus,
+        )
+    )
+
+
+def read_seed(path: Path, image_size: ImageSize) -> Intrinsics:
+    """The K to start from: the seed for self-calibration of an extraction, or a calibration of any format.
+
+    Args:
+        path: the file.
+        image_size: (width, height) px of the frames; a K of the same sensor crop at another size is scaled to it.
+
+    Raises:
+        InputError: it cannot be read, or has several cameras, or one of another sensor crop.
+    """
+    try:
+        found = parsers.read(path)
+    except MissingTagError:
+        # A bare matrix does not state the image size it is of.
+        found = parsers.read(path, image_size=image_size)
+    if len(found) != 1:
+        raise InputError(f"has {len(found)} cameras, expected one to start from", source=path.name)
+    try:
+        return found[0].intrinsics.scaled(image_size)
+    except FrameError as error:
+        raise InputError(
+            f"not a K to start from for these frames: {error.message}", source=path.name
+        ) from None
+
+
+def calibrate_from(collected: Collected, request: SolveRequest) -> CalibrationResult:
+    """Solve, with a provenance that leads back to every frame.
+
+    Raises:
+        InputError: the corners contradict themselves.
+        CalibrationError: they do not determine a camera.
+    """
+    seen = collected.observations
+    result = estimate(seen, request.model, guess=request.guess, warp=request.warp)
+    day, origin = calibration_date(request.date, seen.taken, datetime.now(UTC).date())
+    made = result.calibration.provenance
+    provenance = replace(
+        made,
+        source=request.corners_name or made.source,
+        date=day.isoformat(),
+        operator=request.operator,
+    )
+    return replace(result, calibration=replace(result.calibration, provenance=provenance), date_origin=origin)
+
+
+def calibration_date(stated: date | None, taken: Days | None, today: date) -> tuple[date, str]:
+    """The day of a calibration and where it is from.
+
+    Args:
+        stated: by the user.
+        taken: the first and the last day that the frames state.
+        today: for frames that state none, or one in the future, as a camera does whose clock was never set.
+    """
+    if stated is not None:
+        return stated, "as stated"
+    if taken is None:
+        return today, "today: the frames state no date"
+    first, last = taken
+    if last > today:
+        return today, f"today: the frames' EXIF states {last}, which is in the future"
+    if first < last:
+        return last, f"from the frames' EXIF, the last day of {first} to {last}"
+    return last, "from the frames' EXIF"
