@@ -23,7 +23,9 @@ PRINTED: Final[Mapping[str, str]] = {
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its
 schema in the first, and the others refer to it there."""
 
-WRITTEN_BY_PEOPLE: Final[Mapping[str, str]] = {}
+WRITTEN_BY_PEOPLE: Final[Mapping[str, str]] = {
+    "entry-1": "calibrary.registry.entry:Entry",
+}
 """The documents that people write too: a field with a default may be left out."""
 
 

@@ -16,7 +16,8 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import ROOT, SUFFIX, UNSTATED, Entry, folder_of, path_of
-from calibrary.registry.entry_yaml import PARAMETERS, parse_entry
+from calibrary.registry.entry_form import PARAMETERS
+from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.resolution import answering
 from calibrary.registry.slug import match_key, scripts
 from calibrary.validation import Finding, Severity, validate

@@ -11,10 +11,13 @@ import hashlib
 import json
 from collections.abc import Mapping
 from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, Covariance
 from calibrary.records import Json
-from calibrary.registry.entry import Sensor
+
+if TYPE_CHECKING:
+    from calibrary.registry.entry import Sensor
 
 __all__ = ["digest"]
 

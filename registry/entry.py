@@ -5,20 +5,21 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from datetime import date
 from enum import StrEnum
-from typing import Final
+from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
-from calibrary.calibration import Calibration, CameraKey, Provenance
+from msgspec import field
+
+from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
-from calibrary.records import replace
+from calibrary.records import Json, Meta, Record, force_setattr, replace
+from calibrary.registry import entry_form
+from calibrary.registry.entry_form import BLOCKS_WITH_EXTENSIONS, UNSTATED
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.slug import slug
-from calibrary.strictyaml import YamlValue
 
 __all__ = [
-    "BLOCKS_WITH_EXTENSIONS",
     "ROOT",
     "SUFFIX",
     "UNSTATED",
@@ -37,11 +38,10 @@ ROOT: Final = "cameras/"
 SUFFIX: Final = ".yaml"
 LONGEST_LEAF: Final = 110
 
-UNSTATED: Final = Provenance(kind="unstated")
-"""The provenance of an entry whose file names none."""
-
-BLOCKS_WITH_EXTENSIONS: Final = ("camera", "sensor", "quality", "provenance")
-"""Blocks that take ``x-`` fields beside the file itself; K and distortion take none."""
+Text: TypeAlias = Annotated[str, Meta(min_length=1, max_length=1000)]
+Length: TypeAlias = Annotated[float, Meta(gt=0)]
+Stated = Meta(extra_json_schema={"minProperties": 1})
+"""A block that says nothing is left out."""
 
 
 class Status(StrEnum):
@@ -61,16 +61,18 @@ class Status(StrEnum):
 USABLE: Final = frozenset({Status.APPROVED, Status.HELD})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Alias:
-    """Another make and model that the same camera goes by in EXIF or XMP."""
+class Alias(Record):
+    """Another make and model that the same camera goes by in EXIF or XMP.
 
-    make: str
-    model: str
+    Attributes:
+        make, model: as they write them.
+    """
+
+    make: Text
+    model: Text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor:
+class Sensor(Record):
     """The physical sensor behind the frame, as far as it is known.
 
     Attributes:
@@ -81,9 +83,9 @@ class Sensor:
         InputError: a number is not finite and positive, or there is none at all.
     """
 
-    width_mm: float | None = None
-    height_mm: float | None = None
-    pitch_um: float | None = None
+    width_mm: Length | None = None
+    height_mm: Length | None = None
+    pitch_um: Length | None = None
 
     def __post_init__(self) -> None:
         for name in ("width_mm", "height_mm", "pitch_um"):
@@ -92,21 +94,23 @@ class Sensor:
                 continue
             if not 0 < float(value) < math.inf:
                 raise InputError(f"the sensor's {name} is {value}, wanted a positive number")
-            object.__setattr__(self, name, float(value))
+            force_setattr(self, name, float(value))
         if self.width_mm is None and self.height_mm is None and self.pitch_um is None:
             raise InputError("a sensor of which nothing is known, wanted width_mm, height_mm or pitch_um")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Validity:
+class Validity(Record):
     """From one day to another, both included; None is open.
+
+    Attributes:
+        first, last: the days, None for an open end.
 
     Raises:
         InputError: neither day is stated, or the last comes before the first.
     """
 
-    first: date | None = None
-    last: date | None = None
+    first: date | None = field(name="from", default=None)
+    last: date | None = field(name="until", default=None)
 
     def __post_init__(self) -> None:
         if self.first is None and self.last is None:
@@ -131,8 +135,7 @@ class Validity:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
     """One camera of a registry.
 
     Attributes:
@@ -156,13 +159,27 @@ class Entry:
     calibration: Calibration
     status: Status = Status.DRAFT
     reason: str | None = None
-    firmware: FirmwareRange | None = None
+    firmware: Annotated[FirmwareRange, Stated] | None = None
     aliases: tuple[Alias, ...] = ()
-    sensor: Sensor | None = None
-    validity: Validity | None = None
-    tolerance: float | None = None
-    supersedes: str | None = None
-    extensions: Mapping[str, YamlValue] = field(default_factory=dict)
+    sensor: Annotated[Sensor, Stated] | None = None
+    validity: Annotated[Validity, Stated] | None = None
+    tolerance: Annotated[float, Meta(gt=0, le=1)] | None = None
+    supersedes: Text | None = None
+    extensions: Mapping[str, Any] = {}
+
+    _lifted: ClassVar[str | None] = "calibration"
+
+    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
+        """An entry is written flat, as :mod:`calibrary.registry.entry_form` says."""
+        return entry_form.written(document, self)
+
+    @classmethod
+    def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
+        return entry_form.read(document)
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
+        return entry_form.schema(schema, defs)
 
     def __post_init__(self) -> None:
         camera, grade = self.calibration.camera, self.calibration.grade

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from itertools import zip_longest
+from typing import Annotated, TypeAlias
 
 from calibrary.errors import InputError
+from calibrary.records import Meta, Record
 from calibrary.registry.slug import match_key
 
 __all__ = ["FirmwareRange", "compare"]
@@ -14,9 +15,10 @@ __all__ = ["FirmwareRange", "compare"]
 _VERSION = re.compile(r"(.*?)(\d{1,18}(?:\.\d{1,18})*)", re.DOTALL)
 _WORDS = re.compile(r"\b(?:firmware|version|ver|v)\b[ .]*")
 
+Version: TypeAlias = Annotated[str, Meta(min_length=1, max_length=1000)]
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FirmwareRange:
+
+class FirmwareRange(Record):
     """From one firmware to another, both of them included, each as the camera writes it.
 
     Attributes:
@@ -27,8 +29,8 @@ class FirmwareRange:
         InputError: neither is stated, they cannot be compared, or max comes before min.
     """
 
-    min: str | None = None
-    max: str | None = None
+    min: Version | None = None
+    max: Version | None = None
 
     def __post_init__(self) -> None:
         if self.min is None and self.max is None:

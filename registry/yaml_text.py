@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast
 
 from calibrary.errors import InputError
+from calibrary.records import Json
 from calibrary.strictyaml import YamlScalar, YamlValue
 
-__all__ = ["block", "number", "quoted", "rows", "scalar"]
+__all__ = ["Layout", "block", "document_lines", "number", "quoted", "scalar"]
 
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t", "\0": "\\0"}
 _PLAIN_KEY = re.compile(r"x-[A-Za-z0-9_.-]*[A-Za-z0-9_]")
@@ -57,13 +60,63 @@ def scalar(value: YamlScalar) -> str:
     return str(value) if isinstance(value, int) else number(value)
 
 
-def rows(lengths: Iterable[int], values: Sequence[float], indent: str) -> list[str]:
-    """Numbers as a list over several lines, of so many each."""
-    lines, start = [], 0
-    for length in lengths:
-        lines.append(f"{indent}{', '.join(map(number, values[start : start + length]))},")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """How the lines of a document depart from one value a line and nothing for what it does not say.
+
+    Attributes:
+        nulls: dotted paths that are written even where they are null or empty.
+        rows: lists of texts that stand on one line, as lists of numbers do.
+        triangles: lists of numbers that are the upper triangle of a matrix, a row a line.
+        quoted_keys: maps whose keys are always quoted.
+    """
+
+    nulls: frozenset[str] = frozenset()
+    rows: frozenset[str] = frozenset()
+    triangles: frozenset[str] = frozenset()
+    quoted_keys: frozenset[str] = frozenset()
+
+
+def document_lines(
+    document: Mapping[str, Json], layout: Layout, prefix: str = "", indent: str = ""
+) -> Iterator[str]:
+    """The lines of a record's document in its order; ``x-`` members are written as they are.
+
+    Raises:
+        InputError: a text holds a lone surrogate, a number is not finite, or an ``x-`` member is nested too deep.
+    """
+    for key, value in document.items():
+        path = f"{prefix}{key}"
+        if key.startswith("x-"):
+            yield from block(key, value, indent)
+            continue
+        if value in (None, [], {}) and path not in layout.nulls:
+            continue
+        is_plain = key.isidentifier() and key.isascii() and prefix.removesuffix(".") not in layout.quoted_keys
+        name = f"{indent}{key if is_plain else quoted(key)}"
+        if isinstance(value, dict):
+            inside = [*document_lines(value, layout, f"{path}.", f"{indent}  ")]
+            yield from (f"{name}:", *inside) if inside else (f"{name}: {{}}",)
+        elif not isinstance(value, list) or not value:
+            yield f"{name}: {_small(value)}"
+        elif path in layout.triangles:
+            yield from (f"{name}: [", *_triangle(cast("list[float]", value), f"{indent}  "), f"{indent}]")
+        elif path in layout.rows or not any(isinstance(item, str | dict) for item in value):
+            yield f"{name}: [{', '.join(scalar(cast('YamlScalar', item)) for item in value)}]"
+        else:
+            yield f"{name}:"
+            for item in value:
+                lines = [*document_lines(item, layout, f"{path}.")] if isinstance(item, dict) else []
+                first, *more = lines or [scalar(cast("YamlScalar", item))]
+                yield f"{indent}  - {first}"
+                yield from (f"{indent}    {line}" for line in more)
+
+
+def _triangle(values: Sequence[float], indent: str) -> Iterator[str]:
+    size, start = (math.isqrt(8 * len(values) + 1) - 1) // 2, 0
+    for length in range(size, 0, -1):
+        yield f"{indent}{', '.join(map(number, values[start : start + length]))},"
         start += length
-    return lines
 
 
 def block(key: str, value: YamlValue, indent: str = "") -> list[str]:

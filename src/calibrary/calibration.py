@@ -297,7 +297,7 @@ class Calibration(Record):
         return document
 
     @classmethod
-    def _wire_schema(cls, schema: dict[str, Any]) -> dict[str, Any]:
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
         members = schema["properties"]
         members["extras"] = {
             "type": "object",

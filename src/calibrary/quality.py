@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from itertools import accumulate
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
-from calibrary.records import Record, force_setattr, replace
+from calibrary.records import Meta, Record, force_setattr, replace
 
 __all__ = ["Covariance", "Quality"]
 
@@ -33,8 +34,10 @@ class Covariance(Record):
             variance is negative.
     """
 
-    names: tuple[str, ...]
-    upper: tuple[float, ...]
+    names: Annotated[
+        tuple[str, ...], Meta(min_length=1, max_length=30, extra_json_schema={"uniqueItems": True})
+    ]
+    upper: Annotated[tuple[float, ...], Meta(max_length=465)]
 
     def __post_init__(self) -> None:
         n = len(self.names)

@@ -231,7 +231,7 @@ def test_one_that_passes_can_be_approved_at_once(calibrated: Run, tmp_path: Path
     entry = the_entry(fleet)
     assert (entry.status, entry.reason) == (Status.APPROVED, "new lens")
     assert entry.calibration.provenance.operator == "Ada"
-    assert entry.extensions[BOARD_BLOCK]["verdict"] == "pass"  # type: ignore[index,call-overload]  # a mapping
+    assert entry.extensions[BOARD_BLOCK]["verdict"] == "pass"
 
 
 def test_a_draft_is_what_approve_takes(calibrated: Run, tmp_path: Path, fleet: Keeper) -> None:

@@ -268,7 +268,7 @@ def test_a_newer_schema_is_refused_with_what_was_found_and_what_to_do(version: i
         (r"^  sha256: .*", "  sha256: null", "text"),
         (r"^  sha256: .*", "  sha256: abc", "matches"),
         (r"^  sha256: .*\n", "", "lacks sha256"),
-        (r"^(grade: .*)", r"\1\nvalidity: {from: 2026-02-30}", "no day of the calendar"),
+        (r"^(grade: .*)", r"\1\nvalidity: {from: 2026-02-30}", "not a day of the calendar"),
         (r"^(grade: .*)", r"\1\nquality: {covariance: {names: [fx], upper: [1.0, 2.0]}}", "1 numbers"),
         (r"^(grade: .*)", r"\1\nfocal: 3", "'focal' is no key here"),
         (r"(?s)\A.*\Z", "", "no YAML value"),

@@ -53,6 +53,7 @@ __all__ = [
     "Meta",
     "Record",
     "Scalar",
+    "fields_json",
     "flat",
     "force_setattr",
     "from_json",
@@ -102,8 +103,8 @@ class Record(msgspec.Struct, metaclass=_RecordType, frozen=True, forbid_unknown_
         return document
 
     @classmethod
-    def _wire_schema(cls, schema: dict[str, Any]) -> dict[str, Any]:
-        """The schema of what is written, from the one that the fields give."""
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
+        """The schema of what is written, from the one that the fields give and those it refers to."""
         return schema
 
     _lifted: ClassVar[str | None] = None
@@ -124,13 +125,18 @@ def replace(record: T, /, **changes: Any) -> T:
 
 def to_json(record: Record) -> dict[str, Json]:
     """The JSON object of a record: every field in its declared order, null where it is None."""
+    return record._wire(fields_json(record))
+
+
+def fields_json(record: Record) -> dict[str, Json]:
+    """The fields of a record as JSON, before it brings them into a shape of its own; inner records are in theirs."""
     config = record.__struct_config__
     document: dict[str, Json] = {}
     if config.tag_field is not None:
         document[config.tag_field] = config.tag
     for name, written in zip(record.__struct_fields__, record.__struct_encode_fields__, strict=True):
         document[written] = _plain(getattr(record, name))
-    return record._wire(document)
+    return document
 
 
 def _plain(value: object) -> Json:
@@ -189,7 +195,9 @@ def _own_words(kind: type[Record], error: Exception) -> tuple[list[str | int], s
     if path and path[0] == kind._lifted:
         del path[0]
     if not isinstance(cause, InputError):
-        return path, text.replace("`", "")
+        return path, text.replace("`", "").replace(
+            "Invalid RFC3339 encoded date", "is not a day of the calendar"
+        )
     return [*path, *(cause.place.split(".") if cause.place else [])], cause.message
 
 

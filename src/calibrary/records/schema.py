@@ -115,7 +115,7 @@ class _Builder:
         if required:
             made["required"] = required
         made |= {"additionalProperties": False, "properties": members}
-        return kind._wire_schema(made)
+        return kind._wire_schema(made, self.defs)
 
     def of(self, type_: inspect.Type) -> Schema:
         """The schema of a field's type."""

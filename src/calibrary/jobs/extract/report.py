@@ -137,7 +137,7 @@ class CameraDocument(Record):
         return document
 
     @classmethod
-    def _wire_schema(cls, schema: dict[str, Any]) -> dict[str, Any]:
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
         members = schema["properties"]
         without = {
             "type": "object",
