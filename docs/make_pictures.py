@@ -131,7 +131,7 @@ def judge(flight: Path) -> Extraction:
                 copy = Path(folder) / path.relative_to(flight)
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(path, copy)
-        return run(Request(image_dir=Path(folder), recursive=True))
+        return run(Request(images=(Path(folder),), recursive=True))
 
 
 def draw(outcome: Extraction) -> str:

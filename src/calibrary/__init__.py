@@ -10,7 +10,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from calibrary.api.changes import CompareResult, compare
     from calibrary.api.files import read, read_all, refit, write
+    from calibrary.api.images import ExtractResult, extract
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
     from calibrary.jobs.extract.minimal import extract_intrinsic_matrix
@@ -25,6 +27,8 @@ __all__ = [
     "CalibraryError",
     "Calibration",
     "CameraKey",
+    "CompareResult",
+    "ExtractResult",
     "Grade",
     "Intrinsics",
     "Policy",
@@ -33,6 +37,8 @@ __all__ = [
     "Report",
     "Verdict",
     "__version__",
+    "compare",
+    "extract",
     "extract_intrinsic_matrix",
     "read",
     "read_all",
@@ -42,6 +48,8 @@ __all__ = [
 ]
 
 _HOMES = {
+    "calibrary.api.changes": ("CompareResult", "compare"),
+    "calibrary.api.images": ("ExtractResult", "extract"),
     "calibrary.api.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),
     "calibrary.errors": ("CalibraryError",),

@@ -157,7 +157,7 @@ def _run(arguments: argparse.Namespace) -> int:
     with Display(quiet=arguments.json) as display:
         outcome = run(
             Request(
-                image_dir=Path(arguments.image_dir),
+                images=(Path(arguments.image_dir),),
                 sensor_mm=_sensor(arguments),
                 policy=_policy(arguments),
                 fallback_k=Path(arguments.fallback_k) if arguments.fallback_k else None,
@@ -166,8 +166,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 recursive=arguments.recursive,
                 workers=arguments.workers,
                 strict=arguments.strict_validation,
-                found=display.found,
-                progress=display.advance,
+                progress=display.progress,
             )
         )
     outputs = plan(outcome, matrix_path, solver)

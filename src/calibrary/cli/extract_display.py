@@ -66,13 +66,9 @@ class Display:
     ) -> None:
         self._progress.stop()
 
-    def found(self, count: int) -> None:
-        """The number of images is known."""
-        self._progress.update(self._task, total=count)
-
-    def advance(self, count: int) -> None:
-        """So many more images are read."""
-        self._progress.advance(self._task, count)
+    def progress(self, done: int, total: int, _what: str) -> None:
+        """So many images are read."""
+        self._progress.update(self._task, completed=done, total=total)
 
     def show(self, outcome: Extraction, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
         """Tell the whole outcome."""

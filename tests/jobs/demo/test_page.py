@@ -14,7 +14,7 @@ from calibrary.pages import render_page
 
 def test_nothing_private_is_in_the_page(flight: tuple[Path, list[DemoImage]], tmp_path: Path) -> None:
     folder, images = flight
-    outcome = run(Request(image_dir=folder, recursive=True))
+    outcome = run(Request(images=(folder,), recursive=True))
     page = render_page(outcome_page(outcome, plan(outcome, tmp_path / "K_matrix.npy", Solver.NONE)))
     private = {text for image in images for text in image.private}
     assert len(private) > 20

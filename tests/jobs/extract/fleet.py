@@ -42,7 +42,7 @@ def picture(
 
 def gate(directory: Path, **request: Any) -> Extraction:
     """The gate's outcome for a folder."""
-    return run(Request(image_dir=directory, **request))
+    return run(Request(images=(directory,), **request))
 
 
 def only(outcome: Extraction) -> CameraReport:

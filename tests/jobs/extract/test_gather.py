@@ -118,12 +118,10 @@ def test_what_is_kept_grows_with_the_states_and_not_with_the_images(flight: Path
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_progress_adds_up_to_the_number_that_was_announced(flight: Path, workers: int) -> None:
-    announced: list[int] = []
-    steps: list[int] = []
-    gate(flight, workers=workers, found=announced.append, progress=steps.append)
-    assert announced == [2 * CHUNK + 10]
-    assert sum(steps) == 2 * CHUNK + 10
-    assert len(steps) == 3
+    steps: list[tuple[int, int, str]] = []
+    gate(flight, workers=workers, progress=lambda *told: steps.append(told))
+    total = 2 * CHUNK + 10
+    assert steps == [(done, total, "images") for done in (0, CHUNK, 2 * CHUNK, total)]
 
 
 @pytest.mark.parametrize("workers", [1, 2])

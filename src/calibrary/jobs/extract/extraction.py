@@ -39,6 +39,11 @@ class CameraReport:
         return self.camera.calibration if self.camera.verdict is not Verdict.REJECTED else None
 
     @property
+    def images(self) -> tuple[str, ...]:
+        """Every image of this camera, by its path below the folder."""
+        return self.camera.names
+
+    @property
     def report(self) -> Report | None:
         """That K against the policy; of a rejected K, why."""
         if self.fallback is not None and self.fallback.report is not None:
@@ -102,10 +107,14 @@ class Extraction:
         return any(camera.uncalibrated for camera in self.cameras)
 
     @property
+    def is_good(self) -> bool:
+        """Whether every camera has a valid K, and there is at least one."""
+        return bool(self.cameras) and all(c.verdict is Verdict.VALID for c in self.cameras)
+
+    @property
     def exit_code(self) -> int:
-        """0 when every camera has a valid K and there is at least one, else 1."""
-        good = bool(self.cameras) and all(c.verdict is Verdict.VALID for c in self.cameras)
-        return 0 if good else 1
+        """0 when it is good, else 1."""
+        return 0 if self.is_good else 1
 
 
 def slugs(keys: Iterable[CameraKey]) -> dict[CameraKey, str]:

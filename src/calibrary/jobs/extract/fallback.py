@@ -6,7 +6,7 @@ something refines it; the fleet's registry. Every step leaves a record, whether 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -126,16 +126,23 @@ def read_matrix(path: Path) -> tuple[str, Callable[[ImageSize], Intrinsics]]:
 
 
 def find_calibrations(
-    directory: Path, *, recursive: bool
+    folders: Sequence[Path], root: Path, *, recursive: bool
 ) -> tuple[list[tuple[str, Calibration]], list[tuple[str, str]]]:
-    """Every camera of every calibration file that lies with the images, and the files that could not be read."""
+    """Every camera of every calibration file that lies with the images, and the files that could not be read.
+
+    Args:
+        folders: where the images lie.
+        root: names are told relative to it.
+        recursive: go into sub-folders.
+    """
     found: list[tuple[str, Calibration]] = []
     unreadable: list[tuple[str, str]] = []
-    for path in find_files(directory, recursive=recursive):
+    files = dict.fromkeys(path for folder in folders for path in find_files(folder, recursive=recursive))
+    for path in files:
         suffix = path.suffix.lower()
         if is_image(path) or suffix not in CALIBRATION_SUFFIXES:
             continue
-        name = path.relative_to(directory).as_posix()
+        name = path.relative_to(root).as_posix()
         try:
             calibrations = parsers.read(path, max_bytes=LARGEST_CALIBRATION)
         except UnknownFormatError:

@@ -24,7 +24,7 @@ from calibrary.parsers.imagery import read_metadata
 from calibrary.records import Record
 from calibrary.workers import end_with_parent
 
-__all__ = ["Gathered", "SkippedFile", "find_files", "find_images", "gather"]
+__all__ = ["Gathered", "ImageSet", "SkippedFile", "collect_images", "find_files", "find_images", "gather"]
 
 CHUNK = 64
 WORTH_A_POOL = 400
@@ -95,6 +95,44 @@ def find_images(directory: Path, *, recursive: bool) -> list[Path]:
     """The files of a directory that are images by their suffix."""
     files = find_files(directory, recursive=recursive)
     return [path for path in files if is_image(path)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageSet:
+    """The images of a run.
+
+    Attributes:
+        paths: to read.
+        root: the folder that their names are told relative to.
+        folders: where a calibration file may lie beside them.
+    """
+
+    paths: tuple[Path, ...]
+    root: Path
+    folders: tuple[Path, ...]
+
+
+def collect_images(given: Sequence[Path], *, recursive: bool) -> ImageSet:
+    """The images that are meant by a folder, or by images and folders.
+
+    Raises:
+        InputError: none is given, or one is not there or cannot be read.
+    """
+    if not given:
+        raise InputError("no image is given; wanted a folder, or a list of images")
+    if len(given) == 1 and not given[0].is_file():
+        [folder] = given
+        return ImageSet(paths=tuple(find_images(folder, recursive=recursive)), root=folder, folders=(folder,))
+    paths: dict[Path, None] = {}
+    folders: dict[Path, None] = {}
+    # Made absolute without following links: a name in the report is the one that was given.
+    for path in (Path(os.path.abspath(one)) for one in given):  # noqa: PTH100
+        if path.is_file():
+            paths[path] = folders[path.parent] = None
+        else:
+            paths.update(dict.fromkeys(find_images(path, recursive=recursive)))
+            folders[path] = None
+    return ImageSet(paths=tuple(paths), root=Path(os.path.commonpath(folders)), folders=tuple(folders))
 
 
 def gather(

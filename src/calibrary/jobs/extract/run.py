@@ -12,9 +12,10 @@ from calibrary.evidence.frame import exif_contradiction
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_calibrations, read_matrix
-from calibrary.jobs.extract.gather import Gathered, SkippedFile, find_images, gather
+from calibrary.jobs.extract.gather import Gathered, SkippedFile, collect_images, gather
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.policy import FLEET, Policy
+from calibrary.progress import Progress
 from calibrary.validation import Finding, Report, Severity, Verdict
 
 __all__ = ["Request", "run"]
@@ -25,7 +26,7 @@ class Request:
     """What to do.
 
     Attributes:
-        image_dir: where the images lie.
+        images: a folder, or images and folders.
         sensor_mm: (width, height) the user stated; a side or both None where not stated.
         policy: what K is held against.
         fallback_k: a .npy with K for when the images yield none.
@@ -34,11 +35,10 @@ class Request:
         recursive: go into sub-folders.
         workers: processes; 0 decides by itself.
         strict: stop at the first breach.
-        found: called once with the number of images.
-        progress: called with the number of images read since the last call.
+        progress: called with (images read, images in all, "images").
     """
 
-    image_dir: Path
+    images: tuple[Path, ...]
     sensor_mm: tuple[float | None, float | None] = (None, None)
     policy: Policy = FLEET
     fallback_k: Path | None = None
@@ -47,31 +47,29 @@ class Request:
     recursive: bool = False
     workers: int = 0
     strict: bool = False
-    found: Callable[[int], None] | None = field(default=None, compare=False)
-    progress: Callable[[int], None] | None = field(default=None, compare=False)
+    progress: Progress | None = field(default=None, compare=False)
 
 
 def run(request: Request) -> Extraction:
     """Extract one K per camera.
 
     Raises:
-        InputError: the directory, the fallback K or the lock cannot be read, or there is no image.
+        InputError: a folder, the fallback K or the lock cannot be read, or there is no image.
         RegistryError: the registry cannot be read, or has drifted from the lock.
         ValidationError: ``strict`` and something breached the policy.
     """
     knowledge = Knowledge.load(request.registry, request.lock)
     matrix = read_matrix(request.fallback_k) if request.fallback_k is not None else None
-    images = find_images(request.image_dir, recursive=request.recursive)
-    if not images:
+    found = collect_images(request.images, recursive=request.recursive)
+    if not found.paths:
         hint = "" if request.recursive else "; if they lie in sub-folders, add --recursive"
-        raise InputError(f"holds no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=str(request.image_dir))
-    if request.found is not None:
-        request.found(len(images))
+        source = ", ".join(map(str, request.images))
+        raise InputError(f"holds no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source)
     gathered = gather(
-        images,
-        request.image_dir,
+        found.paths,
+        found.root,
         workers=request.workers,
-        progress=request.progress,
+        progress=_counted(request.progress, len(found.paths)),
         stop_at_first=request.strict,
     )
     _set_contradictions_aside(gathered)
@@ -84,7 +82,7 @@ def run(request: Request) -> Extraction:
     cameras = [_judged(key, group, request, sensor) for key, group in states.items()]
     rivals = _rivals(cameras)
     files, unreadable = (
-        find_calibrations(request.image_dir, recursive=request.recursive) if rivals else ([], [])
+        find_calibrations(found.folders, found.root, recursive=request.recursive) if rivals else ([], [])
     )
     sources = Sources(
         matrix=matrix,
@@ -105,6 +103,21 @@ def run(request: Request) -> Extraction:
         rejected=tuple(gathered.rejected),
         warnings=(*knowledge.remarks, *warnings),
     )
+
+
+def _counted(progress: Progress | None, total: int) -> Callable[[int], None] | None:
+    """From "so many more" to "so many of so many"."""
+    if progress is None:
+        return None
+    done = 0
+    progress(done, total, "images")
+
+    def advance(more: int) -> None:
+        nonlocal done
+        done += more
+        progress(done, total, "images")
+
+    return advance
 
 
 def _set_contradictions_aside(gathered: Gathered) -> None:

@@ -1,0 +1,114 @@
+"""Images in, one judged calibration per camera out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+from calibrary.api.limits import PolicyLike, policy_of
+from calibrary.jobs.extract.extraction import CameraReport, Extraction
+from calibrary.jobs.extract.gather import SkippedFile
+from calibrary.jobs.extract.report import report_of
+from calibrary.jobs.extract.run import Request, run
+from calibrary.policy import FLEET
+from calibrary.progress import Progress
+from calibrary.records import Json, to_json
+
+__all__ = ["ExtractResult", "extract"]
+
+PathLike: TypeAlias = str | Path
+
+
+@dataclass(frozen=True, slots=True)
+class ExtractResult:
+    """What the images say of their cameras.
+
+    Attributes:
+        extraction: the run, as the command line shows it.
+    """
+
+    extraction: Extraction
+
+    @property
+    def cameras(self) -> tuple[CameraReport, ...]:
+        """Every camera: its ``calibration``, ``verdict``, ``report``, ``images``, ``reason`` and ``advice``."""
+        return self.extraction.cameras
+
+    @property
+    def skipped(self) -> tuple[SkippedFile, ...]:
+        """The images that no camera could be told from, each with its ``reason``."""
+        return self.extraction.rejected
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know of the run itself."""
+        return self.extraction.warnings
+
+    @property
+    def is_good(self) -> bool:
+        """Whether every camera has a valid K, and there is at least one."""
+        return self.extraction.is_good
+
+    def to_dict(self) -> dict[str, Json]:
+        """The result as plain data for JSON (schemas/report-1.schema.json)."""
+        return to_json(report_of(self.extraction, {}))
+
+
+def extract(
+    images: PathLike | Sequence[PathLike],
+    *,
+    sensor_mm: tuple[float | None, float | None] | None = None,
+    policy: PolicyLike = FLEET,
+    fallback_k: PathLike | None = None,
+    registry: PathLike | None = None,
+    locked: PathLike | None = None,
+    recursive: bool = False,
+    workers: int = 0,
+    strict_validation: bool = False,
+    progress: Progress | None = None,
+) -> ExtractResult:
+    """Derive and validate one K per camera from what images say of themselves; no pixel is decoded.
+
+    Args:
+        images: a folder, an image, or a list of images and folders.
+        sensor_mm: (width, height) of the sensor, for images of one camera that do not state it.
+        policy: what K is judged by: a policy, "fleet", "source" or a policy file.
+        fallback_k: a calibrated K (.npy) for when the images yield none.
+        registry: the fleet's registry.
+        locked: a lock file; only the entries that it pins are used.
+        recursive: go into sub-folders.
+        workers: processes that read images; 0 decides by itself.
+        strict_validation: raise at the first breach.
+        progress: called with (images read, images in all, "images").
+
+    Raises:
+        InputError: there is no image, or a file that was named cannot be read.
+        RegistryError: the registry cannot be read, or has drifted from the lock.
+        ValidationError: ``strict_validation`` and something breached the policy.
+
+    >>> result = calibrary.extract("survey")
+    >>> [camera] = result.cameras
+    >>> camera.verdict, camera.calibration.intrinsics.fx, len(camera.images)
+    (<Verdict.VALID: 'valid'>, 3659.5, 2)
+    >>> result.is_good
+    True
+    """
+    given = [images] if isinstance(images, str | Path) else images
+    return ExtractResult(
+        run(
+            Request(
+                images=tuple(Path(path) for path in given),
+                sensor_mm=sensor_mm or (None, None),
+                policy=policy_of(policy),
+                fallback_k=Path(fallback_k) if fallback_k is not None else None,
+                registry=Path(registry) if registry is not None else None,
+                lock=Path(locked) if locked is not None else None,
+                recursive=recursive,
+                workers=workers,
+                strict=strict_validation,
+                progress=progress,
+            )
+        )
+    )

@@ -1,0 +1,59 @@
+"""calibrary.compare: two calibrations or two files, and what lies between them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import calibrary
+from calibrary.jobs.diff.comparison import ChangeVerdict
+from calibrary.jobs.diff.structure import Kind
+from calibrary.records import replace
+from calibrary.schemas import require
+from tests.api.workshop import CAMERA
+
+
+def moved() -> calibrary.Calibration:
+    """The same camera with a focal length 1 % longer."""
+    K = CAMERA.intrinsics
+    return replace(CAMERA, intrinsics=replace(K, fx=K.fx * 1.01, fy=K.fy * 1.01))
+
+
+def test_files_and_calibrations_may_be_mixed(furnished: Path) -> None:
+    change = calibrary.compare(furnished / "camera.xml", CAMERA)
+    assert change.verdict is ChangeVerdict.IDENTICAL
+    assert not change.alarm
+    assert change.structural == ()
+
+
+def test_a_moved_focal_length_is_a_drift_with_its_numbers() -> None:
+    change = calibrary.compare(CAMERA, moved())
+    assert change.verdict is ChangeVerdict.DRIFT
+    assert change.alarm
+    assert change.reasons
+    assert change.numbers is not None
+    assert change.numbers.focal_change == pytest.approx(0.01)
+
+
+def test_a_change_of_kind_is_named() -> None:
+    lens = CAMERA.distortion
+    assert lens is not None
+    swapped = replace(
+        CAMERA, distortion=replace(lens, p1=lens.coefficients["p2"], p2=lens.coefficients["p1"])
+    )
+    change = calibrary.compare(CAMERA, swapped)
+    assert change.verdict is ChangeVerdict.STRUCTURAL
+    assert [cause.kind for cause in change.structural] == [Kind.TANGENTIAL_SWAP]
+
+
+def test_the_policys_limits_make_the_alarm(tmp_path: Path) -> None:
+    limits = "drift_focal: 0.05\ndrift_px: 500\n"
+    (tmp_path / "lenient.yaml").write_text(f"schema: calibrary/policy-1\nname: lenient\n{limits}")
+    assert not calibrary.compare(CAMERA, moved(), policy=tmp_path / "lenient.yaml").alarm
+
+
+def test_it_is_plain_data_by_the_commands_schema() -> None:
+    document = calibrary.compare(CAMERA, CAMERA).to_dict(labels=("then", "now"), altitude_m=60.0)
+    require(json.loads(json.dumps(document, allow_nan=False)), "diff-1", source="to_dict")
