@@ -1,4 +1,4 @@
-"""Finding the formats: the modules beside this one, and those other packages register.
+"""Finding the formats: the modules in ``formats/``, the table of refused ones, and those of other packages.
 
 Nothing is imported before it is asked for, so that ``import calibrary.parsers`` stays light.
 """
@@ -16,6 +16,7 @@ from types import MappingProxyType
 from calibrary.errors import InputError
 from calibrary.parsers import formats as folder
 from calibrary.parsers.format import Format
+from calibrary.parsers.refused import REFUSED
 
 __all__ = ["GROUP", "format_named", "known_formats"]
 
@@ -46,6 +47,7 @@ def known_formats() -> Mapping[str, Format]:
     warning: it must not keep anybody from reading other files.
     """
     found = {name: _built_in(name) for name in _module_names()}
+    found |= {record.name: record for record in REFUSED}
     for point in entry_points(group=GROUP):
         try:
             record = point.load()

@@ -27,7 +27,8 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
     converted or refitted the rest within the caller's limit, reads the bytes back, and measures the verdict
     on them, lost fields included. So a writer cannot lose anything silently, and ``read`` must accept what
     ``write`` made. Put what makes a file complete last, so that no cut-off file reads as another camera.
-6.  A format that is recognised only to be refused has ``refuses="why, and the way out"`` and no ``read``.
+6.  A format that is recognised only to be refused is a row of the table in ``parsers/refused.py``: how it is
+    recognised, what it is, why it is refused and what to do instead.
 7.  ``FORMAT = Format(...)`` gathers all this. ``tests/parsers/test_contract.py`` takes it from there; the
     format's own test holds its formula, computed independently, and one small file per dialect, with values
     of ours.
@@ -261,7 +262,7 @@ class Format:
         states: the fields of :class:`~calibrary.calibration.Provenance` that a file can state, out of
             :data:`STATED`; a writer writes them all.
         options: what the reader may have to ask.
-        refuses: why files of the format are never read, and the way out.
+        refuses: why files of the format are never read, and what to do instead.
     """
 
     name: str

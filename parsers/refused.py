@@ -1,0 +1,220 @@
+"""Files that are recognised and refused: what each is, how it is recognised, and what to do instead.
+
+They share a suffix (``.cal`` and ``.xml`` above all) with calibrations or come from the same programs, and none of
+them yields a K: lens profiles, calibrations of other sensors, and formats that are not published. Examples of each::
+
+    lensfun_xml            <lensdatabase version="2"> <lens> … <distortion model="ptlens" focal="8.8" a="…" …/>
+    adobe_lcp              <rdf:Description stCamera:Lens="…"> <stCamera:PerspectiveModel …/>
+    pix4d_camera_database  <cameraModelDB> <cameras> <camera name="S.O.D.A._10.6_5472x3648"> …
+    opf_document           {"format": "application/opf-camera-list+json", …}
+    cahvor                 Model = CAHVOR = perspective, distortion
+    calcam_cal             CalCam in the first lines; Metashape exports it and describes it nowhere
+    ladybug_cal            camera0_rotX=…  camera0_FocalLen=…  camera0_CameraCenterX=…
+    image_pro_cal          [SPATIAL]  CalibName=…  UnitName=…  PixPerUnit=10,10
+    sensor_cal             accel_bias = …  gyro_scale = …  mag_offset_x = …; ArgyllCMS: CAL, DEVICE_CLASS "DISPLAY"
+
+A row of :data:`REFUSED` is a format without ``read``: everything else, from ``identify`` to the documentation,
+treats it as any other.
+"""
+
+from __future__ import annotations
+
+import re
+
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.format import Format, Sniff, Sure
+
+__all__ = ["REFUSED"]
+
+ADOBE = "http://ns.adobe.com/photoshop/1.0/camera-profile"
+OPF_WITH_OPTICS = {"application/opf-calibrated-cameras+json", "application/opf-input-cameras+json"}
+IMAGE_PRO_KEYS = ("CALIBNAME=", "UNITNAME=", "PIXPERUNIT=", "IMAGECLASS=", "INPUTRANGE=")
+FEWEST_WORDS = 2
+"""One word of another sensor may occur anywhere; two at the start of lines are the subject."""
+
+_CAHVOR = re.compile(r"Model\s*=\s*(CAHV(?:OR)?E?)\b")
+_CALCAM = re.compile(r"\bcalcam\b", re.IGNORECASE)
+_POINT_GREY = re.compile(r"\b(?:ladybug|triclops|bumblebee|digiclops)", re.IGNORECASE)
+_LADYBUG_KEY = re.compile(r"camera\d+_(?:FocalLen|CameraCenterX|rotX)\s*=", re.IGNORECASE)
+_KEY = re.compile(r"\s*[\"']?([A-Za-z][\w .\-\[\]]{0,60}?)[\"']?\s*[=:,\s]")
+_OTHER_SENSOR = re.compile(
+    r"acc(?:el\w*)?|gyro\w*|mag(?:net\w*)?|imu|barom\w*|"
+    r"radian\w*|irradian\w*|radiometr\w*|darkcurrent|vignett\w*|wavelengths?|reflectance\w*"
+)
+_WORDS = re.compile(r"[^a-z]+")
+_LENS = re.compile(r"focal|principal|distort|\bf[xy]\b|\bc[xy]\b|fc\b|camera_matrix|intrinsic", re.IGNORECASE)
+
+
+def _lensfun(content: Content) -> Sniff | None:
+    """The root's name, which the database's own files also give in a document type before it."""
+    if content.xml_root == "lensdatabase" or "<!DOCTYPE lensdatabase" in (content.text or ""):
+        return Sniff(Sure.MAGIC, "the XML root is <lensdatabase>")
+    return None
+
+
+def _adobe(content: Content) -> Sniff | None:
+    """An XMP packet with the profiles' namespace, or a piece of one."""
+    if content.xml_tags and (ADOBE in (content.text or "") or content.xml_tags[0].startswith("stCamera:")):
+        return Sniff(Sure.MAGIC, "it is XMP with Adobe's camera-profile elements")
+    return None
+
+
+def _pix4d_database(content: Content) -> Sniff | None:
+    return (
+        Sniff(Sure.MAGIC, "the XML root is <cameraModelDB>") if content.xml_root == "cameraModelDB" else None
+    )
+
+
+def _opf(content: Content) -> Sniff | None:
+    """Any OPF document except the two that are read."""
+    mark = content.json.get("format") if isinstance(content.json, dict) else None
+    if isinstance(mark, str) and mark.startswith("application/opf-") and mark not in OPF_WITH_OPTICS:
+        return Sniff(Sure.MAGIC, f"its format is {strict.shown(mark)}")
+    return None
+
+
+def _cahvor(content: Content) -> Sniff | None:
+    """The line that names the model."""
+    found = next((match for line in content.lines[:100] if (match := _CAHVOR.match(line))), None)
+    return Sniff(Sure.MAGIC, f"it contains Model = {found[1]}") if found else None
+
+
+def _calcam(content: Content) -> Sniff | None:
+    """Its name in the first lines of a text without markup. Plasma physics' calcam writes .ccc archives."""
+    if _is_plain(content) and any(_CALCAM.search(line) for line in content.lines[:5]):
+        return Sniff(Sure.SHAPE, "its first lines name CalCam")
+    return None
+
+
+def _ladybug(content: Content) -> Sniff | None:
+    """Numbered cameras in the vendor's spelling, or one of its products in the first line."""
+    if not _is_plain(content):
+        return None
+    if any(_LADYBUG_KEY.match(line) for line in content.lines[:40]):
+        return Sniff(Sure.MAGIC, "it contains camera0_FocalLen and the like, as Ladybug programs print them")
+    product = _POINT_GREY.search(content.first_line)
+    return Sniff(Sure.WEAK, f"the first line names {product[0]}") if product else None
+
+
+def _image_pro(content: Content) -> Sniff | None:
+    """One of its two sections comes first and contains one of its keys."""
+    section = content.first_line.upper()
+    if section in ("[SPATIAL]", "[INTENSITY]") and any(
+        line.upper().startswith(IMAGE_PRO_KEYS) for line in content.lines[1:]
+    ):
+        return Sniff(Sure.MAGIC, f"it begins with the section {section}")
+    return None
+
+
+def _other_sensor(content: Content) -> Sniff | None:
+    """Keys of another sensor, and not a word about a lens."""
+    if content.first_line.split()[:1] == ["CAL"] and "DEVICE_CLASS" in (content.text or ""):
+        return Sniff(Sure.MAGIC, "it begins with CAL and contains DEVICE_CLASS, as ArgyllCMS writes displays")
+    if not _is_plain(content):
+        return None
+    words = [
+        word
+        for line in content.lines[:200]
+        if (key := _KEY.match(line))
+        for word in _WORDS.split(key[1].lower())
+        if _OTHER_SENSOR.fullmatch(word)
+    ]
+    if len(words) >= FEWEST_WORDS and not _LENS.search(content.text or ""):
+        return Sniff(
+            Sure.WEAK, f"its keys are about {', '.join(dict.fromkeys(words[:4]))}, none about a lens"
+        )
+    return None
+
+
+def _is_plain(content: Content) -> bool:
+    return not content.xml_tags and content.json is None
+
+
+REFUSED = (
+    Format(
+        name="lensfun_xml",
+        title="a lensfun lens database",
+        suffixes=(".xml",),
+        reference="https://lensfun.github.io/manual/latest/dbformat.html",
+        sniff=_lensfun,
+        refuses="it is a lens profile of a lens model, not a calibration: it has no focal length in pixels and no "
+        "principal point of one camera. Calibrate the camera itself, or export the adjusted camera of a "
+        "reconstruction",
+    ),
+    Format(
+        name="adobe_lcp",
+        title="an Adobe lens correction profile",
+        suffixes=(".lcp",),
+        reference="https://helpx.adobe.com/camera-raw/digital-negative.html",
+        sniff=_adobe,
+        refuses="it is a lens profile for many bodies and focal lengths, not a calibration of one camera. Calibrate "
+        "the camera itself, or export the adjusted camera of a reconstruction",
+    ),
+    Format(
+        name="pix4d_camera_database",
+        title="a Pix4D camera database",
+        suffixes=(".xml",),
+        reference="https://support.pix4d.com/hc/en-us/articles/360035481811",
+        sniff=_pix4d_database,
+        refuses="its elements for the focal length and the lens are not published, and most of its cameras are a "
+        "maker's nominal values. Export the project's .cam file or its OPF instead",
+    ),
+    Format(
+        name="opf_document",
+        title="an OPF document without camera intrinsics",
+        suffixes=(".json", ".opf"),
+        reference="https://pix4d.github.io/opf-spec/index.html",
+        sniff=_opf,
+        refuses="it contains no K. Read the project's calibrated cameras (usually calibrated_cameras.json) or its "
+        "input cameras instead",
+    ),
+    Format(
+        name="cahvor",
+        title="a CAHV, CAHVOR or CAHVORE camera",
+        suffixes=(".cahvor", ".cahv", ".cahvore", ".cal"),
+        reference="https://mrcal.secretsauce.net/mrcal-from-cahvor.html",
+        sniff=_cahvor,
+        refuses="its vectors mix the intrinsics with the pose, and its distortion has an axis of its own (Gennery, "
+        "IJCV 68, 2006), which no other program's model has. Convert it with mrcal-from-cahvor, then to one of "
+        "OpenCV's models with mrcal-convert-lensmodel, and read that",
+    ),
+    Format(
+        name="calcam_cal",
+        title="a CalCam camera calibration",
+        suffixes=(".cal",),
+        reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
+        sniff=_calcam,
+        refuses="no description of the format is public. In Metashape, export Agisoft XML instead "
+        "(Tools ▸ Camera Calibration ▸ Save ▸ Agisoft Camera Calibration)",
+    ),
+    Format(
+        name="ladybug_cal",
+        title="a Ladybug or Triclops calibration",
+        suffixes=(".cal", ".ini"),
+        reference="https://www.teledynevisionsolutions.com/support/support-center/application-note/iis/geometric-vision-using-ladybug-cameras/",
+        sniff=_ladybug,
+        refuses="the manufacturer does not publish what the numbers mean, and each of the camera's heads is a "
+        "wide-angle lens that K alone does not describe. Let the Ladybug SDK rectify the images and use the focal "
+        "length and centre that it reports for them, or calibrate each head from photographs of a board",
+    ),
+    Format(
+        name="image_pro_cal",
+        title="an Image-Pro spatial and intensity calibration",
+        suffixes=(".cal",),
+        reference="https://mc-hakuto.jp/webhelp/appb_cal.htm",
+        sniff=_image_pro,
+        refuses="it states how many pixels make a unit of length on a specimen and how grey values scale, nothing "
+        "about a lens or a focal length. Calibrate the camera from photographs of a board instead",
+    ),
+    Format(
+        name="sensor_cal",
+        title="a calibration of another sensor (inertial, magnetic, radiometric or display)",
+        suffixes=(".cal",),
+        reference="https://www.argyllcms.com/doc/cal_format.html",
+        sniff=_other_sensor,
+        refuses="it states no focal length, principal point or distortion. Ask the camera's manufacturer for its "
+        "geometric calibration, or calibrate it from photographs of a board",
+    ),
+)
+"""One row for each, those with a signature first."""
