@@ -1,340 +1,495 @@
-"""Keyed calibration sheets: what manufacturers and laboratories send as a text of keys and values.
+"""Key-value calibration sheets: what manufacturers and laboratories send as a text of keys and values.
 
 In the format's own words::
 
     # any comment
-    [camera]
     model = X-20
+    calibrated by: A. Laboratory
+    date: 2019-05-14
     image size: 5472 x 3648
     pixel pitch [µm] = 2.41
-    [lens]
     focal_length_mm = 8.7969
     principal_point_x_mm = 6.6065          # from the top-left corner, y down
     principal_point_y_mm = 4.3763
     distortion_model = brown               # OpenCV's k1 k2 p1 p2 k3 on x/z, y/z
     k1 = -0.1131
 
-There is no standard behind it, only names and units that leave one meaning; ``_keyed_terms`` lists them all. A
-length without a unit, a sheet in millimetres without a pixel pitch or sensor size, a principal point off the
-middle whose y axis nobody states, coefficients that may be per mm²: each is refused, and the message names what
-is missing. Sections only part a sheet, unless several hold a focal length: then each is a camera.
+There is no standard, only names and units with one meaning; :data:`SPELLINGS` lists them. A unit is part of the key
+or follows the value. Refused, with what is missing: millimetres without pixel pitch or sensor size, a principal
+point far off the middle, or counted from it without the direction of y, coefficients that may be per mm², and two
+cameras in one sheet. Section headings only divide a sheet.
 
 Source: none but the sheets; photogrammetric usage and OpenCV's documentation for the names.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Quality
-from calibrary.conventions import Origin
-from calibrary.distortion import (
-    BrownConrady,
-    KannalaBrandt,
-    MetashapeFrame,
-    NoDistortion,
-    Rational,
-    ThinPrism,
-    Tilted,
+from calibrary.calibration import (
+    ASPECT_TOLERANCE,
+    Calibration,
+    CameraKey,
+    Grade,
+    ImageSize,
+    Intrinsics,
+    Quality,
 )
-from calibrary.errors import ParseError
+from calibrary.conventions import Origin
+from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
+from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, YAxis
-from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
-from calibrary.parsers.formats import _keyed_lens as lens
-from calibrary.parsers.formats._keyed_options import OPTIONS, ORIGIN, ORIGINS, Y_AXIS
-from calibrary.parsers.formats._keyed_scale import Scale
-from calibrary.parsers.formats._keyed_sheet import Sheet, as_line, is_apart, matched, sheets
-from calibrary.parsers.formats._keyed_terms import looks_like_a_lens_term, term
+from calibrary.parsers.format import STATED, Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._short_text import short_text
 from calibrary.records import replace
 
 __all__ = ["FORMAT"]
 
 CONVENTION = Convention(
     origin=Origin.CORNER,
-    remarks=(
-        "pixels or millimetres, as each key says",
-        "principal_point_offset_x and _y count from the middle of the image",
-        "a file that says principal_point_origin or y_axis is taken at its word",
-    ),
+    remarks=("pixels or millimetres, as each key states", "principal_point_origin and y_axis are followed"),
 )
 PREFIX = "keyed_text/"
-NAMES = ("make", "camera", "lens", "sub_camera", "firmware", "capture_mode")
-STEREOLABS = ("[LEFT_CAM_", "[RIGHT_CAM_")
-"""Sections of a ZED camera's file, which has keys of its own."""
+MAX_BYTES = 256 * 1024
+"""A sheet is a page; this is a hundred."""
+LONGEST_ROW = 2000
+
+CAMERA = ("make", "model", "sub_camera", "lens", "firmware", "capture_mode")
+COEFFICIENTS = Rational.names()
+SPELLINGS = {
+    **{name: name for name in (*CAMERA, *STATED, *COEFFICIENTS, "skew", "y_axis", "grade", "points")},
+    "f": "f focal_length calibrated_focal_length camera_constant principal_distance",
+    "fx": "fx focal_length_x",
+    "fy": "fy focal_length_y",
+    "cx": "cx principal_point_x ppx",
+    "cy": "cy principal_point_y ppy",
+    "pitch": "pixel_pitch pixel_size",
+    "sensor": "sensor sensor_size sensor_width",
+    "size": "size image_size resolution",
+    "width": "width image_width columns",
+    "height": "height image_height rows",
+    "origin": "origin principal_point_origin",
+    "distortion": "distortion distortion_model lens_model",
+    "make": "make manufacturer",
+    "model": "model camera camera_model",
+    "date": "date calibration_date calibrated_on",
+    "tool": "tool software",
+    "operator": "operator calibrated_by laboratory",
+    "rms": "rms reprojection_error rms_error",
+    "views": "views number_of_views number_of_images",
+}
+"""What each known key means. Case, spaces and punctuation do not count."""
+TERMS = {re.sub("[^a-z0-9]", "", word): name for name, words in SPELLINGS.items() for word in words.split()}
+NUMBERS = frozenset(
+    {"f", "fx", "fy", "cx", "cy", "skew", "pitch", "width", "height", "rms", "points", "views", *COEFFICIENTS}
+)
+PAIRS = frozenset({"size", "sensor"})
+UNITS = {
+    "pixel": "px",
+    "pixels": "px",
+    "um": "um",
+    "µm": "um",
+    "μm": "um",
+    "micron": "um",
+    "px": "px",
+    "mm": "mm",
+}
+MM = {"mm": 1.0, "um": 1e-3}
+ORIGINS = {"corner": Origin.CORNER, "pixel-centre": Origin.PIXEL_CENTRE, "image-centre": Origin.IMAGE_CENTRE}
+LENSES: dict[str, type[Distortion]] = {
+    kind.model: kind for kind in (NoDistortion, BrownConrady, Rational, KannalaBrandt)
+}
+OTHER_NAMES = {
+    "brown-conrady": "brown",
+    "opencv": "brown",
+    "equidistant": "kannala-brandt",
+    "fisheye": "kannala-brandt",
+}
 FARTHEST = 0.25
 """A principal point farther off the middle than this share of a side was counted from elsewhere."""
-UNPROVEN = "the sheet does not say how its numbers came about; taken as calibrated"
+SHORTEST_PX = 0.2
+"""Shares of the longer side: a shorter focal length without a unit may be in millimetres."""
+
+UNIT = Option(name="unit", values=("px", "mm"), meaning="the unit of lengths that state none")
+ORIGIN = Option(
+    name="origin",
+    values=tuple(ORIGINS),
+    meaning="what the principal point is counted from: the outer corner of the top-left pixel, that pixel's "
+    "centre, or the middle of the image",
+)
+Y_AXIS = Option(name="y_axis", values=("down", "up"), meaning="direction of y, in image and distortion")
+DISTORTION = Option(
+    name="distortion", values=tuple(LENSES), meaning="which model k1, k2 … belong to, on x/z and y/z"
+)
+
+_ROW = re.compile(r"([^\W\d][^=:]{0,119}?)\s*[=:]\s*(\S.*)")
+_APART = re.compile(r"(?:#|;|//|%).*|\[[^\[\]]{1,80}\]|")
+_COMMENT = re.compile(r"\s(?:#|;|//|%).*")
+_KEY_WITH_UNIT = re.compile(
+    r"(.*?)\s*[\[(]([^\[\]()]{1,20})[\])]|(.*[\w)])[\s_-](px|pixels?|mm|um|µm|μm)", re.IGNORECASE
+)
+_VALUE = re.compile(
+    r"([+-]?[\d.,]++(?:e[+-]?\d+)?+|nan|inf)\s*([^\W\d_]{1,20})?"
+    r"(?:(?:(?<=\d)|\s)\s*[x×*]\s*([+-]?[\d.,]++)\s*([^\W\d_]{1,20})?)?",
+    re.IGNORECASE,
+)
+_LENS_TERM = re.compile(
+    r"(?:[kpsbart]|kc|kr|tau)_?\d+|.{0,60}(?:distort|radial|tangent|decentr|affin).{0,60}"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """One known line: its key as written, its text, its numbers, and their unit if one is stated."""
+
+    key: str
+    text: str
+    numbers: tuple[float, ...] = ()
+    unit: str | None = None
+
+
+@dataclass(slots=True)
+class _Sheet:
+    """A sheet taken apart: the entries by meaning, and the lines whose key is not known."""
+
+    source: str
+    entries: dict[str, _Entry] = field(default_factory=dict)
+    rest: list[tuple[str, str]] = field(default_factory=list)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.entries
+
+    def error(self, message: str, place: str | None = None) -> ParseError:
+        return ParseError(message, source=self.source, place=place)
+
+    def unsupported(self, message: str, place: str) -> UnsupportedModelError:
+        return UnsupportedModelError(message, source=self.source, place=place)
+
+    def text(self, name: str) -> str | None:
+        return self.entries[name].text if name in self.entries else None
+
+    def mm(self, name: str) -> tuple[float, ...]:
+        """The positive lengths of an entry that must state its unit."""
+        entry = self.entries[name]
+        if entry.unit not in MM or not min(entry.numbers) > 0:
+            raise self.error("wanted a positive length with its unit, mm or µm", entry.key)
+        return tuple(number * MM[entry.unit] for number in entry.numbers)
 
 
 def sniff(content: Content) -> Sniff | None:
-    """Keys and values to the end, among them a focal length; with its unit, few others can mean it."""
+    """Keys and values to the end, among them a focal length; with its unit, few other texts can mean it."""
     if content.xml_tags or content.json is not None or content.first_line.startswith(("%YAML", "---")):
-        return None
-    if any(row.startswith(STEREOLABS) for row in content.lines):
         return None
     claim = None
     for row in content.lines:
-        found = matched(row)
-        if found is None:
-            if is_apart(row):
-                continue
-            return None
-        known = term(found[1])
-        if known is None or known[0] not in {"f", "fx"}:
-            continue
-        if known[2] or found[2].rstrip()[-1:].isalpha():
-            claim = Sniff(Sure.SHAPE, f"keys and values, with {strict.shown(found[1])}")
-        else:
-            claim = claim or Sniff(Sure.WEAK, f"keys and values, with {strict.shown(found[1])}")
+        found = _matched(row)
+        if row.startswith(("[LEFT_CAM_", "[RIGHT_CAM_")) or not (found or _APART.fullmatch(row)):
+            return None  # a ZED camera's sections have their own format
+        name, unit = _term(found[1]) if found else (None, None)
+        if found and name in {"f", "fx"} and (claim is None or claim.sure is Sure.WEAK):
+            sure = Sure.SHAPE if unit or found[2].rstrip()[-1:].isalpha() else Sure.WEAK
+            claim = Sniff(sure, f"keys and values, with {strict.shown(found[1])}")
     return claim
 
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
-    """Every camera of the file, in order."""
-    return [_camera(sheet, context) for sheet in sheets(data, source=context.name)]
+    """The one camera of the sheet."""
+    sheet = _taken_apart(data, context.name)
+    focals = _focals(sheet)
+    size = context.size(_size(sheet))
+    K, metric, assumptions = _intrinsics(sheet, focals, size, context)
+    up = _word(sheet, "y_axis", Y_AXIS, context) == "up"
+    distortion, assumed = _distortion(sheet, metric=metric, up=up, asked=context.option(DISTORTION.name))
+    for key, text in sheet.rest:
+        if _LENS_TERM.fullmatch(key.strip().lower()) and any(digit in text for digit in "123456789"):
+            raise sheet.unsupported(
+                f"it looks like a distortion coefficient and is none of {', '.join(COEFFICIENTS)}; remove it if it is "
+                "something else",
+                key,
+            )
+    grade = (sheet.text("grade") or Grade.CALIBRATED).lower()
+    if grade not in list(Grade):
+        raise sheet.error(f"{strict.shown(grade)} is not a grade, wanted one of {', '.join(Grade)}", "grade")
+    if "grade" not in sheet:
+        assumptions += ("the sheet does not state how its numbers came about; taken as calibrated",)
+    return [
+        Calibration(
+            camera=replace(CameraKey(image_size=size), **{name: sheet.text(name) for name in CAMERA}),
+            intrinsics=K,
+            distortion=distortion,
+            grade=Grade(grade),
+            quality=_quality(sheet),
+            provenance=replace(
+                context.provenance(assumptions=(*assumptions, *assumed)),
+                **{name: sheet.text(name) for name in STATED},
+            ),
+            extras=tuple((PREFIX + key, text) for key, text in sheet.rest),
+        )
+    ]
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
-    """Pixels from the corner; K stands last, so that a sheet cut short lacks it."""
-    rows = ["# Camera calibration: one key to a line, its unit in its name."]
-    if len(calibrations) == 1:
-        rows += _rows(calibrations[0])
-    else:
-        rows.append(f"cameras = {len(calibrations)}")
-        for name, calibration in zip(_section_names(calibrations), calibrations, strict=True):
-            rows += ["", f"[{name}]", *_rows(calibration)]
-    return "".join(f"{row}\n" for row in rows).encode()
-
-
-def _camera(sheet: Sheet, context: ReadContext) -> Calibration:
-    point = _Point.of(sheet, context)
-    scale = Scale(sheet, context)
-    convention = replace(CONVENTION, origin=point.origin, y_axis=point.y_axis)
-    fx, fy = scale.focals()
-    native = Native(
-        fx=fx,
-        fy=fy,
-        cx=scale.length(point.names[0], across=True),
-        cy=scale.length(point.names[1], across=False),
-        skew=scale.length("skew", across=True) if "skew" in sheet.values else 0.0,
+    """Pixels from the corner; K comes last, so that a sheet cut short lacks it."""
+    [item] = calibrations
+    native, quality, lens = CONVENTION.native(item.intrinsics), item.quality or Quality(), item.distortion
+    known: list[tuple[str, object]] = [(name, getattr(item.camera, name)) for name in CAMERA]
+    known += [(name, getattr(item.provenance, name)) for name in STATED]
+    known += [("grade", item.grade.value), ("rms_px", quality.rms_px)]
+    known += [("points", quality.points), ("views", quality.views)]
+    known += [(key.removeprefix(PREFIX), text) for key, text in item.extras if key.startswith(PREFIX)]
+    known += [] if lens is None else [("distortion_model", lens.model), *lens.coefficients.items()]
+    known += [("principal_point_origin", "corner"), ("y_axis", "down")]
+    known += zip(("image_width_px", "image_height_px"), item.intrinsics.image_size, strict=True)
+    known += [("skew_px", native.skew or None)]
+    known += [(f"{name}_px", getattr(native, name)) for name in ("fx", "fy", "cx", "cy")]
+    rows = [f"{key} = {value}" for key, value in known if value is not None]
+    body = "".join(
+        f"{row}\n"
+        for row in rows
+        if row.isprintable() and row == _COMMENT.sub("", row).strip() and "=  " not in row
     )
-    K = convention.intrinsics(native, scale.size, source=context.name)
-    point.check(K, native, context.name)
-    distortion, assumed = lens.read(
-        sheet,
-        convention,
-        metric=scale.is_metric,
-        asked=context.option(lens.DISTORTION.name),
-        source=context.name,
-    )
-    _refuse_unread_terms(sheet, context.name)
-    grade = _grade(sheet, context.name)
-    assumptions = (*scale.assumptions, *point.assumptions, *assumed, *(() if grade else (UNPROVEN,)))
-    return Calibration(
-        camera=_key(sheet, K),
-        intrinsics=K,
-        distortion=distortion,
-        grade=grade or Grade.CALIBRATED,
-        quality=_quality(sheet),
-        provenance=context.provenance(tag=sheet.section, assumptions=assumptions),
-        extras=tuple((PREFIX + key, text) for key, text in sheet.rest),
-    )
+    return f"# Camera calibration: one key to a line, its unit in its name.\n{body}".encode()
 
 
-@dataclass(frozen=True, slots=True)
-class _Point:
-    """How the principal point is given: under which two names, from where, and which way y grows."""
-
-    names: tuple[str, str]
-    origin: Origin
-    y_axis: YAxis
-    stated: bool
-    y_stated: bool
-
-    @classmethod
-    def of(cls, sheet: Sheet, context: ReadContext) -> _Point:
-        absolute = [name for name in ("cx", "cy") if name in sheet.values]
-        offset = [name for name in ("offset_x", "offset_y") if name in sheet.values]
-        if absolute and offset:
-            raise ParseError(
-                f"{sheet.values[absolute[0]].key} and {sheet.values[offset[0]].key} say the principal point twice",
-                source=context.name,
+def _taken_apart(data: bytes, source: str) -> _Sheet:
+    sheet = _Sheet(source)
+    text = short_text(data, source=source, max_bytes=MAX_BYTES)
+    for number, raw in enumerate(strict.lines(text, source=source), start=1):
+        row = raw.strip()
+        if _APART.fullmatch(row):
+            continue
+        found = _matched(row)
+        if found is None:
+            raise sheet.error(f"{strict.shown(row)} is neither key = value nor key: value", f"line {number}")
+        key, value = found[1], _COMMENT.sub("", found[2]).strip()
+        name, unit = _term(key)
+        if name is None:
+            sheet.rest.append((key, value))
+        elif name in sheet:
+            raise sheet.error(
+                f"it means the same as {strict.shown(sheet.entries[name].key)}; wanted one", key
             )
-        names = ("offset_x", "offset_y") if offset else ("cx", "cy")
-        if len(absolute or offset) < 2:
-            wanted = (
-                "principal_point_offset_x and _y" if offset else "principal_point_x and principal_point_y"
-            )
-            raise ParseError(
-                f"there is no whole principal point; add {wanted} with their unit, such as _px or _mm",
-                source=context.name,
-            )
-        said = _word(sheet, "origin", ORIGIN.name, context)
-        up = _word(sheet, "y_axis", Y_AXIS.name, context)
-        origin = Origin.IMAGE_CENTRE if offset else ORIGINS.get(said or "corner", Origin.CORNER)
-        return cls(names, origin, YAxis.UP if up == "up" else YAxis.DOWN, bool(said or offset), bool(up))
-
-    @property
-    def assumptions(self) -> tuple[str, ...]:
-        if self.stated:
-            return ()
-        return ("the principal point counts from the outer corner of the top-left pixel, y down",)
-
-    def check(self, K: Intrinsics, native: Native, source: str) -> None:
-        """Refuse what may have been meant otherwise, and would be wrong by much."""
-        if self.origin is Origin.IMAGE_CENTRE and native.cy and not self.y_stated:
-            raise ParseError(
-                "the principal point is counted from the middle, and y up or down is two different cameras; add "
-                "y_axis = up or y_axis = down, or give options={'y_axis': 'up'} (--set y_axis=up)",
-                source=source,
-                place="y_axis",
-            )
-        drift = max(abs(c / side - 0.5) for c, side in zip((K.cx, K.cy), K.image_size, strict=True))
-        if not self.stated and drift > FARTHEST:
-            raise ParseError(
-                f"counted from the top-left corner, the principal point lies {drift:.0%} of a side off the "
-                "middle; say what it is counted from with principal_point_origin = corner, pixel-centre or "
-                "image-centre, or options={'origin': 'image-centre'} (--set origin=image-centre)",
-                source=source,
-                place="principal point",
-            )
+        else:
+            sheet.entries[name] = _entry(sheet, name, _Entry(key, value, unit=unit))
+    return sheet
 
 
-def _word(sheet: Sheet, name: str, option: str, context: ReadContext) -> str | None:
-    """What the caller says, else the file's own word, one of the option's."""
-    asked = context.option(option)
-    found = sheet.values.get(name)
-    if asked is not None or found is None:
-        return asked
-    word = "-".join(found.text.lower().replace("center", "centre").replace("_", " ").split())
-    [known] = [item for item in OPTIONS if item.name == option]
-    if word not in known.values:
-        raise ParseError(
-            f"{strict.shown(found.text)} is not known, wanted {' or '.join(known.values)}",
-            source=context.name,
-            place=found.key,
+def _entry(sheet: _Sheet, name: str, entry: _Entry) -> _Entry:
+    """The entry with its numbers, where its key has numbers, and the unit that key and value agree on."""
+    if name not in NUMBERS | PAIRS:
+        return entry
+    found = _VALUE.fullmatch(entry.text)
+    if found is None or (found[3] is None and name == "size") or (found[3] is not None and name in NUMBERS):
+        wanted = "width x height" if name in PAIRS else "a number"
+        raise sheet.error(f"{strict.shown(entry.text)} is not {wanted}", entry.key)
+    unit = entry.unit
+    for word in (found[2], found[4]):
+        stated = UNITS.get(word.lower(), word) if word else unit
+        if unit not in (None, stated):
+            raise sheet.error(f"it is stated in {unit} and in {stated}", entry.key)
+        unit = stated
+    texts = (found[1], found[3])
+    numbers = tuple(strict.number(part, source=sheet.source, place=entry.key) for part in texts if part)
+    return replace(entry, numbers=numbers, unit=unit)
+
+
+def _matched(row: str) -> re.Match[str] | None:
+    return _ROW.fullmatch(row) if len(row) <= LONGEST_ROW else None
+
+
+def _term(key: str) -> tuple[str | None, str | None]:
+    """What a key means and the unit in it; an unknown unit in brackets is kept, to be refused where it matters."""
+    found = _KEY_WITH_UNIT.fullmatch(key)
+    name, unit = (found[1] or found[3], found[2] or found[4]) if found else (key, None)
+    return TERMS.get(re.sub("[^a-z0-9]", "", name.lower())), unit and UNITS.get(unit.lower(), unit)
+
+
+def _size(sheet: _Sheet) -> ImageSize | None:
+    for name in ("size", "width", "height"):
+        if name in sheet and sheet.entries[name].unit not in (None, "px"):
+            raise sheet.error(
+                "an image size is in px; for the sensor's, write sensor_width_mm", sheet.entries[name].key
+            )
+    if ("width" in sheet) != ("height" in sheet):
+        raise sheet.error("only one of image width and image height is stated")
+    stated = [sheet.entries["size"].numbers] if "size" in sheet else []
+    if "width" in sheet:
+        stated.append((*sheet.entries["width"].numbers, *sheet.entries["height"].numbers))
+    sizes = [strict.image_size(*sides, source=sheet.source, place="image size") for sides in stated]
+    if len(set(sizes)) > 1:
+        raise sheet.error("it states two image sizes: " + " and ".join(f"{w}×{h}" for w, h in sizes))
+    return sizes[0] if sizes else None
+
+
+def _focals(sheet: _Sheet) -> list[str]:
+    """The terms that state the focal length, one or two."""
+    given = [name for name in ("f", "fx", "fy") if name in sheet]
+    if given not in (["f"], ["fx", "fy"]) or not {"cx", "cy"} <= sheet.entries.keys():
+        raise sheet.error(
+            "wanted the focal length (fx and fy, or focal_length for square pixels) and the principal point (cx and "
+            f"cy), each with its unit, such as fx_px; found {', '.join(given) or 'no focal length'}"
         )
+    return given
+
+
+def _intrinsics(
+    sheet: _Sheet, given: list[str], size: ImageSize, context: ReadContext
+) -> tuple[Intrinsics, bool, tuple[str, ...]]:
+    """K, whether a focal length is in millimetres, and what had to be assumed."""
+    names = (given[0], given[-1], "cx", "cy", *(["skew"] if "skew" in sheet else []))
+    bare = [sheet.entries[name].key for name in names if sheet.entries[name].unit is None]
+    unit = context.option(UNIT.name)
+    assumptions: tuple[str, ...] = ()
+    shortest = min(sheet.entries[name].numbers[0] for name in given)
+    metric = any(entry.unit in MM for entry in sheet.entries.values())
+    if bare and unit is None:
+        if metric or shortest < SHORTEST_PX * max(size):
+            raise sheet.error(
+                f"it has no unit; write {bare[0]}_px or {bare[0]}_mm, or give --set unit=px", bare[0]
+            )
+        unit = "px"
+        assumptions = (
+            f"{', '.join(dict.fromkeys(bare))} without a unit are in pixels, being too long for mm",
+        )
+    fx, fy, cx, cy, *skew = (_pixels(sheet, sheet.entries[name], unit, size) for name in names)
+    origin, y_axis = _word(sheet, "origin", ORIGIN, context), _word(sheet, "y_axis", Y_AXIS, context)
+    if origin == "image-centre" and cy and y_axis is None:
+        raise sheet.error(
+            "it is counted from the middle; state y_axis = up or down, or give --set y_axis=up", "cy"
+        )
+    convention = replace(
+        CONVENTION, origin=ORIGINS[origin or "corner"], y_axis=YAxis.UP if y_axis == "up" else YAxis.DOWN
+    )
+    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew[0] if skew else 0.0)
+    K = convention.intrinsics(native, size, source=sheet.source)
+    if origin is None:
+        assumptions += ("the principal point counts from the outer corner of the top-left pixel, y down",)
+        if max(abs(K.cx / size[0] - 0.5), abs(K.cy / size[1] - 0.5)) > FARTHEST:
+            raise sheet.error(
+                "counted from the top-left corner, it is far off the middle; state principal_point_origin = "
+                f"{' or '.join(ORIGINS)}, or give --set origin=image-centre",
+                "principal point",
+            )
+    return K, any((sheet.entries[name].unit or unit) != "px" for name in given), assumptions
+
+
+def _pixels(sheet: _Sheet, entry: _Entry, unit: str | None, size: ImageSize) -> float:
+    """A length in px, through the pitch of the pixels if it is metric."""
+    unit = entry.unit or unit
+    if unit == "px":
+        return entry.numbers[0]
+    if unit not in MM:
+        raise sheet.error(f"its unit {strict.shown(unit or '')} is not known, wanted px or mm", entry.key)
+    pitches = list(sheet.mm("pitch")) if "pitch" in sheet else []
+    if "sensor" in sheet:
+        pitches += [side / count for side, count in zip(sheet.mm("sensor"), size, strict=False)]
+    if not pitches:
+        raise sheet.error(
+            "millimetres need the pixel pitch; add pixel_pitch_um or sensor_width_mm", entry.key
+        )
+    if max(pitches) > min(pitches) * (1 + ASPECT_TOLERANCE):
+        listed = " and ".join(f"{pitch * 1e3:.4g} µm" for pitch in pitches)
+        raise sheet.error(f"pixel pitch and sensor size contradict each other: {listed}, for square pixels")
+    return entry.numbers[0] * MM[unit] / pitches[0]
+
+
+def _word(sheet: _Sheet, name: str, option: Option, context: ReadContext) -> str | None:
+    """The caller's answer, else the sheet's own word, which must be one of the option's."""
+    stated = sheet.text(name)
+    if context.option(option.name) is not None or stated is None:
+        return context.option(option.name)
+    word = "-".join(stated.lower().replace("center", "centre").replace("_", " ").split())
+    if word not in option.values:
+        raise sheet.error(f"{strict.shown(stated)} is not known, wanted {' or '.join(option.values)}", name)
     return word
 
 
-def _refuse_unread_terms(sheet: Sheet, source: str) -> None:
-    """An unknown key that is named as lens terms are, with a number that is not zero, would be lost."""
-    for key, text in sheet.rest:
-        if looks_like_a_lens_term(key.rpartition(".")[2]) and any(digit in text for digit in "123456789"):
-            raise lens.unknown_term(key, source)
-
-
-def _key(sheet: Sheet, K: Intrinsics) -> CameraKey:
-    make, model, lens_name, sub_camera, firmware, mode = (
-        sheet.values[name].text if name in sheet.values else None for name in NAMES
-    )
-    if "model" not in sheet.values and lens.model_named(model) is not None:
-        model = None
-    return CameraKey(
-        make=make,
-        model=model,
-        sub_camera=sub_camera or sheet.section,
-        lens=lens_name,
-        firmware=firmware,
-        capture_mode=mode,
-        image_size=K.image_size,
-    )
-
-
-def _grade(sheet: Sheet, source: str) -> Grade | None:
-    found = sheet.values.get("grade")
-    if found is None:
-        return None
-    if found.text.lower() not in list(Grade):
-        raise ParseError(
-            f"{strict.shown(found.text)} is no grade, wanted one of {', '.join(Grade)}",
-            source=source,
-            place=found.key,
+def _distortion(
+    sheet: _Sheet, *, metric: bool, up: bool, asked: str | None
+) -> tuple[Distortion | None, tuple[str, ...]]:
+    """The lens and what had to be assumed; None when the sheet states nothing about it."""
+    entries = [sheet.entries[name] for name in COEFFICIENTS if name in sheet]
+    for entry in entries:
+        if entry.unit is not None:
+            raise sheet.unsupported(
+                f"a coefficient in {strict.shown(entry.unit)} acts on lengths on the sensor, and its direction is not "
+                "stated; ask for the calibration as Agisoft XML or OpenCV YAML",
+                entry.key,
+            )
+    given = {name: sheet.entries[name].numbers[0] for name in COEFFICIENTS if name in sheet}
+    used = {name: value for name, value in given.items() if value}
+    kind = _stated_model(sheet, asked if given else None)
+    assumed: tuple[str, ...] = ()
+    if kind is None and used:
+        _refuse_several_models(sheet, list(used), metric=metric)
+        kind, assumed = BrownConrady, ("k1, k2, k3, p1, p2 are OpenCV's, on x/z and y/z",)
+    if kind is None:
+        return (NoDistortion() if given else None), ()
+    if not given and kind is not NoDistortion:
+        raise sheet.error(
+            f"no coefficient of {kind.model} is stated; add them, 0 if measured as 0", "distortion_model"
         )
-    return Grade(found.text.lower())
+    unknown = [name for name in used if name not in kind.names()]
+    if unknown:
+        raise sheet.unsupported(f"the {kind.model} model has no {', '.join(unknown)}", "distortion_model")
+    if not used and kind is not KannalaBrandt:  # whose zeros are a lens, the equidistant one
+        return NoDistortion(), ()
+    if up and "p1" in used:  # a flipped y changes the sign of p1 and nothing else
+        used["p1"] = -used["p1"]
+    return kind(**(dict.fromkeys(kind.names(), 0.0) | used)), assumed
 
 
-def _quality(sheet: Sheet) -> Quality | None:
-    """Of the sheet's own measures those that need no interpretation."""
-    rms = sheet.values.get("rms")
+def _stated_model(sheet: _Sheet, asked: str | None) -> type[Distortion] | None:
+    """The model that the caller or the sheet names."""
+    stated = asked or sheet.text("distortion")
+    if stated is None:
+        return None
+    word = "-".join(stated.lower().replace("_", " ").split())
+    model = OTHER_NAMES.get(word, word)
+    if model not in LENSES:
+        raise sheet.unsupported(
+            f"{strict.shown(stated)} is not known, wanted {', '.join(LENSES)}", "distortion_model"
+        )
+    return LENSES[model]
+
+
+def _refuse_several_models(sheet: _Sheet, used: list[str], *, metric: bool) -> None:
+    """Coefficients that may belong to more than one model need its name."""
+    if metric or not set(used) <= set(BrownConrady.names()):
+        reason = (
+            "with lengths in mm, k1 may be per mm²" if metric else f"{', '.join(used)} fit several models"
+        )
+        wanted = " or ".join(LENSES)
+        raise sheet.error(
+            f"{reason}; state distortion_model = {wanted}, or give --set distortion=brown", used[0]
+        )
+
+
+def _quality(sheet: _Sheet) -> Quality | None:
+    """Those of the sheet's measures that need no interpretation."""
+    found = {name: sheet.entries[name].numbers[0] for name in ("points", "views") if name in sheet}
+    counts = {name: int(number) for name, number in found.items() if number >= 0}
+    rms = sheet.entries.get("rms")
     rms_px = rms.numbers[0] if rms is not None and rms.unit == "px" and rms.numbers[0] >= 0 else None
-    counts = {
-        name: int(sheet.values[name].numbers[0])
-        for name in ("points", "views")
-        if name in sheet.values and sheet.values[name].numbers[0] >= 0
-    }
     if rms_px is None and not counts:
         return None
     return Quality(rms_px=rms_px, points=counts.get("points"), views=counts.get("views"))
 
 
-def _rows(calibration: Calibration) -> Iterator[str]:
-    camera, quality, K = calibration.camera, calibration.quality or Quality(), calibration.intrinsics
-    native = CONVENTION.native(K)
-    known: list[tuple[str, object]] = [
-        ("make", camera.make),
-        ("model", camera.model),
-        ("sub_camera", camera.sub_camera),
-        ("lens", camera.lens),
-        ("firmware", camera.firmware),
-        ("capture_mode", camera.capture_mode),
-        ("grade", calibration.grade.value),
-        ("rms_px", quality.rms_px),
-        ("points", quality.points),
-        ("views", quality.views),
-    ]
-    known += [(key.removeprefix(PREFIX), text) for key, text in calibration.extras if _is_ours(key)]
-    known += lens.rows(calibration.distortion)
-    known += [
-        ("principal_point_origin", "corner"),
-        ("y_axis", "down"),
-        ("image_width_px", K.image_size[0]),
-        ("image_height_px", K.image_size[1]),
-        ("skew_px", native.skew or None),
-        ("fx_px", native.fx),
-        ("fy_px", native.fy),
-        ("cx_px", native.cx),
-        ("cy_px", native.cy),
-    ]
-    lines = (as_line(key, str(value)) for key, value in known if value is not None)
-    yield from (line for line in lines if line is not None)
-
-
-def _is_ours(key: str) -> bool:
-    """Whether an extra came from a sheet and is still no known key."""
-    return key.startswith(PREFIX) and term(key.removeprefix(PREFIX)) is None
-
-
-def _section_names(calibrations: Sequence[Calibration]) -> Iterator[str]:
-    taken: set[str] = set()
-    for index, calibration in enumerate(calibrations, start=1):
-        name = calibration.camera.sub_camera or f"camera {index}"
-        name = (
-            "".join(c if c.isprintable() and c not in "[]" else " " for c in name).strip()[:60]
-            or f"camera {index}"
-        )
-        while name in taken:
-            name = f"{name} {index}"
-        taken.add(name)
-        yield name
-
-
 FORMAT = Format(
     name="keyed_text",
-    title="Keyed calibration sheet",
+    title="Key-value calibration sheet",
     suffixes=(".cal", ".txt"),
     reference="https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html",
     convention=CONVENTION,
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(
-        models=(NoDistortion, BrownConrady, Rational, ThinPrism, Tilted, KannalaBrandt, MetashapeFrame),
-        skew=True,
-        several_cameras=True,
-    ),
-    options=OPTIONS,
+    capacity=Capacity(models=tuple(LENSES.values()), skew=True),
+    states=STATED,
+    options=(UNIT, ORIGIN, Y_AXIS, DISTORTION),
 )

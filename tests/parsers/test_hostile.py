@@ -12,9 +12,6 @@ import pytest
 from calibrary import parsers
 from calibrary.errors import ParseError
 
-KEYED = "".join(f"[c{index}]\nfx_px = 3000\n" for index in range(1500))
-SHARED = "[x]\n" + "".join(f"a{index} = 1\n" for index in range(1500))
-
 BROKEN = {
     "a focal length too small for a division": (
         "artoolkitplus_cal",
@@ -31,7 +28,6 @@ BROKEN = {
         b"%YAML:1.0\nCamera.fy: 1\n" + b"\n" * 200_000,
         "neither a Camera.fx",
     ),
-    "lines that hundreds of cameras share": ("keyed_text", (KEYED + SHARED).encode(), "share"),
 }
 
 
