@@ -5,7 +5,9 @@
 >>> print(parsers.write([camera], "P4R.yml", "opencv_storage"))           # doctest: +SKIP
 exact; dropped: opencv_storage has no place for …
 
-A file is recognised by what is in it, never by its name. :mod:`calibrary.parsers.format` says what a format
+Messages name the flags of the command line; the functions' arguments are the same words (``--image-size`` is
+``image_size``, ``--set`` is ``options``, ``--max-size`` in MiB is ``max_bytes``). A file is recognised by what is
+in it, never by its name. :mod:`calibrary.parsers.format` says what a format
 is and how to add one.
 """
 
@@ -60,7 +62,7 @@ def identify(path: PathLike, *, max_bytes: int = MAX_BYTES) -> Identity:
         max_bytes: as for :func:`read`.
 
     Raises:
-        InputError: it cannot be read, or is no regular file.
+        InputError: it cannot be read, or is not a regular file.
         ParseError: it is empty, too long, or a git-LFS pointer.
         UnknownFormatError: no format claims it.
         AmbiguousFormatError: two claim it equally; the message names both.
@@ -95,7 +97,7 @@ def read(
             looked up, may be of any length.
 
     Raises:
-        InputError: it cannot be read or is no regular file, or an argument contradicts it.
+        InputError: it cannot be read or is not a regular file, or an argument contradicts it.
         MissingTagError: the image size is needed and neither the file nor the caller says it.
         ParseError: it is broken.
         UnknownFormatError: no format claims it.
@@ -172,7 +174,7 @@ def write(
     *,
     max_error_px: float | None = None,
 ) -> WriteVerdict:
-    """Write a calibration file, whole or not at all, and say what it holds of what was meant.
+    """Write a calibration file, whole or not at all, and report what was lost.
 
     The bytes are read back and compared before the file is made; see :class:`WriteVerdict`.
 
@@ -184,7 +186,7 @@ def write(
             0.05 px when not given.
 
     Raises:
-        UnsupportedModelError: the format holds the calibration only with a larger error, or is not written.
+        UnsupportedModelError: the format represents the calibration only with a larger error, or is not written.
         InputError: the file cannot be made, or a K is only a guess.
     """
     path = Path(path)

@@ -80,7 +80,7 @@ class Content:
     def xml_tags(self) -> tuple[str, ...]:
         """The element names in the head in document order, with their prefixes; the first is the root's.
 
-        Empty when the file is no XML.
+        Empty when the file is not XML.
         """
         text = self.text
         if text is None:
@@ -93,7 +93,7 @@ class Content:
 
     @property
     def xml_root(self) -> str | None:
-        """The root element's local name, None when the file is no XML."""
+        """The root element's local name, None when the file is not XML."""
         return self.xml_tags[0].rpartition(":")[2] if self.xml_tags else None
 
     @cached_property
@@ -124,7 +124,7 @@ class Content:
 
     @cached_property
     def yaml_keys(self) -> tuple[str, ...]:
-        """What stands before a colon at the start of a line of the head: a YAML mapping's outermost keys.
+        """What comes before a colon at the start of a line of the head: a YAML mapping's outermost keys.
 
         The text need not be YAML by the book: OpenCV's and ORB-SLAM's dialects show theirs as well.
         """

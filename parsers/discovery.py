@@ -44,7 +44,7 @@ def known_formats() -> Mapping[str, Format]:
     """All formats by name, in alphabetical order.
 
     A registered format that cannot be loaded, or that takes a name already taken, is left out with a
-    warning: it must not keep anybody from reading other files.
+    warning: other files stay readable.
     """
     found = {name: _built_in(name) for name in _module_names()}
     found |= {record.name: record for record in REFUSED}
@@ -55,7 +55,7 @@ def known_formats() -> Mapping[str, Format]:
             _complain(f"{point.value} cannot be loaded: {error}")
             continue
         if not isinstance(record, Format):
-            _complain(f"{point.value} is no calibrary.parsers.format.Format")
+            _complain(f"{point.value} is not a calibrary.parsers.format.Format")
         elif record.name in found:
             _complain(f"{point.value} calls itself {record.name!r}, which is taken")
         else:

@@ -52,7 +52,7 @@ class Node:
         """What stands under a key of a mapping.
 
         Raises:
-            ParseError: this is no mapping, or it has no such key.
+            ParseError: this is not a mapping, or it has no such key.
         """
         table = self._table()
         if key not in table:
@@ -76,7 +76,7 @@ class Node:
         """The items of a list.
 
         Raises:
-            ParseError: this is no list.
+            ParseError: this is not a list.
         """
         if not isinstance(self.value, list):
             self.fail(f"this is {_kind(self.value)}, wanted a list")
@@ -129,7 +129,7 @@ class Node:
         """A list of finite numbers, of the given count (or one of the given counts).
 
         Raises:
-            ParseError: this is no such list.
+            ParseError: this is not such a list.
         """
         if isinstance(self.value, list):
             strict.check_count(len(self.value), count, source=self.source, place=self.place)
@@ -139,7 +139,7 @@ class Node:
         """A list of rows, or the same numbers in one list, row by row.
 
         Raises:
-            ParseError: this is no matrix of that shape.
+            ParseError: this is not a matrix of that shape.
         """
         if isinstance(self.value, list) and self.value and isinstance(self.value[0], list):
             if len(self.value) != rows:
@@ -168,7 +168,7 @@ def load_json(data: bytes, *, source: str) -> Node:
     """A JSON document.
 
     Raises:
-        ParseError: the bytes are none, a key stands twice in one object, or the nesting is too deep.
+        ParseError: the bytes are none, an object has a duplicate key, or the nesting is too deep.
     """
     return Node(parse_json(data, source=source), source=source)
 
@@ -184,14 +184,16 @@ def parse_json(data: bytes, *, source: str) -> Json:
         document: Json = json.loads(text, object_pairs_hook=_unique_keys, parse_constant=_not_finite)
     except json.JSONDecodeError as error:
         raise ParseError(
-            f"this is no JSON: {error.msg}", source=source, place=f"line {error.lineno}"
+            f"this is not JSON: {error.msg}", source=source, place=f"line {error.lineno}"
         ) from None
     except RecursionError:
         raise ParseError("the JSON is nested too deeply", source=source) from None
     except UnicodeDecodeError as error:
-        raise ParseError(f"this is no {error.encoding.upper()} text: {error.reason}", source=source) from None
+        raise ParseError(
+            f"this is not {error.encoding.upper()} text: {error.reason}", source=source
+        ) from None
     except ValueError as error:
-        raise ParseError(f"this is no JSON to read: {error}", source=source) from None
+        raise ParseError(f"this JSON cannot be read: {error}", source=source) from None
     return document
 
 
@@ -201,7 +203,7 @@ def _unique_keys(pairs: list[tuple[str, Json]]) -> dict[str, Json]:
         seen: set[str] = set()
         for key, _ in pairs:
             if key in seen:
-                raise ValueError(f"{strict.shown(key)} stands twice in one object")
+                raise ValueError(f"{strict.shown(key)} is a duplicate key in one object")
             seen.add(key)
     return table
 

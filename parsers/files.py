@@ -35,7 +35,7 @@ def read_regular_file(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
     """The bytes of a regular file; nothing else is opened, so nothing can block or never end.
 
     Raises:
-        InputError: there is no such file, it is no regular file, or it may not be read.
+        InputError: there is no such file, it is not a regular file, or it may not be read.
         ParseError: it is empty, too long, or a git-LFS pointer in place of a file.
     """
     name = display_name(path)
@@ -56,7 +56,7 @@ def read_head(path: Path, count: int) -> bytes:
     """The first bytes of a regular file, all of them where it has no more.
 
     Raises:
-        InputError: there is no such file, it is no regular file, or it may not be read.
+        InputError: there is no such file, it is not a regular file, or it may not be read.
     """
     name = display_name(path)
     try:
@@ -85,7 +85,7 @@ def length_of(path: Path) -> int:
 def too_long(name: str, max_bytes: int) -> ParseError:
     """The refusal of a file of more than ``max_bytes``."""
     return ParseError(
-        f"the file is longer than {max_bytes} bytes, as no calibration is; else raise max_bytes (--max-size)",
+        f"the file is longer than {max_bytes} bytes, as no calibration is; else raise --max-size",
         source=name,
     )
 
@@ -105,7 +105,9 @@ def companions(path: Path, *, max_bytes: int = MAX_BYTES) -> Callable[[str], byt
             or "\\" in name
             or "\0" in name
         ):
-            raise ParseError(f"it refers to {name!a}, which is no file beside it", source=display_name(path))
+            raise ParseError(
+                f"it refers to {name!a}, which is not a file beside it", source=display_name(path)
+            )
         beside = path.parent / relative
         if not beside.exists():
             return None

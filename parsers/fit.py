@@ -162,7 +162,7 @@ def _refuse_another_k(calibration: Calibration, K: Intrinsics, max_error_px: flo
 
 
 def _misses(fit: Fit) -> str:
-    return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give max_error_px to accept that"
+    return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give --max-error-px to accept that"
 
 
 def _held(K: Intrinsics, capacity: Capacity) -> Intrinsics:

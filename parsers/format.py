@@ -9,7 +9,7 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
 3.  ``sniff(content) -> Sniff | None`` looks at the shared views of
     :class:`~calibrary.parsers.content.Content` and parses nothing itself. ``MAGIC``: a signature nobody else
     has. ``SHAPE``: keys or columns another format might share. ``WEAK``: nothing in the file says so; counts
-    only when nobody else claims it.
+    only when no other format claims it.
 4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens nothing: a file that belongs to it
     comes by ``context.companion(name)``. Every camera in order; with several, ``sub_camera`` is the name the
     file gives each and ``provenance.tag`` its key. ``context.size(found)`` settles the image size,
@@ -20,7 +20,7 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
     told the format's own ``max_bytes``, so that no file takes over two seconds; where real files may be longer,
     through ``context.at_most``, by which the caller can raise it. It raises ``InputError`` kinds
     only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no counterpart here. What
-    is odd but readable goes to ``notes``, what was taken for granted to ``provenance.assumptions``, what the
+    is odd but readable goes to ``notes``, what was assumed to ``provenance.assumptions``, what the
     file says beyond that to ``extras`` under ``"<name>/<key>"``.
 5.  ``write(calibrations, context) -> bytes``, if any, stands beside ``CAPACITY``: which models (preferred
     first), skew, two focal lengths, how many cameras. It is handed only what fits: the framework has
@@ -30,7 +30,7 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
 6.  A format that is recognised only to be refused is a row of the table in ``parsers/refused.py``: how it is
     recognised, what it is, why it is refused and what to do instead.
 7.  ``FORMAT = Format(...)`` gathers all this. ``tests/parsers/test_contract.py`` takes it from there; the
-    format's own test holds its formula, computed independently, and one small file per dialect, with values
+    format's own test has its formula, computed independently, and one small file per dialect, with values
     of ours.
 
 Third parties put the same record under the entry-point group ``calibrary.formats``.
@@ -157,13 +157,12 @@ class ReadContext:
         given = self.image_size
         if found is None and given is None:
             raise MissingTagError(
-                "the file does not say how large its images are; give image_size=(width, height) "
-                "(--image-size WxH)",
+                "the file does not state its image size; give it with --image-size WxH",
                 source=self.name,
             )
         if found is not None and given is not None and found != given:
             raise InputError(
-                f"the file's images are {found[0]}×{found[1]}, image_size says {given[0]}×{given[1]}; "
+                f"the file's images are {found[0]}×{found[1]}, --image-size says {given[0]}×{given[1]}; "
                 "leave it out, and scale the calibration once it is read",
                 source=self.name,
             )
@@ -325,7 +324,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WriteVerdict:
-    """What a written file holds of what was meant.
+    """How faithfully a written file represents the calibrations.
 
     Attributes:
         fits: one for each camera, in order.

@@ -23,7 +23,7 @@ def image_evidence(path: Path) -> Evidence:
 
     Raises:
         InputError: the file cannot be read.
-        ParseError: it is no image.
+        ParseError: it is not an image.
     """
     return _evidence(read_metadata(path))
 
@@ -33,7 +33,7 @@ def read_image(path: Path) -> list[Calibration]:
 
     Raises:
         InputError: the file cannot be read.
-        ParseError: it is no image, or its EXIF is of another frame.
+        ParseError: it is not an image, or its EXIF is of another frame.
         MissingTagError: nothing in it tells K.
     """
     return _calibration(image_evidence(path), display_name(path))
@@ -43,7 +43,7 @@ def decode_image(data: bytes, name: str) -> list[Calibration]:
     """The same for an image that is in memory already.
 
     Raises:
-        ParseError: it is no image, or its EXIF is of another frame.
+        ParseError: it is not an image, or its EXIF is of another frame.
         MissingTagError: nothing in it tells K.
     """
     return _calibration(_evidence(read_source(Source(io.BytesIO(data), name=name, size=len(data)))), name)

@@ -1,4 +1,4 @@
-"""OpenSfM's and ODM's projection types: what each holds, and how a calibration becomes one and back.
+"""OpenSfM's and ODM's projection types: what each contains, and how a calibration becomes one and back.
 
 OpenSfM counts in units of the image's longer side from the middle of the image. Some of its types have one focal
 length, ``focal``, and the principal point in the middle; the others ``focal_x``, ``focal_y``, ``c_x`` and ``c_y``.
@@ -109,7 +109,7 @@ def opensfm_camera(calibration: Calibration, projection: str | None = None) -> d
 
     Args:
         calibration: with an unknown lens it becomes one without distortion.
-        projection: the type to use if it holds the calibration exactly.
+        projection: the type to use if it contains the calibration exactly.
 
     Raises:
         UnsupportedModelError: OpenSfM has no type that is exactly this.

@@ -48,7 +48,7 @@ def identified(content: Content) -> Identity:
     """The one format whose claim is the strongest.
 
     Raises:
-        UnknownFormatError: nobody claims the bytes.
+        UnknownFormatError: no format claims the bytes.
         AmbiguousFormatError: two claims are equally strong; the message names both.
     """
     claims = [
@@ -66,7 +66,7 @@ def identified(content: Content) -> Identity:
     if len(best) > 1:
         sentence = " and ".join(f"{claim.format.name} ({claim.sniff.why})" for claim in best)
         raise AmbiguousFormatError(
-            f"it is claimed equally by {sentence}; say which with format=", source=content.name
+            f"it is claimed equally by {sentence}; say which with --format NAME", source=content.name
         )
     return best[0]
 
@@ -121,7 +121,7 @@ def identified_by_head(path: Path, *, max_bytes: int) -> Identity:
 
     Raises:
         ParseError: it is none of those.
-        InputError: it cannot be read, or is no regular file.
+        InputError: it cannot be read, or is not a regular file.
     """
     content = Content(read_head(path, HEAD_BYTES), display_name(path))
     for record in known_formats().values():
@@ -165,7 +165,7 @@ def _taken(read: Callable[[], list[Calibration]], record: Format, name: str) -> 
         kind = ParseError if type(error) is InputError else type(error)
         raise kind(error.message, source=name, place=error.place) from None
     if not calibrations:
-        raise ParseError(f"this {record.title} file holds no camera", source=name)
+        raise ParseError(f"this {record.title} file contains no camera", source=name)
     for item in calibrations:
         _refuse_beyond_reach(item, name)
     return [_dated(item) for item in calibrations]
@@ -214,7 +214,7 @@ def _unknown(content: Content) -> str:
     message = f"no format claims it; it begins with {content.beginning()}"
     if content.looks_like_json and len(content.data) > content.max_json_bytes:
         message += (
-            f", and JSON of over {content.max_json_bytes} bytes is not looked into unless max_bytes (--max-size) "
+            f", and JSON of over {content.max_json_bytes} bytes is not looked into unless --max-size "
             "is raised"
         )
     elif content.looks_like_json and content.json is None:
@@ -222,4 +222,4 @@ def _unknown(content: Content) -> str:
             parse_json(content.data, source=content.name)
         except ParseError as error:
             message += f", and {error.message}" + (f" at {error.place}" if error.place else "")
-    return f"{message}; if you know what it is, say so with format="
+    return f"{message}; if you know what it is, say so with --format NAME"

@@ -27,13 +27,13 @@ _MARKS = (
 
 
 def decode(data: bytes, *, source: str, errors: str = "strict") -> str:
-    """Text of a file whose encoding nobody declared: UTF-16 with its mark, UTF-8, else Latin-1.
+    """Text of a file whose encoding is not declared: UTF-16 with its mark, UTF-8, else Latin-1.
 
     Numbers and keys are ASCII in every format; only labels can come out wrong, and Latin-1 loses no byte of
     them.
 
     Raises:
-        ParseError: the bytes are no text.
+        ParseError: the bytes are not text.
     """
     for mark, encoding in _MARKS:
         if data.startswith(mark):
@@ -41,7 +41,7 @@ def decode(data: bytes, *, source: str, errors: str = "strict") -> str:
                 text = data[len(mark) :].decode(encoding, errors)
             except UnicodeDecodeError as error:
                 raise ParseError(
-                    f"this is no {encoding.upper()} text: {error.reason}", source=source
+                    f"this is not {encoding.upper()} text: {error.reason}", source=source
                 ) from None
             break
     else:
@@ -89,7 +89,7 @@ def number(text: str, *, source: str | None = None, place: str | None = None) ->
     if _NOT_FINITE.fullmatch(stripped) or _NUMBER.fullmatch(stripped):
         raise ParseError(f"{shown(stripped)} is not finite, wanted a number", source=source, place=place)
     hint = "; write a decimal point" if _DECIMAL_COMMA.fullmatch(stripped) else ""
-    raise ParseError(f"{shown(stripped)} is no number{hint}", source=source, place=place)
+    raise ParseError(f"{shown(stripped)} is not a number{hint}", source=source, place=place)
 
 
 def numbers(
@@ -127,7 +127,7 @@ def whole(text: str, *, source: str | None = None, place: str | None = None) -> 
     """A whole number, also where a program wrote it as "5472.0".
 
     Raises:
-        ParseError: it has a fraction, or is no number.
+        ParseError: it has a fraction, or is not a number.
     """
     value = number(text, source=source, place=place)
     if value != int(value):

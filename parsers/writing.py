@@ -1,6 +1,6 @@
 """Calibrations to bytes, with a verdict measured on the bytes themselves.
 
-Whatever a writer makes is read back before anybody sees it, and compared with what was meant: the verdict is
+Whatever a writer makes is read back before it is returned, and compared with what was meant: the verdict is
 a measurement, not a promise.
 """
 
@@ -63,18 +63,20 @@ def encoded(
         max_error_px: the largest distance, anywhere in the image, that may come from models the format lacks.
 
     Raises:
-        UnsupportedModelError: the format is not written, or holds the calibration only with a larger error.
+        UnsupportedModelError: the format is not written, or contains the calibration only with a larger error.
         InputError: there is nothing to write, or a K that is only a guess.
     """
     limit = DEFAULT_MAX_ERROR_PX if max_error_px is None else max_error_px
     if not (math.isfinite(limit) and limit >= 0):
-        raise InputError(f"max_error_px is {limit}, wanted a number of pixels from 0")
+        raise InputError(
+            f"the largest error accepted is {limit} px; wanted a number from 0, as in --max-error-px 0.2"
+        )
     if record.write is None or record.capacity is None:
         raise UnsupportedModelError(f"format {record.name} is read but not written")
     _refuse_guesses(calibrations)
     if len(calibrations) > 1 and not record.capacity.several_cameras:
         raise UnsupportedModelError(
-            f"a {record.name} file holds one camera, not {len(calibrations)}; write one file for each"
+            f"a {record.name} file contains one camera, not {len(calibrations)}; write one file for each"
         )
     adapted = [adapt(item, record.capacity, max_error_px=limit) for item in calibrations]
     data = record.write(adapted, WriteContext(name=name))
@@ -89,8 +91,8 @@ def encoded(
     for fit in fits:
         if fit.max_px > limit:
             raise UnsupportedModelError(
-                f"{record.name} cannot hold the calibration within {limit:g} px: what it holds is off by "
-                f"rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give max_error_px to accept that"
+                f"{record.name} cannot hold the calibration within {limit:g} px: what it contains is off by "
+                f"rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give --max-error-px to accept that"
             )
     dropped = dict.fromkeys(
         lost

@@ -86,13 +86,13 @@ def parse_xml(
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         raise ParseError(
-            f"this is no well-formed XML: {_reason(error)}", source=source, place=_place(error)
+            f"this is not well-formed XML: {_reason(error)}", source=source, place=_place(error)
         ) from None
     except (
         ValueError,
         LookupError,
     ) as error:  # lxml's own refusals, such as a declared encoding it cannot decode
-        raise ParseError(f"this is no readable XML: {error}", source=source) from None
+        raise ParseError(f"this is not readable XML: {error}", source=source) from None
     # A document in an encoding the prolog test cannot see through (EBCDIC, UTF-7) ends here.
     if root.getroottree().docinfo.internalDTD is not None:
         raise _dtd_refused(source)

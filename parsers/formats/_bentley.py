@@ -33,7 +33,7 @@ SQUARE_PIXELS = "AspectRatio was read as fy / fx, which Bentley does not say"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PerspectiveCamera:
-    """What the elements say: K, the lens (None where none is stated), and what was taken for granted."""
+    """What the elements say: K, the lens (None where none is stated), and what was assumed."""
 
     intrinsics: Intrinsics
     distortion: Distortion | None
@@ -44,8 +44,8 @@ def perspective_camera(element: _Element, context: ReadContext) -> PerspectiveCa
     """The camera of a <Photogroup> or an <OpticalProperties>.
 
     Raises:
-        ParseError: an element is missing, stands twice or is no number.
-        UnsupportedModelError: it is no perspective camera, or turned against its image.
+        ParseError: an element is missing, occurs twice or is not a number.
+        UnsupportedModelError: it is not a perspective camera, or turned against its image.
     """
     fields = _Fields(element)
     fields.refuse_other_cameras()
@@ -74,7 +74,7 @@ class _Fields:
     def text(self, path: str) -> str:
         found = self.element.findall(path)
         if len(found) != 1:
-            raise ParseError(f"<{path}> stands {len(found)} times, wanted once", place=path)
+            raise ParseError(f"<{path}> occurs {len(found)} times, wanted once", place=path)
         return (found[0].text or "").strip()
 
     def number(self, path: str, default: float | None = None) -> float:

@@ -73,7 +73,7 @@ def load(data: bytes, *, source: str) -> Node:
         yaml = load_yaml(plain, source=source, ignored_tags=YAML_TAGS)
         tree = Node(yaml, source=source)
     if not isinstance(tree.value, dict):
-        tree.fail("this is no mapping, as an OpenCV file is")
+        tree.fail("this is not a mapping, as an OpenCV file is")
     return tree
 
 
@@ -196,10 +196,10 @@ def _from_xml(element: _Element, source: str) -> Json:
         for child in children:
             key = str(child.tag)
             if key in table:
-                raise ParseError("it stands twice", source=source, place=key)
+                raise ParseError("it is a duplicate key", source=source, place=key)
             table[key] = _from_xml(child, source)
         if _is_matrix(table):
-            # One number is no list in XML, and neither is none.
+            # One number is not a list in XML, and neither is none.
             for key in {"data", "sizes"} & table.keys():
                 if not isinstance(table[key], list):
                     table[key] = [] if table[key] == "" else [table[key]]

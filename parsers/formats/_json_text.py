@@ -29,7 +29,7 @@ def loaded(data: bytes, context: ReadContext) -> Node:
     most = context.at_most(MAX_JSON_BYTES)
     if len(data) > most:
         raise ParseError(
-            f"{len(data)} bytes of JSON; at most {most} are read: raise max_bytes, or save its cameras to a file "
+            f"{len(data)} bytes of JSON; at most {most} are read: raise --max-size, or save its cameras to a file "
             "of their own",
             source=context.name,
         )
@@ -50,7 +50,7 @@ def extra(value: Json) -> str | None:
 
 
 def restored(text: str) -> Json:
-    """An extra's value; text that is no JSON (it comes from elsewhere) stands for itself."""
+    """An extra's value; text that is not JSON (it comes from elsewhere) stands for itself."""
     try:
         value: Json = json.loads(text)
     except ValueError:

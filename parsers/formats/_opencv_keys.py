@@ -61,7 +61,7 @@ class Keys:
                     label = match[1] or match[3] or ""
                     if label in found:
                         node.fail(
-                            f"it means the same as {strict.shown(found[label])}, which stands there too"
+                            f"it means the same as {strict.shown(found[label])}, which is stated as well"
                         )
                     found[label] = key
         self.used = {*self.matrices.values(), *self.coefficients.values(), *self.mirrors.values()}
@@ -120,7 +120,7 @@ class Keys:
         if node is None:
             return Grade.CALIBRATED
         if node.text() not in list(Grade):
-            node.fail(f"{strict.shown(node.text())} is no grade, wanted one of {', '.join(Grade)}")
+            node.fail(f"{strict.shown(node.text())} is not a grade, wanted one of {', '.join(Grade)}")
         return Grade(node.text())
 
     def fisheye_mark(self) -> bool | None:

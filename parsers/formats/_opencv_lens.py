@@ -45,7 +45,7 @@ class BrownWithoutK3(OpenCVDistortion):
 
 
 def lens(values: Sequence[float]) -> Distortion:
-    """The model of as many coefficients, which are one of :data:`COUNTS`; all zero is no distortion."""
+    """The model of as many coefficients, which are one of :data:`COUNTS`; all zero means no distortion."""
     if not any(values):
         return NoDistortion()
     kind = _MODELS[len(values)]
@@ -53,6 +53,6 @@ def lens(values: Sequence[float]) -> Distortion:
 
 
 def smallest_lens(values: Sequence[float]) -> Distortion:
-    """The smallest model that holds them, for files that fill a vector of fixed length with zeros."""
+    """The smallest model that has a place for them, for files that fill a vector of fixed length with zeros."""
     used = max((index for index, value in enumerate(values, start=1) if value), default=0)
     return lens(values[: min(count for count in COUNTS if count >= used)])

@@ -54,7 +54,7 @@ CONVENTION = Convention(
     ),
 )
 MOST_POWERS = 5
-"""A fisheye's polynomial up to p4: what its model holds here."""
+"""A fisheye's polynomial up to p4: as many terms as its model has here."""
 
 RIGHT_ANGLE = math.pi / 2
 
@@ -71,7 +71,7 @@ def sensors(document: Node, mark: str) -> tuple[Node, ...]:
     """The sensors of a document.
 
     Raises:
-        ParseError: it is none of that kind, or holds no sensor.
+        ParseError: it is none of that kind, or contains no sensor.
         UnsupportedModelError: it is of a later major version.
     """
     found = document["format"].text()
@@ -107,11 +107,11 @@ def identity(sensor: Node) -> int:
     """A sensor's id: 64 bits, which a float would round.
 
     Raises:
-        ParseError: it is no whole number.
+        ParseError: it is not a whole number.
     """
     value = sensor["id"].value
     if not isinstance(value, int) or isinstance(value, bool):
-        sensor["id"].fail("this is no whole number, as an id is")
+        sensor["id"].fail("this is not a whole number, as an id is")
     return value
 
 

@@ -8,7 +8,7 @@ from calibrary.parsers import text as strict
 __all__ = ["rows_of", "text_of"]
 
 MAX_BYTES = 1024 * 1024
-"""A thousand times what holds a camera."""
+"""A thousand times the length of one camera."""
 
 
 def text_of(data: bytes, *, source: str, most: int = MAX_BYTES) -> str:
@@ -26,6 +26,6 @@ def rows_of(data: bytes, *, source: str, most: int = MAX_BYTES) -> tuple[str, ..
     """The file's lines, the last of which must be ended.
 
     Raises:
-        ParseError: it is no text, too long, or cut short.
+        ParseError: it is not text, too long, or cut short.
     """
     return strict.lines(text_of(data, source=source, most=most), source=source)

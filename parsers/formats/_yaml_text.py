@@ -21,7 +21,7 @@ def decimal(value: float) -> str:
 
 
 def flow(values: Iterable[float]) -> str:
-    """A list of numbers in brackets, so that a file cut short inside it is no YAML."""
+    """A list of numbers in brackets, so that a file cut short inside it is not YAML."""
     return "[" + ", ".join(decimal(value) for value in values) + "]"
 
 

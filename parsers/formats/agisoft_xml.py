@@ -108,7 +108,7 @@ class MetashapeFisheye(EquidistantDistortion):
 def sniff(content: Content) -> Sniff | None:
     """Root and first child have names that no other program pairs."""
     if content.xml_tags[:1] == ("calibration",) and "projection" in content.xml_tags:
-        return Sniff(Sure.MAGIC, "the XML root is <calibration> and holds <projection>")
+        return Sniff(Sure.MAGIC, "the XML root is <calibration> and contains <projection>")
     return None
 
 
@@ -171,7 +171,7 @@ def _intrinsics(fields: _Fields, size: ImageSize, context: ReadContext) -> tuple
     )
     if offset_style and absolute_style:
         raise ParseError(
-            f"it holds <{offset_style[0]}> and <{absolute_style[0]}>, which belong to two layouts; "
+            f"it contains <{offset_style[0]}> and <{absolute_style[0]}>, which belong to two layouts; "
             "wanted f, b1, b2 or fx, fy, skew",
             source=context.name,
         )
@@ -203,8 +203,8 @@ def _refuse_the_other_count(K: Intrinsics, *, absolute_style: bool, source: str)
         expected = "the image's corner" if absolute_style else "its middle"
         raise ParseError(
             f"cx and cy, counted from {expected} as this layout does, put the principal point {drift:.0%} of "
-            "a side off the middle; say which count is meant with options={'principal_point': 'offset'} or "
-            "'absolute' (--set principal_point=…)",
+            "a side off the middle; say which count is meant with --set principal_point=offset or "
+            "principal_point=absolute",
             source=source,
             place="cx, cy",
         )
@@ -246,7 +246,7 @@ class _Fields:
         for element in root:
             name = str(element.tag)
             if name in self.elements:
-                raise ParseError("it stands twice", source=source, place=name)
+                raise ParseError("it is a duplicate key", source=source, place=name)
             self.elements[name] = element
 
     def __contains__(self, name: str) -> bool:

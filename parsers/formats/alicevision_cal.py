@@ -6,7 +6,7 @@ In the format's own words::
 
 parted by white space. ``f`` is the mean of fx and fy, the principal point is taken from OpenCV's matrix as it
 stands there, and of OpenCV's five coefficients the tangential two have been left out by whoever wrote the file.
-Nothing in it says that it is one: it is read as such where nobody else claims it.
+Nothing in it says that it is one: it is read as such where no other format claims it.
 
 (Meshroom's CameraCalibration node writes OpenCV's own storage format under the same ending.)
 

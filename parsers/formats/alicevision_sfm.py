@@ -47,7 +47,7 @@ CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "k3", "t1", "t2"),
     remarks=(
-        "the principal point stands in the file as an offset from W/2, H/2, before version 1.2.1 from the corner",
+        "the principal point is in the file as an offset from W/2, H/2, before version 1.2.1 from the corner",
         "the origin is not documented: it is read as the centre of the top-left pixel",
     ),
 )
@@ -70,7 +70,7 @@ LENSES: Mapping[str, tuple[int, Callable[..., Distortion]]] = {
     "fisheye1": (1, lambda omega: FieldOfView(omega=omega)),
 }
 GRADES = {"calibrated": Grade.CALIBRATED, "estimated": Grade.DERIVED, "unknown": Grade.SEED}
-"""By how a camera that nobody has adjusted was initialised: by the user, by EXIF and a table of sensors, by a guess."""
+"""By how a camera that was not adjusted was initialised: by the user, by EXIF and a table of sensors, by a guess."""
 SENSOR_WIDTH_MM = 36.0
 MAX_CAMERAS = 10_000
 
@@ -145,7 +145,7 @@ def _calibration(
 def _focals(
     item: Node, size: ImageSize, version: Version, context: ReadContext
 ) -> tuple[float, float, tuple[str, ...]]:
-    """Fx and fy in px, and what had to be taken for granted."""
+    """Fx and fy in px, and what had to be assumed."""
     if "pxFocalLength" in item:
         node = item["pxFocalLength"]
         focals = node.numbers(2) if isinstance(node.value, list) else (node.number(),) * 2
@@ -172,15 +172,15 @@ def _side(size: ImageSize, context: ReadContext, place: str | None) -> int:
     """The side that sensorWidth goes with.
 
     Raises:
-        ParseError: the image is upright, and nobody said.
+        ParseError: the image is upright, and the caller did not say.
     """
     width, height = size
     asked = context.option(FOCAL_SIDE.name)
     if height > width and asked is None:
         raise ParseError(
             f"the image is {width}×{height}, and AliceVision writes the mm of an upright one by its longer side but "
-            "reads them by its width; say which is meant with options={'focal_side': 'longer'} or 'width' "
-            "(--set focal_side=…)",
+            "reads them by its width; say which is meant with --set focal_side=longer or "
+            "focal_side=width",
             source=context.name,
             place=place,
         )

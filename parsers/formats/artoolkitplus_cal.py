@@ -5,7 +5,7 @@ In the format's own words::
     ARToolKitPlus_CamCal_Rev02
     xsize ysize cc_x cc_y fc_x fc_y kc1 kc2 kc3 kc4 kc5 kc6 undist_iterations
 
-The principal point stands before the focal lengths. The numbers are those of Bouguet's Camera Calibration
+The principal point comes before the focal lengths. The numbers are those of Bouguet's Camera Calibration
 Toolbox, from which the files are filled in by hand or by a script: kc1 … kc5 are k1, k2, p1, p2, k3, kc6 is
 there and unused. What stands after the line of numbers, the program does not read.
 
@@ -34,11 +34,11 @@ HEADING = "ARToolKitPlus_CamCal_Rev02"
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3"),
-    remarks=("the principal point stands before the focal lengths", "a sixth coefficient is not used"),
+    remarks=("the principal point comes before the focal lengths", "a sixth coefficient is not used"),
 )
 COUNT = 13
 MAX_BYTES = 64 * 1024
-"""A hundred times what such a file holds."""
+"""A hundred times what such a file contains."""
 ITERATIONS = "artoolkitplus_cal/undist_iterations"
 MOST_ITERATIONS = 20
 """What the program allows itself at most."""
@@ -76,7 +76,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
-    """Two lines; the count of iterations that stands last is no part of the camera."""
+    """Two lines; the count of iterations that stands last is not a part of the camera."""
     [calibration] = calibrations
     native = CONVENTION.native(calibration.intrinsics)
     lens = exact(calibration.distortion or NoDistortion(), BrownConrady)

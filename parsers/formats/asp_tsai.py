@@ -225,9 +225,9 @@ def _take(rows: _Rows, line: str, *, source: str, place: str) -> None:
         rows.lens = line
         return
     else:
-        raise ParseError(f"{strict.shown(line)} is no 'name = value'", source=source, place=place)
+        raise ParseError(f"{strict.shown(line)} is not 'name = value'", source=source, place=place)
     if name in rows.values:
-        raise ParseError(f"{name} stands twice", source=source, place=place)
+        raise ParseError(f"{name} is a duplicate key", source=source, place=place)
     rows.values[name] = strict.numbers(text, source=source, place=place)
 
 
@@ -238,7 +238,7 @@ def _check_axes(rows: _Rows) -> None:
         is_rotation = np.allclose(axes @ axes.T, np.eye(3), atol=1e-6) and np.linalg.det(axes) > 0
     if not is_rotation:
         raise UnsupportedModelError(
-            "u_direction, v_direction and w_direction are no rotation, so the image is mirrored or sheared",
+            "u_direction, v_direction and w_direction are not a rotation, so the image is mirrored or sheared",
             source=rows.source,
             place="u_direction",
         )

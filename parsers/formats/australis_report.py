@@ -181,7 +181,7 @@ def _take(camera: _Camera, line: str, *, source: str, place: str) -> None:
     if key not in PARAMETERS:
         return
     if key in camera.values:
-        raise ParseError(f"{key} stands twice in one table", source=source, place=place)
+        raise ParseError(f"{key} is a duplicate key in one table", source=source, place=place)
     numbers = strict.numbers(rest.removesuffix("(mm)"), count=COLUMNS, source=source, place=place)
     camera.values[key], camera.errors[key] = numbers[2], numbers[4]
 

@@ -43,7 +43,7 @@ CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     remarks=(
         "coefficients are named",
-        "with ds, K holds the file's focal lengths, (1 + xi) times those of the pinhole near the axis",
+        "with ds, K has the file's focal lengths, (1 + xi) times those of the pinhole near the axis",
     ),
 )
 RADTAN8 = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")

@@ -42,7 +42,7 @@ MATRIX = tuple(f"K{row}{column}" for row in "123" for column in "123")
 COEFFICIENTS = ("kc1", "kc2", "kc3", "kc4")
 SKEW = "alpha_c"
 MAX_BYTES = 64 * 1024
-"""A hundred times what such a file holds."""
+"""A hundred times what such a file contains."""
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2"),
@@ -112,11 +112,13 @@ def _values(text: str, source: str) -> dict[str, float]:
         found = _LINE.fullmatch(line)
         if found is None:
             raise ParseError(
-                f"{strict.shown(line)} is no line such as K11 = 1104.7", source=source, place=f"line {index}"
+                f"{strict.shown(line)} is not a line such as K11 = 1104.7",
+                source=source,
+                place=f"line {index}",
             )
         name = found[1]
         if name in values:
-            raise ParseError(f"{name} stands twice", source=source, place=f"line {index}")
+            raise ParseError(f"{name} is a duplicate key", source=source, place=f"line {index}")
         values[name] = strict.number(found[2], source=source, place=name)
     missing = [name for name in (*MATRIX, *COEFFICIENTS) if name not in values]
     if missing:
@@ -127,7 +129,8 @@ def _values(text: str, source: str) -> dict[str, float]:
 def _check_matrix(values: dict[str, float], source: str) -> None:
     if values["K21"] or values["K31"] or values["K32"] or values["K33"] != 1:
         raise ParseError(
-            "the nine elements are no intrinsic matrix, wanted K21, K31, K32 = 0 and K33 = 1", source=source
+            "the nine elements are not an intrinsic matrix, wanted K21, K31, K32 = 0 and K33 = 1",
+            source=source,
         )
 
 
@@ -135,7 +138,7 @@ def _lens(values: dict[str, float]) -> Distortion:
     kc = [values.get(f"kc{index}", 0.0) for index in range(1, 10)]
     if any(kc[5:]):
         raise UnsupportedModelError(
-            "it holds more than five coefficients, of which only k1 k2 p1 p2 k3 are known"
+            "it contains more than five coefficients, of which only k1 k2 p1 p2 k3 are known"
         )
     k1, k2, p1, p2, k3 = kc[:5]
     return BrownConrady(k1=k1, k2=k2, p1=p1, p2=p2, k3=k3) if any(kc) else NoDistortion()

@@ -124,13 +124,13 @@ def _lens(kc: tuple[float, ...], context: ReadContext) -> Distortion:
     if asked == "fisheye":
         if len(kc) != 4:
             raise ParseError(
-                f"{len(kc)} coefficients are no fisheye's, wanted 4", source=context.name, place="kc"
+                f"{len(kc)} coefficients of a fisheye, wanted 4", source=context.name, place="kc"
             )
         return KannalaBrandt(k1=kc[0], k2=kc[1], k3=kc[2], k4=kc[3])
     if len(kc) == 4 and asked is None:
         raise ParseError(
             "four coefficients are k1 k2 p1 p2 of an old version or k1 k2 k3 k4 of a fisheye calibration; say which "
-            "with options={'distortion': 'brown'} or 'fisheye' (--set distortion=brown)",
+            "with --set distortion=brown or distortion=fisheye",
             source=context.name,
             place="kc",
         )

@@ -65,7 +65,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         if numbers[0]:
             images.setdefault(numbers, []).append(index)
     if not images:
-        raise ParseError("no image of it was placed, so it holds no camera", source=context.name)
+        raise ParseError("no image of it was placed, so it contains no camera", source=context.name)
     names = _names(context, count)
     several = len(images) > 1
     return [

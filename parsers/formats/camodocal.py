@@ -14,7 +14,7 @@ In the format's own words::
 PINHOLE_FULL adds k3 to k6 and is OpenCV's rational model. MEI has ``mirror_parameters: { xi: … }`` and calls its
 focal lengths gamma1, gamma2, its principal point u0, v0. KANNALA_BRANDT has them all under
 projection_parameters, mu, mv, u0, v0 beside k2, k3, k4, k5, which OpenCV counts from k1. VINS's own configuration
-either holds a camera among its settings or names the camera's file under ``cam0_calib``.
+either contains a camera among its settings or names the camera's file under ``cam0_calib``.
 
 Source: camodocal (``camera_models``), ``PinholeCamera.cc``, ``CataCamera.cc``, ``EquidistantCamera.cc``.
 """
@@ -41,7 +41,7 @@ CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     remarks=(
         "coefficients are named; KANNALA_BRANDT's k2 to k5 are OpenCV's k1 to k4",
-        "with MEI, K holds gamma1 and gamma2, (1 + xi) times the focal lengths of the pinhole near the axis",
+        "with MEI, K has gamma1 and gamma2, (1 + xi) times the focal lengths of the pinhole near the axis",
     ),
 )
 MODEL_KEYS = frozenset({"projection_parameters", "mirror_parameters", "poly_parameters"})

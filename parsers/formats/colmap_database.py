@@ -5,7 +5,7 @@ In the format's own words::
     CREATE TABLE cameras (camera_id INTEGER PRIMARY KEY, model INTEGER, width INTEGER, height INTEGER,
                           params BLOB, prior_focal_length INTEGER)
 
-``params`` holds little-endian doubles, those of ``cameras.txt``. ``prior_focal_length`` is 1 where the focal
+``params`` contains little-endian doubles, those of ``cameras.txt``. ``prior_focal_length`` is 1 where the focal
 length was given or comes from EXIF, and 0 where COLMAP guessed 1.2 × the longer side. So an untouched camera is
 a prior at most; one with a lens or an off-centre principal point was given or adjusted, whatever the flag says,
 which scripts that fill databases often leave at 0.
@@ -131,7 +131,7 @@ def _camera(row: Row, source: str) -> StoredCamera:
     if known is None and model not in PANORAMAS:
         raise UnsupportedModelError(f"COLMAP's model {model} is not known here", source=source, place=place)
     if len(blob) % 8:
-        raise ParseError(f"{len(blob)} bytes of parameters are no doubles", source=source, place=place)
+        raise ParseError(f"{len(blob)} bytes of parameters are not doubles", source=source, place=place)
     parameters = struct.unpack(f"<{len(blob) // 8}d", blob)
     if not all(map(math.isfinite, parameters)):
         raise ParseError("a parameter is not finite", source=source, place=place)
@@ -165,10 +165,10 @@ def _refuse_a_part(head: bytes, length: int, source: str) -> None:
     """SQLite takes what is missing at the end of a file for zeros, and a lens cut off for none.
 
     Raises:
-        ParseError: it is no database, or not as long as its header says (SQLite, "Database File Format", 1.3).
+        ParseError: it is not a database, or not as long as its header says (SQLite, "Database File Format", 1.3).
     """
     if not head.startswith(MAGIC):
-        raise ParseError("this is no SQLite database", source=source)
+        raise ParseError("this is not an SQLite database", source=source)
     if len(head) < HEADER_BYTES:
         raise ParseError(f"{length} bytes, the header alone has {HEADER_BYTES}", source=source)
     [page_bytes] = struct.unpack_from(">H", head, 16)

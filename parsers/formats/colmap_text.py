@@ -10,7 +10,7 @@ In the format's own words::
 
 The parameters are those of the model, see :mod:`calibrary.interop.colmap`. Lines that begin with # are
 comments, but where the last of them counts more cameras than there are, the file was cut short. COLMAP writes
-it after bundle adjustment; a folder that holds ``cameras.bin`` as well is read from that.
+it after bundle adjustment; a folder that contains ``cameras.bin`` as well is read from that.
 
 Source: COLMAP documentation, "Output Format".
 """
@@ -55,7 +55,7 @@ def sniff(content: Content) -> Sniff | None:
         return Sniff(Sure.MAGIC, f"the first line is '{HEADING[0]}'")
     first = next((line for line in content.lines if not line.startswith("#")), "")
     if _CAMERA.match(first):
-        return Sniff(Sure.SHAPE, f"the first line that is no comment is a camera, '{first[:40]}…'")
+        return Sniff(Sure.SHAPE, f"the first line that is not a comment is a camera, '{first[:40]}…'")
     return None
 
 

@@ -60,7 +60,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     found = [(socket, node) for socket, node in _sockets(document["cameraData"]) if _is_calibrated(node)]
     if not found:
         document["cameraData"].fail(
-            "it holds no camera with an intrinsicMatrix: the device is not calibrated"
+            "it contains no camera with an intrinsicMatrix: the device is not calibrated"
         )
     several = len(found) > 1
     return [_camera(name, _socket_name(socket) if several else None, node, context) for socket, node in found]
@@ -97,7 +97,7 @@ def _camera(model: str | None, name: str | None, node: Node, context: ReadContex
     matrix = node["intrinsicMatrix"]
     (fx, skew, cx), (below, fy, cy), last = matrix.matrix(3, 3)
     if below != 0 or last != (0, 0, 1):
-        matrix.fail("this is no camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
+        matrix.fail("this is not a camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     return Calibration(
         camera=CameraKey(make="Luxonis" if model else None, model=model, sub_camera=name, image_size=size),

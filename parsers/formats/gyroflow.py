@@ -41,7 +41,7 @@ NOTE = "a profile of this kind of camera and mode, not of one camera; such profi
 
 
 def sniff(content: Content) -> Sniff | None:
-    """Two keys that nobody else pairs."""
+    """Two keys that no other format combines."""
     if {"fisheye_params", "calib_dimension"} <= set(content.json_keys):
         return Sniff(Sure.MAGIC, "JSON with fisheye_params and calib_dimension")
     return None
@@ -55,7 +55,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     params = document["fisheye_params"]
     rows = params["camera_matrix"].matrix(3, 3)
     if rows[1][0] or rows[2] != (0.0, 0.0, 1.0):
-        params["camera_matrix"].fail("this is no camera matrix, wanted [[fx, s, cx], [0, fy, cy], [0, 0, 1]]")
+        params["camera_matrix"].fail(
+            "this is not a camera matrix, wanted [[fx, s, cx], [0, fy, cy], [0, 0, 1]]"
+        )
     (fx, skew, cx), (_, fy, cy), _last = rows
     intrinsics: Intrinsics = CONVENTION.intrinsics(
         Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew), size, source=context.name

@@ -138,7 +138,7 @@ def _block(rows: tuple[str, ...], start: int, source: str) -> tuple[_Rows, list[
         elif found := _ROW.fullmatch(line):
             key = found.group(1)
             if key in current.values:
-                raise ParseError(f"${key} stands twice", source=source, place=f"line {index + 1}")
+                raise ParseError(f"${key} is a duplicate key", source=source, place=f"line {index + 1}")
             current.values[key] = [found.group(2)]
         elif key and not line.startswith("$"):
             current.values[key].append(line)

@@ -30,7 +30,7 @@ __all__ = ["FORMAT"]
 CONVENTION = Convention(
     origin=Origin.CORNER,
     tangential=Tangential.NONE,
-    remarks=("K alone: the file holds no distortion and no image size",),
+    remarks=("K alone: the file contains no distortion and no image size",),
 )
 ORIGIN = Option(
     name="origin",
@@ -65,10 +65,12 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one K; how it came about is not known, so it is given the lowest grade that may reach a solver."""
     K = _array(data, context.name)
     if not np.isfinite(K).all():
-        raise ParseError("the matrix holds NaN or infinity, wanted nine finite numbers", source=context.name)
+        raise ParseError(
+            "the matrix contains NaN or infinity, wanted nine finite numbers", source=context.name
+        )
     if not _looks_like_k(K):
         raise ParseError(
-            f"{K.tolist()} is no intrinsic matrix, wanted fx s cx / 0 fy cy / 0 0 1 with fx and fy in px",
+            f"{K.tolist()} is not an intrinsic matrix, wanted fx s cx / 0 fy cy / 0 0 1 with fx and fy in px",
             source=context.name,
         )
     size = context.size(None)
@@ -102,7 +104,7 @@ def _array(data: bytes, source: str) -> NDArray[np.float64]:
     """The (3, 3) array; the header is checked before anything is allocated by it.
 
     Raises:
-        ParseError: it is no such array.
+        ParseError: it is not such an array.
     """
     if not data.startswith(MAGIC):
         raise ParseError("it does not begin as a numpy file", source=source)
@@ -120,7 +122,7 @@ def _array(data: bytes, source: str) -> NDArray[np.float64]:
         )
     found = _HEADER.fullmatch(header.decode("latin-1"))
     if found is None:
-        raise ParseError("the array's elements are no plain numbers, wanted floats", source=source)
+        raise ParseError("the array's elements are not plain numbers, wanted floats", source=source)
     shape = tuple(int(side) for side in found["shape"].replace(",", " ").split())
     if shape != (3, 3):
         raise ParseError(f"the array has shape {shape}, wanted (3, 3)", source=source)

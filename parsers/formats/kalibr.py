@@ -55,12 +55,12 @@ CONVENTION = Convention(
     coefficients=("k1", "k2", "p1", "p2"),
     remarks=(
         "equidistant's four are k1, k2, k3, k4",
-        "xi, alpha and beta stand before the focal lengths",
-        "with omni and ds, K holds the file's focal lengths, (1 + xi) times those of the pinhole near the axis",
+        "xi, alpha and beta come before the focal lengths",
+        "with omni and ds, K has the file's focal lengths, (1 + xi) times those of the pinhole near the axis",
     ),
 )
 SHAPES = {"pinhole": (), "omni": ("xi",), "eucm": ("alpha", "beta"), "ds": ("xi", "alpha")}
-"""The camera models, each with what stands before fu, fv, pu, pv."""
+"""The camera models, each with what comes before fu, fv, pu, pv."""
 COUNTS = {"radtan": 4, "equidistant": 4, "fov": 1, "none": 0}
 OWN_KEYS = frozenset({"camera_model", "intrinsics", "distortion_model", "distortion_coeffs", "resolution"})
 PREFIX = "kalibr/"

@@ -69,7 +69,7 @@ SPELLINGS = {
     "cy": "cy principal_point_y ppy",
     "pitch": "pixel_pitch pixel_size",
     "sensor": "sensor sensor_size sensor_width",
-    "size": "size image_size resolution",
+    "size": "size image-size resolution",
     "width": "width image_width columns",
     "height": "height image_height rows",
     "origin": "origin principal_point_origin",

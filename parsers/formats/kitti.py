@@ -105,7 +105,7 @@ class _Table:
                     )
                 continue
             if match[1] in self.values:
-                raise ParseError("it stands twice", source=source, place=match[1])
+                raise ParseError("it is a duplicate key", source=source, place=match[1])
             self.values[match[1]] = match[2]
 
     @property
@@ -133,14 +133,12 @@ def _ended(text: str, source: str) -> Iterator[str]:
 def _raw(number: str, table: _Table, context: ReadContext) -> Calibration:
     fx, skew, cx, below, fy, cy, *last = table.numbers(f"K_{number}", 9)
     if below != 0 or last != [0, 0, 1]:
-        raise ParseError("this is no camera matrix", source=context.name, place=f"K_{number}")
+        raise ParseError("this is not a camera matrix", source=context.name, place=f"K_{number}")
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     distortion = lens(table.numbers(f"D_{number}", 5))
     notes = [NOTE]
     if f"P_rect_{number}" in table.values:
-        notes.append(
-            "this is the camera of the raw images; options={'images': 'rectified'} for the rectified ones"
-        )
+        notes.append("this is the camera of the raw images; --set images=rectified gives the rectified ones")
     size = context.size(table.size(f"S_{number}"))
     return _camera(number, native, size, distortion, context, tag=f"K_{number}", date=table.date, notes=notes)
 
@@ -149,7 +147,7 @@ def _rectified(name: str, number: str, table: _Table, context: ReadContext) -> C
     fx, skew, cx, _, below, fy, cy, _, *last = table.numbers(name, 12)
     if below != 0 or last[:3] != [0, 0, 1]:
         raise ParseError(
-            "this is no projection matrix of a rectified camera", source=context.name, place=name
+            "this is not a projection matrix of a rectified camera", source=context.name, place=name
         )
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     stated = table.size(f"S_rect_{number}") if name.startswith("P_rect") else None

@@ -42,7 +42,7 @@ def sniff(content: Content) -> Sniff | None:
     """A zip whose directory, at its end, names the document."""
     data = content.data
     if data.startswith(LOCAL_HEADER) and DOCUMENT.encode() in data[:HEAD_BYTES] + data[-HEAD_BYTES:]:
-        return Sniff(Sure.MAGIC, f"it is a zip archive that holds {DOCUMENT}")
+        return Sniff(Sure.MAGIC, f"it is a zip archive that contains {DOCUMENT}")
     return None
 
 
@@ -63,7 +63,7 @@ def _document(data: bytes, source: str) -> bytes:
             found = [item for item in archive.infolist() if item.filename == DOCUMENT]
             if len(found) != 1:
                 raise ParseError(
-                    f"the archive holds {len(found)} files {DOCUMENT}, wanted one", source=source
+                    f"the archive contains {len(found)} files {DOCUMENT}, wanted one", source=source
                 )
             [item] = found
             if item.flag_bits & ENCRYPTED or item.compress_type not in METHODS:

@@ -72,7 +72,7 @@ def sniff(content: Content) -> Sniff | None:
     # A sensor by itself has a common name, so it must hold what Metashape's does.
     if tags[0] == "sensor" and not {"resolution", "property"} <= set(tags):
         return None
-    return Sniff(Sure.MAGIC, f"the XML root is <{tags[0]}> and holds Metashape's <sensor>")
+    return Sniff(Sure.MAGIC, f"the XML root is <{tags[0]}> and contains Metashape's <sensor>")
 
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
@@ -90,14 +90,14 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             left_out.append(f"{sensor.place} was left out: {error.message}")
             continue
         if calibration is None:
-            left_out.append(f"{sensor.place} was left out: it holds no calibration")
+            left_out.append(f"{sensor.place} was left out: it has no calibration")
         else:
             found.append(calibration)
     if refused is not None and not found:
         raise refused
     if not found:
         raise ParseError(
-            f"none of its {len(sensors)} sensors holds a calibration; align the photos and export them again",
+            f"none of its {len(sensors)} sensors has a calibration; align the photos and export them again",
             source=context.name,
         )
     return [replace(item, notes=(*item.notes, *left_out)) for item in found]
@@ -118,7 +118,7 @@ class _Sensor:
     name: str | None
 
     def calibration(self, context: ReadContext, tool: str | None) -> Calibration | None:
-        """What is known of the sensor, None when that is no calibration."""
+        """What is known of the sensor, None when that is not a calibration."""
         chosen = self._chosen(context.name)
         if chosen is None:
             return None
@@ -162,7 +162,7 @@ class _Sensor:
         from lxml import etree
 
         if sum(1 for _ in islice(calibration.iter(), MAX_ELEMENTS + 1)) > MAX_ELEMENTS:
-            raise ParseError(f"its calibration holds over {MAX_ELEMENTS} elements")
+            raise ParseError(f"its calibration contains over {MAX_ELEMENTS} elements")
         root = etree.Element("calibration")
         etree.SubElement(root, "projection").text = calibration.get("type") or self.element.get(
             "type", "frame"
@@ -236,11 +236,11 @@ def _sensors(root: _Element, source: str) -> list[_Sensor]:
         ]
     if not placed:
         raise ParseError(
-            "it holds no <sensor>; of a project in several files, read the chunk.zip in its .files folder",
+            "it contains no <sensor>; of a project in several files, read the chunk.zip in its .files folder",
             source=source,
         )
     if len(placed) > MAX_SENSORS:
-        raise ParseError(f"it holds {len(placed)} sensors; at most {MAX_SENSORS} are read", source=source)
+        raise ParseError(f"it contains {len(placed)} sensors; at most {MAX_SENSORS} are read", source=source)
     labels = Counter(_label(sensor) for sensor, _ in placed)
     return [
         _Sensor(
@@ -280,7 +280,7 @@ def _standard_deviations(covariance: _Element | None, distortion: Distortion | N
     place_of = {name: index for index, name in enumerate(names)}
 
     def variance(*parts: str) -> float:
-        # The variance of a sum holds the covariances as well.
+        # The variance of a sum contains the covariances as well.
         at = [place_of[name] for name in parts if name in place_of]
         return float(matrix[np.ix_(at, at)].sum()) if parts[0] in place_of else math.nan
 

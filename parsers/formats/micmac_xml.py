@@ -78,7 +78,7 @@ def sniff(content: Content) -> Sniff | None:
     """The camera's element, with or without the export around it."""
     tags = content.xml_tags
     if tags and tags[0] in ROOTS and CAMERA in tags:
-        return Sniff(Sure.MAGIC, f"the XML holds MicMac's <{CAMERA}>")
+        return Sniff(Sure.MAGIC, f"the XML contains MicMac's <{CAMERA}>")
     return None
 
 
@@ -230,7 +230,7 @@ class _Fields:
         found = self.element.findall(name)
         if len(found) != 1:
             raise ParseError(
-                f"<{name}> stands {len(found)} times, wanted once", source=self.source, place=name
+                f"<{name}> occurs {len(found)} times, wanted once", source=self.source, place=name
             )
         return found[0]
 
@@ -268,7 +268,7 @@ class _Fields:
             for name, wanted in identity.items()
         ):
             raise UnsupportedModelError(
-                "<OrIntGlob> is no identity: the numbers belong to a turned or cropped image; calibrate the "
+                "<OrIntGlob> is not the identity: the numbers belong to a turned or cropped image; calibrate the "
                 "images as they are",
                 source=self.source,
                 place="OrIntGlob",

@@ -190,7 +190,7 @@ class _Dictionary:
         while not self.accept("}"):
             key, _ = self.value(0)
             if not isinstance(key, str) or key in table:
-                self.fail(f"{strict.shown(str(key))} is no key, or one that stands twice")
+                self.fail(f"{strict.shown(str(key))} is not a key, or a duplicate")
             self.expect(":")
             table[key] = self.value(0)
             if not self.accept(","):
@@ -234,7 +234,7 @@ class _Dictionary:
         """The next one, taken."""
         match = _TOKEN.match(self.text, self.position)
         if match is None:
-            self.fail("this is no Python text")
+            self.fail("this is not Python text")
         self.position = match.end()
         return match
 
@@ -256,7 +256,9 @@ class _Dictionary:
         return f"line {self.text.count(chr(10), 0, self.position) + 1}"
 
     def fail(self, message: str) -> NoReturn:
-        raise ParseError(f"this is no mrcal dictionary: {message}", source=self.source, place=self.place())
+        raise ParseError(
+            f"this is not an mrcal dictionary: {message}", source=self.source, place=self.place()
+        )
 
 
 FORMAT = Format(

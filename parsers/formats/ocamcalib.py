@@ -40,13 +40,13 @@ CONVENTION = Convention(
     tangential=Tangential.NONE,
     coefficients=("a0", "a1", "a2", "a3", "a4"),
     remarks=(
-        "rows stand before columns",
+        "rows come before columns",
         "the polynomial takes a radius in px to the ray's third component",
     ),
 )
 HEADING = "#polynomial coefficients for the DIRECT mapping function"
 MAX_BYTES = 64 * 1024
-"""A hundred times what such a file holds."""
+"""A hundred times what such a file contains."""
 MOST = 64
 """Coefficients in either function, as in the toolbox's own reader."""
 MOST_READ = 5

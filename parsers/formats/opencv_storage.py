@@ -70,7 +70,7 @@ CONVENTION = Convention(
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),
     remarks=(
         "cv2.fisheye's four are k1, k2, k3, k4",
-        "with xi of cv2.omnidir, K holds the file's focal lengths, (1 + xi) times those of the pinhole near the axis",
+        "with xi of cv2.omnidir, K has the file's focal lengths, (1 + xi) times those of the pinhole near the axis",
     ),
 )
 DISTORTION = Option(
@@ -97,7 +97,7 @@ def sniff(content: Content) -> Sniff | None:
     simple = {simplified(key): key for key in keys}
     matrix = next((key for name, key in simple.items() if MATRIX.fullmatch(name)), None)
     if storage_mark:
-        return Sniff(Sure.SHAPE, f"{storage_mark} and {matrix} stands in it") if matrix else None
+        return Sniff(Sure.SHAPE, f"{storage_mark} and it contains {matrix}") if matrix else None
     coefficients = next((key for name, key in simple.items() if COEFFICIENTS.fullmatch(name)), None)
     if matrix and coefficients:
         return Sniff(Sure.WEAK, f"the keys {matrix} and {coefficients} are those of OpenCV's functions")
@@ -129,7 +129,7 @@ def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
     sizes = {item.intrinsics.image_size for item in calibrations}
     if len(sizes) > 1:
         raise UnsupportedModelError(
-            "an OpenCV file holds one image size, so cameras of several sizes cannot share it"
+            "an OpenCV file has one image size, so cameras of several sizes cannot share it"
         )
     fisheyes = {isinstance(item.distortion, KannalaBrandt) for item in calibrations}
     if len(fisheyes) > 1:
@@ -225,7 +225,7 @@ def _camera(
 def _intrinsics(node: Node, size: ImageSize) -> Intrinsics:
     (fx, skew, cx), (below, fy, cy), last = storage.matrix(node, 3, 3)
     if below != 0.0 or last != (0.0, 0.0, 1.0):
-        node.fail("this is no camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
+        node.fail("this is not a camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     try:
         return CONVENTION.intrinsics(native, size, source=node.source)
@@ -251,8 +251,8 @@ def _distortion(keys: Keys, label: str, context: ReadContext) -> Distortion | No
             return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
         if asked is None and marked is None and not keys.are_own(label):
             node.fail(
-                "four coefficients are Brown's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and nothing here "
-                "tells which; say options={'distortion': 'brown'} or 'fisheye' (--set distortion=…)"
+                "four coefficients are Brown's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and the file does "
+                "not state which; say so with --set distortion=brown or distortion=fisheye"
             )
     elif context.option(DISTORTION.name) == "fisheye" or (
         keys.fisheye_mark() and context.option(DISTORTION.name) is None

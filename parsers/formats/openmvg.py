@@ -8,7 +8,7 @@ In the format's own words::
          "principal_point": [1992.3, 1520.1], "disto_k3": [-0.02, 0.01, 0.0]}}}}], "extrinsics": […]}
 
 cereal names a class once: later cameras of the class have only its number, ``polymorphic_id``, without the high
-bit; and a camera that stands twice has its ``data`` once. There is one focal length, in pixels. ``disto_t2`` of
+bit; and a camera that occurs twice has its ``data`` once. There is one focal length, in pixels. ``disto_t2`` of
 ``pinhole_brown_t2`` is k1 k2 k3 t1 t2 with OpenCV's p1, p2 as t1, t2; ``fisheye`` is OpenCV's. Whether pixels
 count from their corners or centres is not documented: these are read as OpenCV's.
 
@@ -74,7 +74,7 @@ CLASSES: Mapping[str, _Class] = {
 
 
 def sniff(content: Content) -> Sniff | None:
-    """A key that is nobody else's."""
+    """A key that no other format has."""
     if "sfm_data_version" in content.json_keys:
         return Sniff(Sure.MAGIC, "JSON with sfm_data_version")
     return None
@@ -109,7 +109,7 @@ def _cameras(intrinsics: Node) -> Iterator[tuple[str, str, Node]]:
             objects[pointer - FIRST_OF_ITS_KIND] = wrapper["data"]
         here = objects.get(pointer % FIRST_OF_ITS_KIND)
         if here is None:
-            wrapper.fail(f"it points to object {pointer}, which does not stand before it")
+            wrapper.fail(f"it points to object {pointer}, which does not come before it")
         name = names.get(number % FIRST_OF_ITS_KIND)
         if name is None and number != PLAIN:
             value.fail(f"its class has number {number}, to which no name was given before")

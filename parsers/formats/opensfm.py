@@ -10,7 +10,7 @@ and the third ``[{"cameras": {…the same…}, "shots": {…}, "points": {…}},
 :mod:`calibrary.parsers.opensfm_models`. OpenSfM begins its names with "v2 ", by which ODM's ``cameras.json``
 is told apart; in an overrides file the name "all" stands for every camera there is.
 
-Only a reconstruction is certain to have been adjusted: ``camera_models.json`` holds what it starts from. A file
+Only a reconstruction is certain to have been adjusted: ``camera_models.json`` contains what it starts from. A file
 whose name begins with "reconstruction" is written as one, without shots and points.
 
 Sources: OpenSfM, ``opensfm/io.py``; its documentation, "Dataset Structure".

@@ -98,7 +98,7 @@ def _side(name: str, tree: Node, context: ReadContext) -> Calibration:
     size = context.size(_size(tree, name) or _size(tree, "Camera"))
     (fx, skew, cx), (below, fy, cy), last = storage.matrix(tree[f"{name}.K"], 3, 3)
     if below != 0 or last != (0, 0, 1):
-        tree[f"{name}.K"].fail("this is no camera matrix")
+        tree[f"{name}.K"].fail("this is not a camera matrix")
     values = storage.numbers(tree[f"{name}.D"])
     if len(values) not in COUNTS:
         tree[f"{name}.D"].fail(f"{len(values)} coefficients, wanted {', '.join(map(str, COUNTS))}")

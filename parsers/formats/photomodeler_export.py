@@ -43,7 +43,7 @@ ROUNDED = 0.00051
 """How far a photo's own camera, with three decimals, may lie from the same one with four."""
 
 NOTE = (
-    "an export holds the lens terms with five decimals only, which is too few for K2 and K3; the status report "
+    "an export contains the lens terms with five decimals only, which is too few for K2 and K3; the status report "
     "of the same project has them all"
 )
 
@@ -62,7 +62,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The project's camera, or its photos' cameras where they are not all that one."""
     rows = rows_of(data, source=context.name, most=context.at_most(MAX_BYTES))
     if not rows or not rows[0].strip().startswith(TITLE) or len(rows) < HEAD:
-        raise ParseError(f"this is no head of {HEAD} lines that begins with '{TITLE}'", source=context.name)
+        raise ParseError(
+            f"this is not a head of {HEAD} lines that begins with '{TITLE}'", source=context.name
+        )
     fields = strict.numbers(rows[1], count=4, source=context.name, place="line 2")
     size = context.size(strict.image_size(fields[2], fields[3], source=context.name, place="line 2"))
     project = _camera(rows[3], "line 4", context.name)
@@ -77,7 +79,7 @@ def _photos(rows: tuple[str, ...], source: str) -> dict[Camera, str]:
     found: dict[Camera, str] = {}
     for start in range(HEAD, len(rows) - PHOTO + 1, PHOTO):
         number, _, name = rows[start].strip().partition(" ")
-        # The points follow the photos; theirs is no line of a number and a name.
+        # The points follow the photos; theirs is not a line of a number and a name.
         if not number.isdigit() or not name or rows[start + 3].strip():
             break
         camera = _camera(rows[start + 4], f"line {start + 5}", source, numbered=True)

@@ -150,7 +150,7 @@ def _take_number(camera: _Camera, parameter: str, line: str, *, source: str, pla
     for pattern, table in ((_VALUE, camera.values), (_DEVIATION, camera.deviations)):
         if found := pattern.match(line):
             if parameter in table:
-                raise ParseError(f"{parameter} stands twice", source=source, place=place)
+                raise ParseError(f"{parameter} is a duplicate key", source=source, place=place)
             table[parameter] = strict.number(found.group(1), source=source, place=place)
 
 

@@ -70,7 +70,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if not abs(stretch - 1) <= ASPECT_TOLERANCE:
         raise ParseError(
             f"on a sensor of {sensor[0]:g}×{sensor[1]:g} mm the pixels of a {size[0]}×{size[1]} image are not "
-            f"square (by {stretch - 1:+.1%}); image_size must be the size of the images that Pix4D processed",
+            f"square (by {stretch - 1:+.1%}); --image-size must be the size of the images that Pix4D processed",
             source=context.name,
         )
     # Pixels are square, and it is the width that the file counts from.
@@ -132,20 +132,20 @@ def _parsed(data: bytes, source: str) -> tuple[dict[str, float], SizeMm]:
         key, _, rest = row.partition(" ")
         if key not in KEYS:
             raise UnsupportedModelError(
-                f"it holds {strict.shown(key)}, which a perspective camera's file does not (a fisheye's does); "
+                f"it contains {strict.shown(key)}, which a perspective camera's file does not (a fisheye's does); "
                 "export the project as OPF instead",
                 source=source,
                 place=place,
             )
         if key in values:
-            raise ParseError(f"{key} stands twice", source=source, place=place)
+            raise ParseError(f"{key} is a duplicate key", source=source, place=place)
         values[key] = strict.number(rest, source=source, place=place)
     missing = [key for key in KEYS if key not in values]
     if missing:
         raise ParseError(f"there is no {', '.join(missing)}", source=source)
     if sensor is None:
         raise ParseError(
-            "there is no comment 'assuming a sensor width of …', without which millimetres are no pixels; "
+            "there is no comment 'assuming a sensor width of …', without which millimetres are not pixels; "
             "add '#Focal Length mm assuming a sensor width of <width>x<height>mm'",
             source=source,
         )

@@ -68,7 +68,7 @@ class _Camera:
 
 
 def sniff(content: Content) -> Sniff | None:
-    """The heading's first line is nobody else's."""
+    """The heading's first line is in no other format."""
     if content.first_line == HEADING[0]:
         return Sniff(Sure.MAGIC, f"the first line is '{HEADING[0]}'")
     return None
@@ -120,7 +120,7 @@ def _images(data: bytes, source: str) -> Iterator[tuple[str, _Camera]]:
         name, *size = block[0][1].rsplit(maxsplit=2)
         if len(size) != 2:
             raise ParseError(
-                f"{strict.shown(name)} is no file name with a width and a height",
+                f"{strict.shown(name)} is not a file name with a width and a height",
                 source=source,
                 place=f"line {index}",
             )
@@ -140,7 +140,7 @@ def _camera(own: tuple[str, ...], *, source: str, first_line: int) -> _Camera:
     ]
     (fx, skew, cx), (zero, fy, cy), bottom, (k1, k2, k3), (p1, p2) = numbers
     if zero or bottom != (0.0, 0.0, 1.0):
-        raise ParseError("the three lines after it are no camera matrix", source=source, place=place)
+        raise ParseError("the three lines after it are not a camera matrix", source=source, place=place)
     straight = not any((k1, k2, k3, p1, p2))
     return _Camera(
         size=strict.image_size(width, height, source=source, place=place),

@@ -7,7 +7,7 @@ In the format's own words::
     p31 p32 p33 p34
 
 with s·(u, v, 1) = P·(X, Y, Z, 1). P = K·[R | t] up to a factor, so K is the upper triangle of the
-decomposition M = K·R of its left 3×3 part, made positive on the diagonal. Lens distortion is no part of it, nor
+decomposition M = K·R of its left 3×3 part, made positive on the diagonal. Lens distortion is not a part of it, nor
 is the image size; whether u and v count from the top-left pixel's centre or corner, the file does not say.
 
 Source: R. Hartley and A. Zisserman, "Multiple View Geometry in Computer Vision", 2nd ed., section 6.2.4.
@@ -35,7 +35,7 @@ __all__ = ["FORMAT"]
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.NONE,
-    remarks=("K comes from an RQ decomposition; the file holds no distortion and no image size",),
+    remarks=("K comes from an RQ decomposition; the file contains no distortion and no image size",),
 )
 ORIGIN = Option(
     name="origin",
@@ -104,7 +104,7 @@ def _upper_triangle(M: NDArray[np.float64], source: str) -> NDArray[np.float64]:
     scale = float(np.abs(M).max())
     if not scale > 0 or np.linalg.svd(M / scale, compute_uv=False)[-1] < SINGULAR:
         raise ParseError(
-            "its left 3×3 part has no inverse, so it is no camera at a finite place", source=source
+            "its left 3×3 part has no inverse, so it is not a camera at a finite place", source=source
         )
     reversed_rows = np.linalg.qr((M / scale)[::-1].T)[1]
     upper = reversed_rows.T[::-1, ::-1]

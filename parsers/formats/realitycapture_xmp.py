@@ -54,7 +54,7 @@ USED = {
     "brown3t2": ("k1", "k2", "k3", "t1", "t2"),
     "brown4t2": COEFFICIENTS,
 }
-"""The coefficients that each model applies; the file holds six numbers with every one of them."""
+"""The coefficients that each model applies; the file contains six numbers with every one of them."""
 TANGENTIAL = Option(
     name="tangential",
     values=("opencv", "swapped"),
@@ -127,7 +127,7 @@ def _fields(root: _Element, source: str) -> Mapping[str, str]:
             if not space.startswith("{" + NAMESPACE):
                 continue
             if local in fields:
-                raise ParseError("it stands twice", source=source, place=local)
+                raise ParseError("it is a duplicate key", source=source, place=local)
             fields[local] = str(value).strip()
         if FOCAL in fields:
             described.append(fields)
@@ -177,7 +177,7 @@ def _tangential(t1: float, t2: float, context: ReadContext) -> tuple[float, floa
     if order is None:
         raise UnsupportedModelError(
             "its tangential terms t1 and t2 are not zero, and readers disagree about their order; say it with "
-            "options={'tangential': 'opencv'} or 'swapped' (--set tangential=…)",
+            "--set tangential=opencv or tangential=swapped",
             source=context.name,
             place="DistortionCoeficients",
         )

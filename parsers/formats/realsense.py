@@ -220,8 +220,8 @@ def _inverse_brown(values: Sequence[float], model: Node, context: ReadContext) -
     if asked is None:
         model.fail(
             "Inverse Brown Conrady is documented to map distorted to undistorted points, newer librealsense inverts "
-            "the same polynomial; say options={'inverse_brown': 'distorted-to-undistorted'} or "
-            "'undistorted-to-distorted' (--set inverse_brown=…)"
+            "the same polynomial; say which with --set inverse_brown=distorted-to-undistorted or "
+            "inverse_brown=undistorted-to-distorted"
         )
     if asked == "undistorted-to-distorted":
         return lens(values)

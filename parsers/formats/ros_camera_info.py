@@ -153,7 +153,7 @@ def _tree(data: bytes, source: str) -> Node:
     text = re.sub(r"\n---[ \t]*(?:\r?\n)*\Z", "\n", text)
     tree = Node(load_yaml(text, source=source, ignored_tags=YAML_TAGS), source=source)
     if not isinstance(tree.value, dict):
-        tree.fail("this is no mapping, as a camera_info is")
+        tree.fail("this is not a mapping, as a camera_info is")
     return tree
 
 
@@ -167,7 +167,7 @@ def _native(node: Node) -> Native:
     if fx == 0:
         node.fail("K[0] is 0, which is how ROS marks a camera that is not calibrated")
     if below != 0 or last != (0, 0, 1):
-        node.fail("this is no camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
+        node.fail("this is not a camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
     return Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
 
 

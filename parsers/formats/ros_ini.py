@@ -140,7 +140,7 @@ def _sections(text: str, source: str) -> Iterator[Section]:
                     yield section
                 section = Section(found[1])
             elif section is None:
-                raise ParseError("it stands in no section", source=source, place=place)
+                raise ParseError("it is in no section", source=source, place=place)
         elif line:
             if not label:
                 raise ParseError(
@@ -160,7 +160,7 @@ def _lines(text: str, source: str) -> Iterator[str]:
 
 def _keep(section: Section, label: str, numbers: tuple[float, ...], source: str) -> None:
     if label in section.blocks:
-        raise ParseError("it stands twice in one section", source=source, place=label)
+        raise ParseError("it is a duplicate key in one section", source=source, place=label)
     if len(numbers) not in LABELS[label]:
         wanted = " or ".join(map(str, LABELS[label]))
         raise ParseError(f"{len(numbers)} numbers, wanted {wanted}", source=source, place=label)
@@ -168,7 +168,7 @@ def _keep(section: Section, label: str, numbers: tuple[float, ...], source: str)
 
 
 def _cameras(sections: Sequence[Section], source: str) -> Iterator[tuple[Section, ImageSize]]:
-    """The sections that are cameras, each with the image size and the externals that stand before it."""
+    """The sections that are cameras, each with the image size and the externals that come before it."""
     size: ImageSize | None = None
     externals: dict[str, tuple[float, ...]] = {}
     for section in sections:
@@ -194,7 +194,7 @@ def _camera(section: Section, size: ImageSize, context: ReadContext, *, several:
     fx, skew, cx, below, fy, cy, *last = matrix
     if below != 0 or last != [0, 0, 1]:
         raise ParseError(
-            "this is no camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row",
+            "this is not a camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row",
             source=context.name,
             place="camera matrix",
         )
@@ -229,8 +229,8 @@ def _distortion(values: tuple[float, ...], context: ReadContext) -> Distortion:
         return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
     if len(values) == 4 and any(values) and asked is None:
         raise ParseError(
-            "four coefficients are plumb_bob's k1 k2 p1 p2 or equidistant's k1 k2 k3 k4, and nothing here "
-            "tells which; say options={'distortion': 'brown'} or 'fisheye' (--set distortion=…)",
+            "four coefficients are plumb_bob's k1 k2 p1 p2 or equidistant's k1 k2 k3 k4, and the file does "
+            "not state which; say so with --set distortion=brown or distortion=fisheye",
             source=context.name,
             place="distortion",
         )

@@ -70,7 +70,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     size = context.size(_image_size(values, context.name))
     _check_plate(values, size, context.name)
     if PRINCIPAL_POINT not in values:
-        raise ParseError(f"there is no {PRINCIPAL_POINT}, which holds the focal length", source=context.name)
+        raise ParseError(
+            f"there is no {PRINCIPAL_POINT}, which contains the focal length", source=context.name
+        )
     x, y, z = strict.numbers(values[PRINCIPAL_POINT], count=3, source=context.name, place=PRINCIPAL_POINT)
     native = Native(fx=abs(z), fy=abs(z), cx=x, cy=y)
     convention = replace(CONVENTION, y_axis=_y_axis(y, context))
@@ -107,9 +109,9 @@ def _values(data: bytes, source: str) -> dict[str, str]:
         key, mark, value = row.partition("=")
         key = key.replace(" ", "")
         if not mark or not key:
-            raise ParseError(f"{strict.shown(row)} is no Key= value", source=source, place=f"line {index}")
+            raise ParseError(f"{strict.shown(row)} is not Key= value", source=source, place=f"line {index}")
         if key in values:
-            raise ParseError(f"{strict.shown(key)} stands twice", source=source, place=f"line {index}")
+            raise ParseError(f"{strict.shown(key)} is a duplicate key", source=source, place=f"line {index}")
         values[key] = value.strip()
     return values
 
@@ -155,7 +157,7 @@ def _y_axis(y: float, context: ReadContext) -> YAxis:
     if y and asked is None:
         raise ParseError(
             f"Yo is {y:g}, and the format does not say whether y grows up or down; say it with "
-            "options={'y_axis': 'up'} or 'down' (--set y_axis=up)",
+            "--set y_axis=up or y_axis=down",
             source=context.name,
             place=PRINCIPAL_POINT,
         )

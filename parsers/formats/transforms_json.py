@@ -87,7 +87,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     images: dict[object, _Images] = {}
     for index, frame in enumerate(_frames(document.get("frames"))):
         numbers = _merged(shared, frame)
-        # A frame without a pose is no image of a scene: it is there for its camera.
+        # A frame without a pose is not an image of a scene: it is there for its camera.
         own = None if "transform_matrix" in frame else index
         one = images.setdefault((own, *sorted(numbers.items())), _Images(numbers, []))
         path = frame.get("file_path")
@@ -211,7 +211,7 @@ def _size(numbers: Mapping[str, float], source: str) -> ImageSize | None:
 
 
 def _native(numbers: Mapping[str, float], size: ImageSize, source: str) -> tuple[Native, tuple[str, ...]]:
-    """K, and what had to be taken for granted."""
+    """K, and what had to be assumed."""
     width, height = size
     assumptions: list[str] = []
     if "fl_x" in numbers:

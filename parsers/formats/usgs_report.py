@@ -104,7 +104,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if scan_um is None:
         raise MissingTagError(
             "the report is of a film camera and knows no pixels; say how large those of the scans are, once "
-            "resampled to the fiducial marks, with options={'scan_um': '20'} (--set scan_um=20)",
+            "resampled to the fiducial marks, with --set scan_um=20",
             source=context.name,
         )
     size = context.size(None)

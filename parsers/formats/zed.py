@@ -149,7 +149,7 @@ def _sections(text: str, source: str) -> dict[str, Section]:
         match = _SECTION.fullmatch(line)
         if match:
             if match[1].upper() in sections:
-                raise ParseError("it stands twice", source=source, place=f"[{match[1]}]")
+                raise ParseError("it is a duplicate key", source=source, place=f"[{match[1]}]")
             section = sections[match[1].upper()] = Section(match[1])
             continue
         key, sign, value = (part.strip() for part in line.partition("="))
@@ -158,7 +158,7 @@ def _sections(text: str, source: str) -> dict[str, Section]:
                 f"{strict.shown(line)}, wanted a section or key=value", source=source, place=f"line {number}"
             )
         if key in section.values:
-            raise ParseError("it stands twice", source=source, place=f"[{section.name}] {key}")
+            raise ParseError("it is a duplicate key", source=source, place=f"[{section.name}] {key}")
         section.values[key] = value
     if section is not None:
         _refuse_part_of_a_lens(section, source)

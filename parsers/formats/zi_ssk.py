@@ -113,7 +113,7 @@ def _blocks(data: bytes, source: str) -> list[_Camera]:
         elif inside and (found := _ROW.match(row)):
             key, value = found.groups()
             if key in cameras[-1].rows:
-                raise ParseError(f"{key} stands twice", source=source, place=f"line {index}")
+                raise ParseError(f"{key} is a duplicate key", source=source, place=f"line {index}")
             cameras[-1].rows[key] = value
     if not cameras:
         raise ParseError(f"there is no '{BEGIN}'", source=source)

@@ -155,7 +155,7 @@ class Tiff:
         return data
 
     def integers(self, entry: Entry, limit: int = 64) -> tuple[int, ...]:
-        """Unsigned values of one tag, none where they are no integers or cannot be had."""
+        """Unsigned values of one tag, none where they are not integers or cannot be had."""
         code = _INTEGER_CODES.get(entry.kind)
         data = self.value("", entry, limit * TYPE_SIZES.get(entry.kind, 1))
         if code is None or isinstance(data, TagFault):

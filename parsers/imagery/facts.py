@@ -99,7 +99,7 @@ class _Numbers:
     def positive(
         self, tag: int, *, zero_is_unknown: bool = False, undefined_is_unknown: bool = False
     ) -> float | None:
-        """A number above 0; where the standard lets 0, or x/0, say "unknown", that is no fault."""
+        """A number above 0; where the standard lets 0, or x/0, say "unknown", that is not a fault."""
         if tag not in self.values:
             return None
         number = self._finite(tag)

@@ -34,7 +34,7 @@ def hash_serial(make: str | None, serial: str) -> str:
     """What stands for a serial number wherever anything is written down.
 
     Two makers may number alike, so the maker is part of it. It keeps the number from readers of a registry;
-    somebody who can list every serial number of a maker can still find it.
+    anyone who can list every serial number of a maker can still find it.
     """
     digest = hashlib.sha256(b"calibrary serial\0" + (make or "").encode() + b"\0" + serial.encode())
     return digest.hexdigest()[:SERIAL_HASH_DIGITS]

@@ -20,7 +20,7 @@ def as_number(value: object, *, source: str | None = None, place: str | None = N
         place: the tag, for messages.
 
     Raises:
-        BadRationalError: the denominator is zero, or it is no finite number, or several different ones.
+        BadRationalError: the denominator is zero, or it is not a finite number, or several different ones.
     """
 
     def refuse(found: str) -> BadRationalError:

@@ -96,7 +96,7 @@ def _recognise(source: Source) -> _Found:
     for prefix, meaning in _PLACEHOLDERS.items():
         if start.startswith(prefix):
             raise source.broken(f"this is a {meaning}")
-    raise source.broken(f"this is no JPEG, TIFF, DNG, PNG or HEIF image: it begins with {start[:8]!r}")
+    raise source.broken(f"this is not a JPEG, TIFF, DNG, PNG or HEIF image: it begins with {start[:8]!r}")
 
 
 def _with_exif(head: Head) -> _Found:

@@ -1,7 +1,7 @@
 """One image file's head: read where it is needed, counted, and never past a budget.
 
 Metadata lies scattered over a file (a thermal JPEG keeps its frame header behind three megabytes of raw
-temperatures), so nothing is read in bulk: a first chunk that holds most heads, then windows.
+temperatures), so nothing is read in bulk: a first chunk that contains most heads, then windows.
 """
 
 from __future__ import annotations

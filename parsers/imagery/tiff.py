@@ -114,7 +114,7 @@ def _children(tiff: Tiff, page: Directory) -> Iterator[Directory]:
 
 
 def _following(tiff: Tiff, page: Directory) -> Iterator[Directory]:
-    """The pages behind ``page``, as far as the chain holds and does not turn back."""
+    """The pages behind ``page``, as far as the chain contains and does not turn back."""
     seen: set[int] = set()
     while page.next_offset and page.next_offset not in seen and len(seen) < MAX_PAGES:
         seen.add(page.next_offset)

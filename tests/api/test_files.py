@@ -106,7 +106,7 @@ def test_what_a_format_cannot_hold_is_refused_unless_allowed(tmp_path: Path) -> 
         return calibrary.refit(replace(CAMERA, distortion=replace(CAMERA.distortion, k3=k4)), "metashape")
 
     strange = replace(bent(-0.033), distortion=replace(bent(-0.033).distortion, k4=0.4))
-    with pytest.raises(UnsupportedModelError, match="max_error_px"):
+    with pytest.raises(UnsupportedModelError, match="--max-error-px"):
         calibrary.write(strange, tmp_path / "camera.cameramodel")
     verdict = calibrary.write(strange, tmp_path / "camera.cameramodel", max_error_px=50.0)
     assert 0.05 < verdict.max_px <= 50
@@ -148,7 +148,7 @@ class TestRefit:
 
     def test_what_is_not_near_enough_says_by_how_much(self) -> None:
         strong = replace(CAMERA, distortion=BrownConrady(k1=-0.3, k2=0.1, p1=0.0, p2=0.0))
-        with pytest.raises(UnsupportedModelError, match=r"off by rms .* px, max .* px; give max_error_px"):
+        with pytest.raises(UnsupportedModelError, match=r"off by rms .* px, max .* px; give --max-error-px"):
             calibrary.refit(strong, "division", max_error_px=0.01)
 
     def test_a_model_that_is_not_there_is_refused_with_those_that_are(self) -> None:

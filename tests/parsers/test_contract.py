@@ -359,5 +359,5 @@ def test_what_a_file_has_no_place_for_is_named(record: Format, name: str) -> Non
 )
 def test_a_file_without_an_image_size_asks_for_it(record: Format) -> None:
     file = written(record, f"camera{record.suffixes[0]}")
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         parsers.decode(file, name="camera", format=record)

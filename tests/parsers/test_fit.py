@@ -164,7 +164,7 @@ def test_where_more_error_is_allowed_the_nearest_model_is_taken_and_not_the_firs
 def test_a_refusal_says_how_far_off_the_best_is_and_what_to_do() -> None:
     with pytest.raises(
         UnsupportedModelError,
-        match=r"nearest brown projections are off by rms .* px, max .* px; give max_error_px",
+        match=r"nearest brown projections are off by rms .* px, max .* px; give --max-error-px",
     ):
         adapt(camera(FIVE_TERMS), Capacity(models=(BrownConrady,)), max_error_px=1e-6)
 

@@ -74,20 +74,20 @@ def test_a_long_database_cut_short_is_refused(database: Path) -> None:
 @pytest.mark.parametrize("record", [None, "opencv_storage"])
 def test_another_long_file_is_refused(record: str | None, tmp_path: Path) -> None:
     (tmp_path / "a.yml").write_text("a: 1\n" * 1000)
-    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*max_bytes"):
+    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*--max-size"):
         parsers.read(tmp_path / "a.yml", max_bytes=1000, format=record)
-    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*max_bytes"):
+    with pytest.raises(ParseError, match=r"longer than 1000 bytes.*--max-size"):
         parsers.identify(tmp_path / "a.yml", max_bytes=1000)
 
 
 def test_a_raised_limit_lifts_that_of_json(tmp_path: Path) -> None:
     path = tmp_path / "reconstruction.json"
     path.write_text(OPENSFM % ("x" * MAX_JSON_BYTES))
-    with pytest.raises(ParseError, match="raise max_bytes"):
+    with pytest.raises(ParseError, match="raise --max-size"):
         parsers.read(path)
     unknown = tmp_path / "unknown.json"
     unknown.write_text('{"x": "' + "x" * MAX_JSON_BYTES + '"}')
-    with pytest.raises(UnknownFormatError, match="max_bytes"):
+    with pytest.raises(UnknownFormatError, match="--max-size"):
         parsers.read(unknown)
     [camera] = parsers.read(path, max_bytes=MAX_BYTES + 1)
     assert camera.intrinsics.fx == pytest.approx(3400)

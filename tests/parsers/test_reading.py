@@ -27,6 +27,7 @@ from calibrary.parsers.convention import Convention, Origin
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import companions
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.refused import REFUSED
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
@@ -154,7 +155,7 @@ def test_a_number_that_makes_no_lens_is_the_files_fault(only: Install) -> None:
 
 def test_a_file_without_cameras_is_broken(only: Install) -> None:
     only(claiming("alpha", Sure.MAGIC, read=lambda _d, _c: []))
-    with pytest.raises(ParseError, match="holds no camera"):
+    with pytest.raises(ParseError, match="contains no camera"):
         parsers.decode(b"x", name="x.cal")
 
 
@@ -164,7 +165,7 @@ def test_an_unknown_file_is_shown_by_its_beginning() -> None:
 
 
 def test_broken_json_is_said_to_be_that() -> None:
-    with pytest.raises(UnknownFormatError, match=r"this is no JSON: .* at line 1"):
+    with pytest.raises(UnknownFormatError, match=r"this is not JSON: .* at line 1"):
         parsers.decode(b'{"camera_matrix": [1, 2', name="x.json")
 
 
@@ -189,7 +190,7 @@ def test_a_format_that_does_not_exist_is_refused_with_the_list(calibration_file:
 
 @pytest.mark.parametrize("limit", [-1.0, float("nan"), float("inf")])
 def test_an_error_limit_is_a_number_of_pixels(limit: float) -> None:
-    with pytest.raises(InputError, match="max_error_px"):
+    with pytest.raises(InputError, match="--max-error-px"):
         parsers.encode([camera()], "opencv_storage", max_error_px=limit)
 
 
@@ -273,7 +274,7 @@ def test_a_companion_lies_beside_the_file_and_nowhere_else(tmp_path: Path) -> No
     assert companion("sub/b.json") == b"{}"
     assert companion("c.json") is None
     for outside in ("../a", "/etc/passwd", "..\\a", "sub/../../a", "", "a\0"):
-        with pytest.raises(ParseError, match="no file beside it"):
+        with pytest.raises(ParseError, match="not a file beside it"):
             companion(outside)
 
 
@@ -301,6 +302,7 @@ def test_another_packages_format_joins(plugins: list[EntryPoint], monkeypatch: p
             "agisoft_xml",
             "house_format",
             *(name for name in discovery._module_names() if name != "agisoft_xml"),
+            *(record.name for record in REFUSED),
         ]
     )
     assert parsers.decode(b"anything", name="x", format="house_format")
@@ -310,7 +312,7 @@ def test_another_packages_format_joins(plugins: list[EntryPoint], monkeypatch: p
     ("target", "message"),
     [
         (claiming("agisoft_xml", Sure.WEAK), "which is taken"),
-        ("no format", "is no .*Format"),
+        ("no format", "is not a .*Format"),
         (None, "cannot be loaded"),
     ],
 )

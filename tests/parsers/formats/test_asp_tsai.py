@@ -179,10 +179,10 @@ def test_what_has_no_counterpart_is_refused_with_the_way_out(text: str, message:
         (tsai("TSAI", TSAI, pitch=""), "no pitch"),
         (tsai("TSAI", TSAI).replace("TSAI\n", ""), "name of a lens"),
         (tsai("TSAI", TSAI, pitch="0"), "pitch is 0"),
-        (tsai("TSAI", TSAI, fu="x"), "no number"),
+        (tsai("TSAI", TSAI, fu="x"), "not a number"),
         (tsai("TSAI", TSAI, C=""), "there is no C"),
-        (tsai("TSAI", TSAI) + "k1 = 2\n", "k1 stands twice"),
-        (tsai("TSAI", TSAI) + "?\n", "no 'name = value'"),
+        (tsai("TSAI", TSAI) + "k1 = 2\n", "k1 is a duplicate key"),
+        (tsai("TSAI", TSAI) + "?\n", "not 'name = value'"),
         (tsai("TSAI", TSAI)[:-1], "cut short"),
         (tsai("Photometrix", METRIC, fv=1e200, fu="1e200"), "finite"),
     ],
@@ -193,7 +193,7 @@ def test_a_broken_file_names_what_is_wrong(text: str, message: str) -> None:
 
 
 def test_the_size_is_asked_for() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         parsers.decode(tsai("TSAI", TSAI).encode(), name="camera.tsai")
 
 

@@ -111,7 +111,7 @@ def test_zeros_are_no_distortion() -> None:
         ("V    3648           0.00241", "V    3648           0", "not positive"),
         ("V    3648 ", "V    3648.5 ", "image size"),
         ("8.76020000e+00", "8,7602", "decimal point"),
-        ("   K2  0.0000", "   K1  0.0000", "K1 stands twice"),
+        ("   K2  0.0000", "   K1  0.0000", "K1 is a duplicate key"),
         ("   K2  0.0000", "   K2  ", "4 numbers, wanted 5"),
         ("Results for Camera 1", "Results", "no 'Results for Camera'"),
         ("Australis Bundle", "Bundle", "no line 'Australis"),
@@ -143,7 +143,7 @@ def test_opencvs_direction_is_refitted_never_flipped() -> None:
     [copy] = read(data.decode())
     assert isinstance(copy.distortion, Australis)
     assert copy.distortion.k1 == pytest.approx(0.02, rel=0.1)
-    with pytest.raises(UnsupportedModelError, match="max_error_px"):
+    with pytest.raises(UnsupportedModelError, match="--max-error-px"):
         parsers.encode([camera(brown)], "australis_report", max_error_px=1e-9)
 
 

@@ -68,7 +68,7 @@ def test_zeros_are_no_distortion() -> None:
 
 
 def test_the_image_size_is_asked_for() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         parsers.decode(RAD.encode(), name="cam1.rad")
 
 
@@ -76,12 +76,12 @@ def test_the_image_size_is_asked_for() -> None:
     ("was", "is_now", "error", "message"),
     [
         ("kc4 = -0.00013\n", "", ParseError, "no kc4"),
-        ("K23 = 241.3", "K13 = 241.3", ParseError, "K13 stands twice"),
-        ("K21 = 0.0", "K21 = 0.1", ParseError, "no intrinsic matrix"),
-        ("K33 = 1.0", "K33 = 2.0", ParseError, "no intrinsic matrix"),
+        ("K23 = 241.3", "K13 = 241.3", ParseError, "K13 is a duplicate key"),
+        ("K21 = 0.0", "K21 = 0.1", ParseError, "not an intrinsic matrix"),
+        ("K33 = 1.0", "K33 = 2.0", ParseError, "not an intrinsic matrix"),
         ("531.7", "531,7", ParseError, "decimal point"),
         ("531.7", "-531.7", ParseError, "focal lengths"),
-        ("K33 = 1.0\n", "K33 = 1.0\nK34 = 1.0\n", ParseError, "no line such as"),
+        ("K33 = 1.0\n", "K33 = 1.0\nK34 = 1.0\n", ParseError, "not a line such as"),
         ("-0.00013\n\n", "-0.00013", ParseError, "not ended"),
         ("K12 = 0.0", "K12 = 0.3\nalpha_c = 0.1", ParseError, "same skew"),
         ("kc1", "kc6 = 0.1\nkc1", UnsupportedModelError, "five"),
@@ -106,5 +106,5 @@ def test_it_is_written_line_by_line_where_the_programs_look() -> None:
 
 
 def test_k3_is_refitted_or_refused_but_never_dropped() -> None:
-    with pytest.raises(UnsupportedModelError, match="max_error_px"):
+    with pytest.raises(UnsupportedModelError, match="--max-error-px"):
         parsers.encode([camera()], "bluec_rad")

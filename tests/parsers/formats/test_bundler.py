@@ -65,7 +65,7 @@ def test_names_come_from_the_list_beside_the_file(tmp_path: Path) -> None:
 
 
 def test_without_a_size_it_asks_for_one() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         parsers.decode(bundle("700 0 0"), name="bundle.out")
 
 

@@ -76,7 +76,7 @@ def test_later_cameras_repeat_the_number_of_their_model_only() -> None:
 
 
 def test_a_file_without_a_size_asks_for_one() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         read(camera(size={}))
     assert read(camera(size={}), size=(1920, 1200))[0].intrinsics.fx == 1733.2
 

@@ -266,7 +266,7 @@ def test_a_model_of_a_later_colmap_is_refused_by_name() -> None:
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (struct.pack("<Q", 0), "holds 0 cameras"),
+        (struct.pack("<Q", 0), "states 0 cameras"),
         (struct.pack("<Q", 1 << 40), "cameras, wanted"),
         (struct.pack("<QIiQQ4d", 1, 1, 1, 5472, 3648, 1, 1, 1, float("nan")), "not finite"),
         (struct.pack("<QIiQQ4d", 1, 1, 1, 0, 3648, 1, 1, 1, 1), "image size"),
@@ -355,7 +355,7 @@ SAMPLES = {
         (["CREATE TABLE x (prior_focal_length)"], "no such table"),
         (["CREATE TABLE cameras (camera_id, prior_focal_length)"], "no such column"),
         ([TABLE, "INSERT INTO cameras VALUES ('1', 1, 9, 9, x'00', 1)"], "whole numbers"),
-        ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, x'00', 1)"], "no doubles"),
+        ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, x'00', 1)"], "not doubles"),
         ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(24), 1)"], "3 parameters, wanted 4"),
         ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(32), 1)"], "focal lengths"),
         ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(2000000), 1)"], "cannot be read"),

@@ -89,7 +89,7 @@ def test_a_socket_without_a_calibration_is_skipped() -> None:
 
 def test_one_camera_may_stand_alone() -> None:
     alone: Json = {"intrinsicMatrix": K, "distortionCoeff": [*D8, *[0.0] * 6]}
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         read(alone)
     assert read(alone, (1280, 720))[0].intrinsics.cx == 652.9 + 0.5
 

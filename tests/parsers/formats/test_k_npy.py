@@ -68,7 +68,7 @@ def test_it_counts_from_the_corner_unless_the_caller_says_otherwise() -> None:
 
 
 def test_the_image_size_has_to_be_given() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         parsers.decode(npy(K), name="K.npy")
 
 

@@ -203,7 +203,7 @@ def test_k3_is_refitted_within_the_limit_or_refused() -> None:
     assert verdict.outcome is Fidelity.REFITTED
     assert 0 < verdict.max_px < 0.05
     assert yaml.safe_load(data)["cam0"]["distortion_model"] == "radtan"
-    with pytest.raises(UnsupportedModelError, match="max_error_px"):
+    with pytest.raises(UnsupportedModelError, match="--max-error-px"):
         parsers.encode([mild], "kalibr", max_error_px=1e-9)
 
 

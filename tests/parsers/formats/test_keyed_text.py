@@ -124,7 +124,7 @@ def test_what_is_missing_or_wrong_is_named(was: str, is_now: str, message: str) 
 
 def test_the_image_size_is_asked_for() -> None:
     text = PIXELS.replace("image_width = 5472\nimage_height = 3648\n", "")
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         read(text)
     assert read(text, image_size=SIZE).intrinsics == read(PIXELS).intrinsics
 

@@ -68,7 +68,7 @@ def test_the_rectified_cameras_are_there_for_the_asking() -> None:
 
 
 def test_the_benchmarks_projections_need_the_size() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         read(BENCHMARK)
     cameras = read(BENCHMARK, size=(1242, 375))
     assert [item.camera.sub_camera for item in cameras] == ["0", "1"]
@@ -95,8 +95,12 @@ def test_a_missing_end_of_line_matters_only_where_numbers_are_read() -> None:
         ("9.742e+02", "9,742e+02", "decimal point"),
         ("-7.2e-02", "", "4 numbers, wanted 5"),
         ("S_00: 1.392000e+03", "S_00: 1392.5", "image size"),
-        ("K_00: 9.742e+02 0.000000e+00 6.914e+02 0.0", "K_00: 9.742e+02 0 6.914e+02 0.1", "no camera matrix"),
-        ("K_01:", "K_00:", "K_00: it stands twice"),
+        (
+            "K_00: 9.742e+02 0.000000e+00 6.914e+02 0.0",
+            "K_00: 9.742e+02 0 6.914e+02 0.1",
+            "not a camera matrix",
+        ),
+        ("K_01:", "K_00:", "K_00: it is a duplicate key"),
         ("T_00: 0 0 0", "nonsense", "line 7.*wanted a name"),
     ],
 )

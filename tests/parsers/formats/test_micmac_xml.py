@@ -192,7 +192,7 @@ def test_a_broken_file_names_what_is_wrong(data: bytes, message: str) -> None:
 
 
 def test_a_file_without_a_size_asks_for_one() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         read(xml(model(), size=""))
 
 

@@ -116,15 +116,15 @@ def test_a_fisheye_has_no_model_there_and_is_measured() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "match"),
     [
-        ("'imagersize'", "'lensmodel'", "twice"),
+        ("'imagersize'", "'lensmodel'", "duplicate"),
         ("[ 1920, 1200,]", "[ 1920 ]", "1 numbers, wanted 2"),
         ("1733.2, 1731.9", "1733.2 1731.9", "line 6.*wanted ']'"),
         ("1733.2,", "nan,", "finite"),
         ("1733.2,", "1733.2, 1,", "9 numbers, wanted 8"),
-        ("1733.2,", "f(1),", "is no number"),
+        ("1733.2,", "f(1),", "is not a number"),
         ("1733.2,", "}", "wanted a text"),
         ("1733.2,", "'1' 1733.2,", "wanted ']'"),
-        ("1733.2,", "'\n", "no Python text"),
+        ("1733.2,", "'\n", "not Python text"),
         ("    'imagersize': [ 1920, 1200,],\n", "", "imagersize"),
         ("b'abc~}',\n}", "b'abc~}',\n} more", "after the end"),
         ("b'abc~}',\n}", "b'abc~}',\n", "ends too early"),

@@ -69,7 +69,7 @@ def test_fixedk_gives_one_k_to_all_images() -> None:
 
 
 def test_without_a_size_it_asks_for_one() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         parsers.decode(nvm(image()), name="a.nvm")
 
 
@@ -81,7 +81,7 @@ def test_without_a_size_it_asks_for_one() -> None:
         (nvm(image(), count=0), "0 cameras"),
         (nvm(image(), count=10**8), "cameras, wanted"),
         (nvm("a.jpg 1084.59 0 0"), "wanted a name and 10"),
-        (nvm(image(f="x")), "no number"),
+        (nvm(image(f="x")), "not a number"),
         (nvm(image(f="0")), "focal length"),
         (nvm(image(), count=2), "wanted a name and 10"),
         (nvm(image())[:40], "cut short"),

@@ -226,7 +226,7 @@ def test_a_stereo_file_gives_both_cameras_in_order() -> None:
 
 
 def test_a_stereo_file_does_not_say_its_image_size() -> None:
-    with pytest.raises(MissingTagError, match=r"image_size=\(width, height\)"):
+    with pytest.raises(MissingTagError, match=r"--image-size"):
         read(by_opencv(".yml", M1=K_CV, D1=np.zeros(5)))
 
 
@@ -239,7 +239,7 @@ def test_an_image_size_that_contradicts_the_file_is_refused() -> None:
 def test_four_coefficients_under_other_keys_need_a_word(matrix_key: str, coefficients_key: str) -> None:
     values = {matrix_key: K_CV, coefficients_key: np.array(D14[:4])}
     data = by_opencv(".yml", image_width=5472, image_height=3648, **values)
-    with pytest.raises(ParseError, match=r"options=\{'distortion': 'brown'\}"):
+    with pytest.raises(ParseError, match="--set distortion=brown"):
         read(data)
     assert isinstance(read(data, options={"distortion": "brown"})[0].distortion, BrownConrady)
     assert isinstance(read(data, options={"distortion": "fisheye"})[0].distortion, KannalaBrandt)
@@ -380,8 +380,8 @@ def test_coefficients_that_are_all_zero_are_no_distortion() -> None:
         ("3650.1", "-3650.1", "focal lengths"),
         ("3650.1", ".Nan", "finite"),
         ("3650.1", "3650,1", "10 numbers"),
-        ("0., 0., 1. ]", "0., 0., 2. ]", "no camera matrix"),
-        ("0., 0., 1. ]", "0., 0.1, 1. ]", "no camera matrix"),
+        ("0., 0., 1. ]", "0., 0., 2. ]", "not a camera matrix"),
+        ("0., 0., 1. ]", "0., 0.1, 1. ]", "not a camera matrix"),
         ("cols: 3", "cols: 2", "header says"),
         ("dt: d", "dt: 2d", "one number each"),
         ("image_width: 5472", "image_width: 5472.5", "image size"),
@@ -458,7 +458,7 @@ def test_a_derived_k_does_not_come_back_as_a_calibrated_one() -> None:
     data, verdict = parsers.encode([replace(camera(), grade=Grade.DERIVED)], "opencv_storage")
     assert verdict.dropped == ()
     assert read(data)[0].grade is Grade.DERIVED
-    with pytest.raises(ParseError, match="calibrary_grade: 'derved' is no grade"):
+    with pytest.raises(ParseError, match="calibrary_grade: 'derved' is not a grade"):
         read(data.replace(b"derived", b"derved"))
 
 

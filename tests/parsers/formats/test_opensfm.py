@@ -266,7 +266,7 @@ def test_a_camera_without_a_size_asks_for_it(size: dict[str, int | None]) -> Non
     source = {
         key: value for key, value in {**BROWN_CAMERA, "height": None, **size}.items() if value is not None
     }
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         read(models(source))
     [item] = parsers.decode(models(source), name="x.json", image_size=SIZE)
     assert item.intrinsics.fx == 0.6671 * 5472

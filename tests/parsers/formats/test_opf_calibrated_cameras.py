@@ -104,7 +104,7 @@ def test_the_project_says_which_file_the_input_cameras_are() -> None:
 
 
 def test_without_them_the_size_is_asked_for() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         read(document(PERSPECTIVE), None)
 
 
@@ -150,7 +150,7 @@ def test_a_later_version_is_refused() -> None:
     ("data", "message"),
     [
         (document(), "no sensor"),
-        (document(PERSPECTIVE | {"focal_length_px": "x"}), "focal_length_px: 'x' is no number"),
+        (document(PERSPECTIVE | {"focal_length_px": "x"}), "focal_length_px: 'x' is not a number"),
         (document(PERSPECTIVE | {"focal_length_px": 0}), "focal lengths"),
         (document(PERSPECTIVE | {"radial_distortion": [0.1]}), r"sensors\[0\].internals.radial_distortion"),
         (document(PERSPECTIVE, sensors=[{"id": 1.5, "internals": PERSPECTIVE}] * 2), "id"),

@@ -111,7 +111,7 @@ def test_the_newer_keys_hold_two_fisheyes() -> None:
 
 def test_older_settings_may_lack_the_size_and_k3() -> None:
     text = OLD.replace("Camera.width: 752\nCamera.height: 480\n", "").replace("Camera.k3: -0.0172\n", "")
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         read(text)
     [calibration] = read(text, (752, 480))
     assert calibration.distortion == BrownConrady(k1=-0.2131, k2=0.0447, p1=-0.00037, p2=0.00081)

@@ -74,7 +74,7 @@ def test_photos_with_cameras_of_their_own_give_each_of_them() -> None:
         ("8.7602  6.5791", "8.7602", "line 4: 9 numbers, wanted 10"),
         ("8.7602", "-8.7602", "focal lengths"),
         ("13.13280 8.75520 0.00148", "0 8.75520 0.00148", "format is 0"),
-        ("Bundle Soln", "Bundle", "no head"),
+        ("Bundle Soln", "Bundle", "not a head"),
     ],
 )
 def test_a_broken_export_names_what_is_wrong(was: str, is_now: str, message: str) -> None:

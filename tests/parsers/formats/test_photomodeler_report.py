@@ -93,7 +93,7 @@ def test_zeros_are_no_distortion() -> None:
 
 
 def test_the_size_is_asked_for() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         parsers.decode(report(block()).encode(), name="report.txt")
 
 
@@ -101,7 +101,7 @@ def test_the_size_is_asked_for() -> None:
     ("text", "message"),
     [
         (report(), "without calibration"),
-        (report(block()).replace("K3 - radial", "KX - radial"), "K2 stands twice"),
+        (report(block()).replace("K3 - radial", "KX - radial"), "K2 is a duplicate key"),
         (report(block().partition("               P2 - ")[0]), "line 10: it lacks P2"),
         (report(block(Fw=0.0)), "format is 0"),
         (report(block()).replace("8.76024 mm", "8,76024 mm"), "decimal point"),

@@ -66,7 +66,7 @@ def test_coefficients_that_are_all_zero_are_no_distortion() -> None:
 
 
 def test_the_image_size_is_asked_for() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         parsers.decode(CAM.encode(), name="p.cam")
 
 
@@ -81,8 +81,8 @@ def test_a_size_of_another_shape_than_the_sensor_is_refused() -> None:
         ("F 8.76023999999999957999\n", "", "there is no F"),
         ("T2 0.00081\n", "", "there is no T2"),
         ("K1 -0.0113", "K1 -0,0113", "decimal point"),
-        ("K1 -0.0113", "K1", "no number"),
-        ("K2 0.0247", "K1 0.0247", "line 9: K1 stands twice"),
+        ("K1 -0.0113", "K1", "not a number"),
+        ("K2 0.0247", "K1 0.0247", "line 9: K1 is a duplicate key"),
         ("F 8.7", "F -8.7", "focal lengths"),
         (" assuming a sensor width", "", "assuming a sensor width"),
         ("x8.7552", "x0.0 8.7552", "assuming a sensor width"),

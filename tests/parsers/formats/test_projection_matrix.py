@@ -60,7 +60,7 @@ def test_distortion_is_unknown_and_the_grade_derived() -> None:
 
 
 def test_the_image_size_is_asked_for() -> None:
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         parsers.decode(text(matrix(17)), name="x.cal")
 
 

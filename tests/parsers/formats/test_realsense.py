@@ -141,7 +141,7 @@ def test_several_streams_are_read_with_their_names(document: Json) -> None:
 
 def test_what_is_not_said_is_asked_for_or_unknown() -> None:
     bare: Json = {key: value for key, value in STREAM.items() if key not in {"width", "height", "model"}}
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         read(bare)
     assert read(bare, (1280, 720))[0].distortion is None
 

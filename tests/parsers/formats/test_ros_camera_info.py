@@ -158,7 +158,7 @@ def test_another_model_is_refused_by_name() -> None:
     ("text", "error", "match"),
     [
         (file(k=(0.0,) * 9), ParseError, "not calibrated"),
-        (file(k=(*K[:3], 1.0, *K[4:])), ParseError, "no camera matrix"),
+        (file(k=(*K[:3], 1.0, *K[4:])), ParseError, "not a camera matrix"),
         (file(k=K[:8]), ParseError, "8 numbers, wanted 9"),
         (file(D=BROWN5[:3]), ParseError, "3 coefficients"),
         (file("equidistant"), ParseError, "5 coefficients for equidistant, wanted 4"),
@@ -232,5 +232,5 @@ def test_a_thin_prism_is_refitted_or_refused() -> None:
     lens = ThinPrism(
         k1=-0.11, k2=0.02, p1=0.0, p2=0.0, k3=0.0, k4=0.0, k5=0.0, k6=0.0, s1=1e-5, s2=0.0, s3=0.0, s4=0.0
     )
-    with pytest.raises(UnsupportedModelError, match="max_error_px"):
+    with pytest.raises(UnsupportedModelError, match="--max-error-px"):
         parsers.encode([camera(lens)], "ros_camera_info", max_error_px=1e-6)

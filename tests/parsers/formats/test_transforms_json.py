@@ -109,7 +109,7 @@ def test_a_number_said_twice_differently_is_not_chosen_from() -> None:
 
 def test_a_blender_file_has_a_field_of_view_and_no_size() -> None:
     document = {"camera_angle_x": 0.6911, "frames": FRAMES}
-    with pytest.raises(MissingTagError, match="image_size"):
+    with pytest.raises(MissingTagError, match="--image-size"):
         decoded(document)
     [item] = decoded(document, image_size=(800, 600))
     K = item.intrinsics
@@ -153,7 +153,7 @@ def test_what_has_no_counterpart_is_refused_by_name(changes: Document, named: st
     ("changes", "message"),
     [
         ({"fl_x": 0}, "focal lengths"),
-        ({"fl_x": "x"}, "no number"),
+        ({"fl_x": "x"}, "not a number"),
         ({"w": 0}, "image size"),
         ({"k1": None}, "wanted a number"),
         ({"frames": {}}, "wanted a list"),

@@ -113,7 +113,7 @@ def test_what_a_scanner_makes_of_the_print_is_read(was: str, is_now: str) -> Non
         ("152.881", "152,881", "decimal point"),
         ("Calibrated Focal", "Focal", "no 'Calibrated"),
         ("K4 = 0.0000", "K4 = 0.0000\nK1 = 0.7 x 10-8", "K1: it is"),
-        ("K4 = 0.0000", "K4 = 0.0.0", "no number"),
+        ("K4 = 0.0000", "K4 = 0.0.0", "not a number"),
         ("152.881", "-152.881", "focal lengths"),
         ("K0 = 0.3117 x 10-4", "K0 = -2", "small scale"),
     ],

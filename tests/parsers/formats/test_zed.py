@@ -147,8 +147,8 @@ def test_another_ini_is_not_claimed() -> None:
     ("old", "new", "match"),
     [
         ("fy=1058.1\n", "", r"\[LEFT_CAM_2K\] fy: it is not there"),
-        ("fy=1058.1", "fx=1058.1", "fx: it stands twice"),
-        ("[RIGHT_CAM_2K]", "[LEFT_CAM_2K]", "stands twice"),
+        ("fy=1058.1", "fx=1058.1", "fx: it is a duplicate key"),
+        ("[RIGHT_CAM_2K]", "[LEFT_CAM_2K]", "is a duplicate key"),
         ("fx=1058.5", "fx=1058,5", "decimal point"),
         ("fx=1058.5", "fx 1058.5", "wanted a section or key=value"),
         ("k1=-0.0643\n", "", r"\[RIGHT_CAM_2K\] k1"),

@@ -78,8 +78,8 @@ def test_a_value_whose_meaning_is_not_known_is_refused(changes: dict[str, str]) 
         (block(focal_length="8,76"), "decimal point"),
         (block(focal_length="0"), "focal lengths"),
         (block(pixel_size="2.4 0"), "not positive"),
-        (block(image_size_in_pixels="3648 x"), "no number"),
-        (block().replace("ppbs", "ppac"), "ppac stands twice"),
+        (block(image_size_in_pixels="3648 x"), "not a number"),
+        (block().replace("ppbs", "ppac"), "ppac is a duplicate key"),
         (block().replace("end camera_parameters\n", ""), "no 'end camera_parameters'"),
     ],
 )

@@ -180,12 +180,12 @@ def test_extended_xmp_that_the_main_packet_does_not_name_is_not_this_images() ->
     assert metadata.faults == ()
 
 
-@pytest.mark.parametrize("what", ["missing", "twice", "changed", "huge"])
+@pytest.mark.parametrize("what", ["missing", "duplicate", "changed", "huge"])
 def test_broken_extended_xmp_is_a_fault_and_the_main_packet_counts(what: str) -> None:
     main, *parts = xmp_segments(extended(100_000), chunk=30_000)
     if what == "missing":
         del parts[1]
-    elif what == "twice":
+    elif what == "duplicate":
         parts.append(parts[1])
     elif what == "changed":
         parts[1] = Segment(0xE1, parts[1].payload[:-1] + b"?")

@@ -79,11 +79,11 @@ def test_pillow_says_the_same(tmp_path: Path) -> None:
         (b"", "the file is empty"),
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 5\n", "Git LFS pointer"),
         (b"/annex/objects/SHA256E-s5--0.jpg\n", "git-annex pointer"),
-        (b"GIF89a" + bytes(50), "no JPEG, TIFF, DNG, PNG or HEIF image"),
-        (b"<html><body>404</body></html>", "no JPEG, TIFF, DNG, PNG or HEIF image"),
-        (bytes(5000), "no JPEG, TIFF, DNG, PNG or HEIF image"),
-        (b"\xff", "no JPEG, TIFF, DNG, PNG or HEIF image"),
-        (b"\0\0\0\x18ftypisom" + bytes(50), "no JPEG, TIFF, DNG, PNG or HEIF image"),
+        (b"GIF89a" + bytes(50), "not a JPEG, TIFF, DNG, PNG or HEIF image"),
+        (b"<html><body>404</body></html>", "not a JPEG, TIFF, DNG, PNG or HEIF image"),
+        (bytes(5000), "not a JPEG, TIFF, DNG, PNG or HEIF image"),
+        (b"\xff", "not a JPEG, TIFF, DNG, PNG or HEIF image"),
+        (b"\0\0\0\x18ftypisom" + bytes(50), "not a JPEG, TIFF, DNG, PNG or HEIF image"),
     ],
 )
 def test_what_is_no_image_is_named_in_one_line(tmp_path: Path, data: bytes, message: str) -> None:
