@@ -53,7 +53,7 @@ def read_corners(path: Path) -> Observations:
     """Read the document.
 
     Raises:
-        InputError: it is no regular file, or cannot be read.
+        InputError: it is not a regular file, or cannot be read.
         ParseError: it is broken, longer than 64 MB, or contradicts itself.
     """
     return decode_corners(read_table(path), source=path.name)
@@ -146,9 +146,11 @@ def _parsed(content: bytes, source: str | None) -> Any:
     except UnicodeDecodeError:
         raise ParseError("is not UTF-8, wanted a JSON document of corners", source=source) from None
     except json.JSONDecodeError as error:
-        raise ParseError(f"is no JSON: {error.msg}", source=source, place=f"line {error.lineno}") from None
+        raise ParseError(f"is not JSON: {error.msg}", source=source, place=f"line {error.lineno}") from None
     except (ValueError, RecursionError) as error:
-        raise ParseError(f"is no JSON of corners: {str(error) or 'nested too deep'}", source=source) from None
+        raise ParseError(
+            f"is not JSON of corners: {str(error) or 'nested too deep'}", source=source
+        ) from None
 
 
 def _unique(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
@@ -159,7 +161,7 @@ def _unique(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
 
 
 def _not_finite(text: str) -> float:
-    raise ValueError(f"{text} is no number")
+    raise ValueError(f"{text} is not a number")
 
 
 def _days(taken: Sequence[str] | None) -> Days | None:
@@ -203,7 +205,7 @@ def _numbers(values: Sequence[object], place: str) -> FloatArray:
     """A list, or a list of lists, of finite numbers; what JSON calls true is none."""
     flat = [item for row in values for item in (row if isinstance(row, list) else [row])]
     if any(type(item) not in {int, float} for item in flat):
-        raise ParseError("holds something that is no number", place=place)
+        raise ParseError("holds something that is not a number", place=place)
     try:
         array = np.array(values, dtype=np.float64)
     except (ValueError, OverflowError):

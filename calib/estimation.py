@@ -69,9 +69,9 @@ def estimate(
         model: a :class:`~calibrary.calib.lens_models.Solvable`, or "auto" to choose it by the corners.
         guess: an initial K, such as an ingest gate's seed. Points that do not lie in a plane need one; without it
             0.8 · max(W, H) is taken.
-        warp: whether the board may turn out to be bent.
+        warp: whether the board may be warped.
         limits: of the verdict.
-        gate: for views and corners to be set aside.
+        gate: for views and corners to be rejected.
         seed: of dealing the views into halves.
 
     Raises:
@@ -271,7 +271,7 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
         return ViewResult(
             name=view.name, without=Without(why=Why.DUPLICATE, message=f"shows the pose of {of}")
         )
-    # A view set aside still has the pose it was judged by; what it misses by says why.
+    # A view rejected still has the pose it was judged by; what it misses by says why.
     alone = solution.at_its_pose(row)
     residuals = alone.linear.residuals.reshape(-1, 2)[: len(view.ids)]
     lengths = residual_lengths(alone)[0, : len(view.ids)]
@@ -294,7 +294,7 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
 
 
 def _with_warp(solution: Solution, *, asked: bool) -> tuple[WarpTest | None, Adjusted]:
-    """The test for a bent board, and the solution with all of the bend that it found.
+    """The test for a warped board, and the solution with all of the warp that it found.
 
     Where the warp was not to be solved for it is still looked at: other faults are told by what it leaves over.
     """

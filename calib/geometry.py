@@ -68,7 +68,7 @@ class Geometry:
 
 
 def geometry(adjusted: Adjusted, image_size: ImageSize) -> Geometry:
-    """Measure a solution's views; those set aside do not count."""
+    """Measure a solution's views; those rejected do not count."""
     network, state = adjusted.network, adjusted.state
     used = network.used
     turns, places = state.rotations[used], state.translations[used]

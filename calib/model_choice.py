@@ -1,4 +1,4 @@
-"""Which lens model the corners ask for, and whether they ask for a bent board.
+"""Which lens model the corners ask for, and whether they ask for a warped board.
 
 Models are compared by Schwarz's criterion, BIC = n·ln(rss/n) + k·ln n with n measured coordinates and k
 parameters (G. Schwarz, "Estimating the dimension of a model", 1978). Parameters are added only where they lower it
@@ -223,7 +223,7 @@ def _candidate(adjusted: Adjusted, image_size: ImageSize) -> Candidate:
     elif adjusted.state.model in {Solvable.RATIONAL, Solvable.FISHEYE} and not has_sound_lens(
         adjusted, image_size
     ):
-        refused = "it folds back inside the frame"
+        refused = "its distortion is not monotonic inside the image"
     return Candidate(
         model=adjusted.state.model, rms_px=adjusted.rms_px, bic=bic, condition=cond, refused=refused
     )

@@ -145,7 +145,8 @@ def projection_difference(
         shape: (columns, rows) of the grid.
         weights: (rows, columns) what each pixel counts for in the rotation. By default the inverse of the
             variance where covariances are given, else a disc about the middle.
-        covariances: of the two calibrations' parameters, independent of one another, κ² already in them.
+        covariances: of the two calibrations' parameters, independent of one another and scaled by
+            their variance factors.
         trusted_px: pixels whose standard deviation exceeds this are left out of the region.
 
     Raises:
@@ -196,7 +197,7 @@ def projection_uncertainty(
 
     Args:
         calibration: around which the covariance is propagated.
-        covariance: of its parameters, κ² already in it.
+        covariance: of its parameters, the variance factor already in it.
         shape: (columns, rows) of the grid.
 
     Raises:

@@ -26,13 +26,13 @@ class Gate:
     """How far out is out.
 
     Attributes:
-        corner_sigmas: a corner this many standard deviations off is set aside. The length of a normal
+        corner_sigmas: a corner this many standard deviations off is rejected. The length of a normal
             two-dimensional error passes 5.5 once in four million corners.
-        corner_floor_px: corners that fit better than this are never set aside.
+        corner_floor_px: corners that fit better than this are never rejected.
         view_mads: a view whose rms is this many (normalised) median absolute deviations over the median is.
         view_floor: a view's rms must also exceed the median by this fraction.
         fewest_views: with fewer there is no telling which of them stands out.
-        most_views: at most this fraction of the views is set aside, the worst of them.
+        most_views: at most this fraction of the views is rejected, the worst of them.
         most_corners: a view that would lose more than this fraction of its corners is judged as a whole.
     """
 

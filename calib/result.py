@@ -50,7 +50,7 @@ class ViewResult:
         name: the frame's.
         rms_px: of the corners that count; of all of them where the view does not. None without a pose.
         without: why it does not count, None where it does.
-        corners_out: (the board's point, px by which it is off) for each corner set aside.
+        corners_out: (the board's point, px by which it is off) for each corner rejected.
         rotation: (3, 3) board to camera; None where the view has no pose, as the next two.
         translation_mm: (3,) the middle of the board in the camera frame.
         residuals_px: (N, 2) observed − projected, in the order of the view's corners.
@@ -70,17 +70,17 @@ class CalibrationResult:
     """A calibration with all that speaks for and against it.
 
     Attributes:
-        calibration: K and distortion, its quality with covariance and κ², its provenance.
+        calibration: K and distortion, its quality with covariance and variance factor, its provenance.
         findings: what speaks against it, the gravest first.
         evidence: what the verdict was judged by.
         limits: what it was held against.
         model: the lens model, chosen or given.
         candidates: the models that were compared.
-        warp: the test for a bent board; None where there was none.
+        warp: the test for a warped board; None where there was none.
         views: every view that was given, in its order.
         halves: of the views, against one another; None where there were too few.
         half_difference: the same in pixels, for the median split.
-        uncertainty: of a direction, in px over the frame, κ² included.
+        uncertainty: of a direction, in px over the image, the variance factor included.
         observations: what all this was made from.
         versions: of the programs.
         date_origin: where the calibration's date is from, in words; None before it has one.

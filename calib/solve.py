@@ -1,4 +1,4 @@
-"""From corners to a camera: start, set outliers aside, choose the model, bend the board, and start over if need be.
+"""From corners to a camera: start, reject outliers, choose the model, fit the board's warp, and start over if need be.
 
 Outliers are judged by the camera, and the camera by what is left: the two are repeated, from all corners every
 time, until nothing changes. Otherwise a model too simple at first would cost the corners at the frame's edge,
@@ -101,8 +101,8 @@ def solve(
         image_size: (width, height) px.
         model: the lens model, None to choose by the corners.
         guess: an initial K, such as an ingest gate's seed.
-        warp: whether the board may turn out to be bent.
-        gate: limits for views and corners to be set aside; None for the usual ones.
+        warp: whether the board may be warped.
+        gate: limits for views and corners to be rejected; None for the usual ones.
 
     Raises:
         CalibrationError: no camera explains the corners, or they do not determine one.
@@ -153,7 +153,7 @@ def _first(
 def _chosen(
     current: Adjusted, image_size: ImageSize, models: Sequence[Solvable], *, warp: bool
 ) -> tuple[Adjusted, tuple[Candidate, ...], WarpTest | None]:
-    """Warp, then the model, then the warp by that model: a bent board and a poor model can pass for each other."""
+    """Warp, then the model, then the warp by that model: a warped board and a poor model can pass for each other."""
     tested, current = _bent_if_need_be(current) if warp else (None, current)
     current, candidates = best_model(current, image_size, models, warp=_is_bent(current))
     if not warp:

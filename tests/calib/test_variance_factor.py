@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy import stats
 
 from calibrary.calib.adjustment import adjust
 from calibrary.calib.covariance import lens_covariance
@@ -8,6 +9,7 @@ from calibrary.calib.network import Network
 from calibrary.calib.solve import solve
 from calibrary.calib.variance_factor import chi_square, split_half
 from calibrary.errors import CalibrationError
+from calibrary.records import replace
 
 from .solving import SIZE, Session, shoot
 
@@ -23,6 +25,22 @@ def test_halves_of_clean_views_agree_as_they_say_they_do() -> None:
     found = [_kappa2(Session(), seed) for seed in range(4)]
     assert max(found) < 2.5
     assert 0.4 < np.median(found) < 1.6
+
+
+def test_it_is_chi_square_over_its_degrees_of_freedom() -> None:
+    """Noise alone on a known linear model: n·κ² of one split is χ² with n = 9, Brown's lens having nine parameters."""
+    adjusted = solve(Network.of(shoot()), SIZE, model=Solvable.BROWN, warp=False).adjusted
+    seen, random = np.repeat(adjusted.network.seen, 2, axis=1), np.random.default_rng(1)
+    found = []
+    for seed in range(300):
+        noise = np.where(seen, random.normal(0.0, 0.2, seen.shape), 0.0)
+        drawn = replace(adjusted, linear=replace(adjusted.linear, residuals=noise))
+        halves = split_half(drawn, splits=1, seed=seed)
+        assert halves is not None
+        found.append(9 * halves.kappa2)
+    # The mean of 300 has a standard deviation of √(2 · 9 / 300) = 0.24.
+    assert np.mean(found) == pytest.approx(9, abs=0.9)
+    assert stats.kstest(found, "chi2", args=(9,)).pvalue > 0.01
 
 
 def test_a_bow_of_a_two_thousandth_that_is_not_solved_for_is_noticed() -> None:

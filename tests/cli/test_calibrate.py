@@ -109,7 +109,17 @@ def test_a_person_sees_verdict_parameters_and_every_view(calibrated: Run, photog
     assert code == 1
     assert out == ""
     assert err.startswith("PROVISIONAL")
-    for name in ("few-views", "fx", "k1", "σ", "correlations", "κ²", "board's bend", "coverage", "BIC"):
+    for name in (
+        "few-views",
+        "fx",
+        "k1",
+        "σ",
+        "correlations",
+        "variance factor",
+        "board warp",
+        "coverage",
+        "BIC",
+    ):
         assert name in err
     assert len(re.findall(r"board_00\d\d\.jpg +0\.\d", err)) == COUNT
 

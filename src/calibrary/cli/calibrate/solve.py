@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--square-mm",
         type=number(0.01, 10_000),
         metavar="MM",
-        help="side of a square; K does not depend on it, poses and the board's bend do",
+        help="side of a square; K does not depend on it, poses and the board's warp do",
     )
     board.add_argument(
         "--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker, diameter of a circle"
@@ -117,7 +117,7 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
         "--corners", type=Path, metavar="FILE", help="what was seen, to solve it again with --from, .json"
     )
     outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
-    outputs.add_argument("--to", metavar="FORMAT", help="its format (default: told by its name)")
+    outputs.add_argument("--to", metavar="FORMAT", help="its format (default: by the suffix of its name)")
     outputs.add_argument(
         "--correlations", action="store_true", help="also show which parameters trade places"
     )
@@ -198,7 +198,9 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         parser.error("--to is the format of --out FILE, which is missing")
     if _writes_registry(arguments):
         if not arguments.yes and not can_ask():
-            parser.error("nobody can be asked here before the registry is written; say --yes")
+            parser.error(
+                "not a terminal, so nothing can be confirmed before the registry is written: give --yes"
+            )
     elif arguments.approve or arguments.reason or arguments.override_held:
         parser.error(
             "--approve, --reason and --override-held are of a registry: say --registry PATH or --as KEY"

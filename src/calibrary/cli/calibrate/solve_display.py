@@ -89,7 +89,7 @@ class Display:
                 self._indented(_correlations(result.calibration.quality))
             self._print("")
         for name, text in _facts(result):
-            self._print(f"  [dim]{name:<12}[/] {plain(text)}")
+            self._print(f"  [dim]{name:<15}[/] {plain(text)}")
         self._print("")
         self._indented(_views(result, collected))
 
@@ -133,8 +133,8 @@ class Display:
         board = collected.observations.board
         self._print(
             f"[{STYLES[outcome]}]{outcome.value.upper()}[/]  {plain(str(result.calibration.camera))}: "
-            f"{quality.views} of {len(result.views) + len(collected.rejected)} views of {plain(str(board))}, rms "
-            f"{quality.rms_px:.3f} px"
+            f"{quality.views} of {len(result.views) + len(collected.rejected)} views of {plain(str(board))}, "
+            f"reprojection error (RMS) {quality.rms_px:.3f} px"
         )
         for finding in result.findings:
             said = str(finding).removeprefix(finding.rule)
@@ -201,11 +201,11 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
         )
         yield "model", f"{result.model.value}; BIC against the best: {tried}"
     if quality is not None and quality.kappa2 is not None:
-        yield "κ²", f"{quality.kappa2:.2f}, halves of the views against each other; up to 2 is good"
+        yield "variance factor", f"{quality.kappa2:.2f} between halves of the views; up to 2 is good"
     if result.warp is not None:
         w0, w1 = result.warp.warp_mm
         found = "solved for" if evidence.is_warped else "not taken"
-        yield "board's bend", f"{w0:+.3f} mm across, {w1:+.3f} mm down (F = {result.warp.f:.1f}), {found}"
+        yield "board warp", f"{w0:+.3f} mm across, {w1:+.3f} mm down (F = {result.warp.f:.1f}), {found}"
     yield (
         "tilt",
         f"normals spread {seen.tilt_spread_deg:.0f}°, farthest ÷ nearest corner {seen.depth_ratio:.2f}",
@@ -223,7 +223,7 @@ def _views(result: CalibrationResult, collected: Collected) -> Table:
     remarks = {remark.name: remark.remark.text for remark in collected.remarks}
     table = Table(box=None, padding=(0, 2, 0, 0))
     table.add_column("view")
-    table.add_column("rms px", justify="right")
+    table.add_column("RMS px", justify="right")
     table.add_column("", overflow="fold")
     shown = 0
     for view in result.views:
@@ -231,7 +231,7 @@ def _views(result: CalibrationResult, collected: Collected) -> Table:
             shown += 1
             if shown > MOST_VIEWS:
                 continue
-            out = f"{len(view.corners_out)} corners set aside" if view.corners_out else ""
+            out = f"{len(view.corners_out)} corners rejected" if view.corners_out else ""
             said = "; ".join(text for text in (out, remarks.get(view.name, "")) if text)
             table.add_row(plain(view.name), f"{view.rms_px:.3f}", plain(said))
         else:

@@ -1,4 +1,4 @@
-"""What only a calibration's page shows: the corners on a frame, and the bend of the board."""
+"""What only a calibration's page shows: the corners on a frame, and the board's warp."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from calibrary.pages.plots.canvas import draw, frame_axes, number
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["bend", "corners_on_frame"]
+__all__ = ["board_warp", "corners_on_frame"]
 
 
 PICTURE_SIDE: Final = 640
@@ -41,7 +41,7 @@ def corners_on_frame(path: Path, view: View, fit: ViewResult, board: Board, *, c
     Args:
         path: of the frame.
         view: its corners.
-        fit: which of them were set aside.
+        fit: which of them were rejected.
         board: which board.
         caption: what to look for.
 
@@ -80,7 +80,7 @@ def corners_on_frame(path: Path, view: View, fit: ViewResult, board: Board, *, c
         axes.set_ylim(bottom, top)
 
     alt = f"Frame {view.name} with {len(view.ids)} corners marked"
-    alt += f", {int(out.sum())} of them set aside." if out.any() else "."
+    alt += f", {int(out.sum())} of them rejected." if out.any() else "."
     drawn_height = round(430 * min(1.3, (bottom - top) / (right - left))) + 70
     return Figure(svg=draw(paint, width=520, height=drawn_height), alt=alt, caption=caption)
 
@@ -94,7 +94,7 @@ def _around(corners: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
     return left, top, right, bottom
 
 
-def bend(board: Board, test: WarpTest, *, caption: str) -> Figure:
+def board_warp(board: Board, test: WarpTest, *, caption: str) -> Figure:
     """How far the board stands off its plane, along its middle row and column."""
     across, down = (side / 2 for side in board.extent_mm)
     share = np.linspace(-1.0, 1.0, 61)

@@ -59,7 +59,7 @@ def calibration_page(result: CalibrationResult, collected: Collected) -> Page:
     return Page(
         title=f"Calibration of {result.calibration.camera}",
         badge=OUTCOMES[result.verdict],
-        lead=f"From {views} of {shown} views of {collected.observations.board}, rms {rms}. "
+        lead=f"From {views} of {shown} views of {collected.observations.board}, reprojection error (RMS) {rms}. "
         f"{LEADS[result.verdict]}",
         sections=tuple(_sections(result, collected)),
         made_by=f"Made by {versions}.",
@@ -83,7 +83,7 @@ def _sections(result: CalibrationResult, collected: Collected) -> Iterator[Secti
 def _verdict(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
     reasons = result.findings
     if not reasons:
-        yield "Nothing speaks against it."
+        yield "No finding speaks against it."
     for finding in reasons:
         if finding.severity is not Severity.NOTE:
             yield Note(
@@ -139,9 +139,10 @@ def _numbers(result: CalibrationResult) -> Iterator[Block]:
     )
     if quality is not None and quality.kappa2 is not None:
         yield (
-            f"κ² = {quality.kappa2:.2f}: halves of the views differ by that many times the variance they state. "
+            f"The variance factor κ² is {quality.kappa2:.2f}: halves of the views differ by that many times the "
+            "variance they state. "
             + (
-                f"So σ, which only knows the residuals, is to be believed {inflated:.2f} times as large: σ × κ."
+                f"So σ, which only knows the residuals, is too small by a factor of {inflated:.2f}: use σ × κ."
                 if inflated > 1
                 else "It is not above 1, so σ stands as it is."
             )
@@ -166,7 +167,7 @@ def _views(result: CalibrationResult, collected: Collected) -> Details:
         given = seen.get(view.name)
         why = view.without.message if view.without is not None else remarks.get(view.name, "")
         if view.corners_out and not why:
-            why = f"{len(view.corners_out)} corners set aside"
+            why = f"{len(view.corners_out)} corners rejected"
         rows.append(
             (
                 view.name,
@@ -188,7 +189,7 @@ def _views(result: CalibrationResult, collected: Collected) -> Details:
         columns=(
             Column("frame"),
             Column("state"),
-            Column("rms (px)", numeric=True),
+            Column("RMS (px)", numeric=True),
             Column("corners", numeric=True),
             Column("edge width (px)", numeric=True),
             Column("remark"),
@@ -226,7 +227,7 @@ def _models(result: CalibrationResult) -> Block:
         columns=(
             Column("model"),
             Column("parameters", numeric=True),
-            Column("rms (px)", numeric=True),
+            Column("RMS (px)", numeric=True),
             Column("BIC − best", numeric=True),
             Column(""),
         ),

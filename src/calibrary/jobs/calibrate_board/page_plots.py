@@ -14,7 +14,7 @@ from calibrary.calib.geometry import CELLS
 from calibrary.calib.observations import View
 from calibrary.calib.result import CalibrationResult, ViewResult, Why
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_board.figures import bend, corners_on_frame
+from calibrary.jobs.calibrate_board.figures import board_warp, corners_on_frame
 from calibrary.pages import Block, Figure, SideBySide
 from calibrary.pages.plots import (
     Axis,
@@ -45,12 +45,10 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
     yield bars(
         [view.rms_px or 0.0 for view in ordered],
         labels=[f"{view.name} (out)" if view.without is not None else view.name for view in ordered],
-        axis=Axis("rms", "px"),
+        axis=Axis("reprojection error (RMS)", "px"),
         caption="How far corners lie from where the model puts them, by view. One that stands out was moved, blurred, "
         "or has a corner that is none."
-        + (
-            " Views marked (out) were set aside." if any(view.without is not None for view in ordered) else ""
-        ),
+        + (" Views marked (out) were rejected." if any(view.without is not None for view in ordered) else ""),
     )
     pixels, residuals = _residuals(result)
     size, axis = result.calibration.intrinsics.image_size, Axis("residual", "px")
@@ -78,7 +76,7 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
 
 
 def board_plots(result: CalibrationResult) -> Iterator[Block]:
-    """Coverage, poses, and the board's bend."""
+    """Coverage, poses, and the board's warp."""
     size = result.calibration.intrinsics.image_size
     pixels, _ = _residuals(result)
     columns, rows = CELLS
@@ -111,10 +109,10 @@ def board_plots(result: CalibrationResult) -> Iterator[Block]:
             taken = "the calibration was made as if the board were flat."
         else:
             taken = "noise would show as much, so the board was taken for flat."
-        yield bend(
+        yield board_warp(
             board,
             result.warp,
-            caption=f"The bend of the board that fits best (F = {result.warp.f:.1f}); {taken}",
+            caption=f"The board warp that fits best (F = {result.warp.f:.1f}); {taken}",
         )
 
 
@@ -129,7 +127,7 @@ def trust_plots(result: CalibrationResult) -> Iterator[Block]:
                 _between_nodes(std),
                 size,
                 axis=Axis("σ of a direction", "px"),
-                caption="By how much a direction to far away may be off, κ² included: "
+                caption="By how much a direction to far away may be off, the variance factor included: "
                 f"{float(np.nanmin(std)):.2g} px at best, {float(np.nanmax(std)):.2g} px at the edge.",
             )
         )
