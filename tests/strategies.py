@@ -2,27 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from hypothesis import strategies as st
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import (
+    Australis,
     BrownConrady,
     Distortion,
+    Division,
+    DoubleSphere,
+    ExtendedUnified,
+    FieldOfView,
+    Fisheye624,
+    FisheyePolynomial,
+    InverseBrown,
+    InversePolynomial,
     KannalaBrandt,
+    MetashapeFrame,
     NoDistortion,
+    OffCentreBrown,
+    RadTanThinPrismFisheye,
     Rational,
+    Scaramuzza,
     ThinPrism,
+    ThinPrismFisheye,
     Tilted,
+    Unified,
 )
 
 __all__ = [
+    "DISTORTIONS",
     "any_distortions",
     "brown",
     "calibration",
     "cameras",
-    "fisheyes",
     "grid",
     "image_sizes",
     "perspective_distortions",
@@ -55,47 +72,91 @@ def _within(limit: float) -> st.SearchStrategy[float]:
     return st.floats(-limit, limit, allow_nan=False, width=64)
 
 
+def _terms(limit: float, *names: str) -> dict[str, st.SearchStrategy[float]]:
+    return dict.fromkeys(names, _within(limit))
+
+
+_TANGENTIAL = _terms(2e-3, "p1", "p2")
+_RATIONAL = {**_terms(0.2, "k1", "k2", "k3", "k4", "k5", "k6"), **_TANGENTIAL}
+_PRISM = _terms(2e-3, "s1", "s2", "s3", "s4")
+_CENTRED = {**_terms(0.3, "k1"), **_terms(0.15, "k2", "k3", "k4", "k5"), **_terms(5e-3, "p1", "p2")}
+_OFF_CENTRE = {**_CENTRED, **_terms(0.02, "b1", "b2"), **_terms(0.05, "x0", "y0")}
+_FISHEYE = {**_terms(0.05, "k1", "k2"), **_terms(0.01, "k3", "k4")}
+_FISHEYE_PRISM = _terms(4e-3, "s0", "s1", "s2", "s3")
+
+DISTORTIONS: Mapping[str, st.SearchStrategy[Distortion]] = {
+    "none": st.builds(NoDistortion),
+    "brown": st.builds(
+        BrownConrady, **_terms(0.3, "k1"), **_terms(0.15, "k2"), **_terms(0.075, "k3"), **_TANGENTIAL
+    ),
+    "rational": st.builds(Rational, **_RATIONAL),
+    "thin-prism": st.builds(ThinPrism, **_RATIONAL, **_PRISM),
+    "tilted": st.builds(Tilted, **_RATIONAL, **_PRISM, **_terms(0.05, "tau_x", "tau_y")),
+    "kannala-brandt": st.builds(
+        KannalaBrandt, **_terms(0.1, "k1"), **_terms(0.05, "k2"), **_terms(0.02, "k3"), **_terms(5e-3, "k4")
+    ),
+    "metashape": st.builds(
+        MetashapeFrame,
+        **_terms(0.3, "k1", "k2", "k3", "k4"),
+        **_terms(0.02, "p1", "p2"),
+        **_terms(0.5, "p3", "p4"),
+    ),
+    "observed-brown": st.builds(InverseBrown, **_OFF_CENTRE),
+    "off-centre-brown": st.builds(OffCentreBrown, **_OFF_CENTRE),
+    "australis": st.builds(
+        Australis, **_terms(0.2, "k1", "k2", "k3"), **_terms(5e-3, "p1", "p2"), **_terms(0.05, "b1", "b2")
+    ),
+    "observed-polynomial": st.builds(
+        InversePolynomial,
+        **_terms(0.2, "k1", "k2", "k3", "k4"),
+        **_terms(5e-3, "p1", "p2", "s1", "s2", "s3", "s4"),
+        **_terms(0.4, "p3", "p4"),
+    ),
+    # Below that the formula is rounded off behind the camera, and no lens is there.
+    "division": st.builds(Division, k=_within(0.5).filter(lambda k: not 0 < abs(k) < 1e-12)),
+    "unified": st.builds(
+        Unified, xi=st.floats(-0.8, 2.5), **_terms(0.2, "k1", "k2"), **_terms(0.01, "p1", "p2")
+    ),
+    "extended-unified": st.builds(ExtendedUnified, alpha=st.floats(0.0, 1.0), beta=st.floats(0.05, 3.0)),
+    "double-sphere": st.builds(DoubleSphere, xi=st.floats(-0.9, 1.5), alpha=st.floats(0.0, 1.0)),
+    "field-of-view": st.builds(FieldOfView, omega=_within(2.5)),
+    "fisheye-polynomial": st.builds(FisheyePolynomial, **_terms(0.1, "k2", "k3"), **_terms(0.05, "k4")),
+    "fisheye624": st.builds(Fisheye624, **_FISHEYE, **_terms(4e-3, "k5", "k6", "p1", "p2"), **_FISHEYE_PRISM),
+    "rad-tan-thin-prism-fisheye": st.builds(
+        RadTanThinPrismFisheye,
+        **_terms(0.02, "k0", "k1"),
+        **_terms(5e-3, "k2", "k3", "k4", "k5"),
+        **_terms(4e-3, "p0", "p1"),
+        **_FISHEYE_PRISM,
+    ),
+    "thin-prism-fisheye": st.builds(ThinPrismFisheye, **_FISHEYE, **_terms(4e-3, "p1", "p2", "sx1", "sy1")),
+    "scaramuzza": st.builds(
+        Scaramuzza, c2=st.floats(-0.6, 0.3), c3=st.floats(-0.1, 0.1), c4=st.floats(-0.3, 0.05)
+    ),
+}
+"""Lenses of every model by its name, from plausible to strong: some end inside a wide image, some see behind."""
+
+
 def brown(radial: float = 0.3, tangential: float = 2e-3) -> st.SearchStrategy[BrownConrady]:
-    """Lenses of aerial cameras, some of which fold inside a wide image."""
+    """Lenses of aerial cameras, some of which end inside a wide image."""
     return st.builds(
         BrownConrady,
-        k1=_within(radial),
-        k2=_within(radial / 2),
-        p1=_within(tangential),
-        p2=_within(tangential),
-        k3=_within(radial / 4),
+        **_terms(radial, "k1"),
+        **_terms(radial / 2, "k2"),
+        **_terms(radial / 4, "k3"),
+        **_terms(tangential, "p1", "p2"),
     )
-
-
-def _rational_terms() -> dict[str, st.SearchStrategy[float]]:
-    terms = {name: _within(0.2) for name in ("k1", "k2", "k3", "k4", "k5", "k6")}
-    return {**terms, "p1": _within(2e-3), "p2": _within(2e-3)}
-
-
-def _prism_terms() -> dict[str, st.SearchStrategy[float]]:
-    return {name: _within(2e-3) for name in ("s1", "s2", "s3", "s4")}
 
 
 def perspective_distortions() -> st.SearchStrategy[Distortion]:
     """Lenses of OpenCV's perspective models, from plausible to strong."""
-    return st.one_of(
-        st.builds(NoDistortion),
-        brown(),
-        brown(radial=0.3, tangential=0.0),
-        st.builds(Rational, **_rational_terms()),
-        st.builds(ThinPrism, **_rational_terms(), **_prism_terms()),
-        st.builds(Tilted, **_rational_terms(), **_prism_terms(), tau_x=_within(0.05), tau_y=_within(0.05)),
-    )
-
-
-def fisheyes() -> st.SearchStrategy[KannalaBrandt]:
-    """Fisheye lenses; some fold before 90°, some see behind themselves."""
-    return st.builds(KannalaBrandt, k1=_within(0.1), k2=_within(0.05), k3=_within(0.02), k4=_within(0.005))
+    models = ("none", "brown", "rational", "thin-prism", "tilted")
+    return st.one_of(brown(tangential=0.0), *(DISTORTIONS[model] for model in models))
 
 
 def any_distortions() -> st.SearchStrategy[Distortion]:
     """Lenses of every model there is."""
-    return st.one_of(perspective_distortions(), fisheyes())
+    return st.one_of(*DISTORTIONS.values())
 
 
 @st.composite

@@ -5,62 +5,22 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from calibrary.distortion import (
     Australis,
-    Distortion,
     InverseBrown,
     InversePolynomial,
     NoDistortion,
-    distortion_from,
 )
 from calibrary.distortion.equivalence import exact
 
-SMALL = {name: st.floats(-0.005, 0.005) for name in ("p1", "p2", "s1", "s2", "s3", "s4")}
-RADIAL = {name: st.floats(-0.2, 0.2) for name in ("k1", "k2", "k3", "k4")}
-WIDE = st.builds(InversePolynomial, **RADIAL, **SMALL, p3=st.floats(-0.4, 0.4), p4=st.floats(-0.4, 0.4))
-TEN = st.builds(
-    Australis,
-    **{name: RADIAL[name] for name in ("k1", "k2", "k3")},
-    **{name: SMALL[name] for name in ("p1", "p2")},
-    **{name: st.floats(-0.05, 0.05) for name in ("b1", "b2")},
-)
 ZERO = InversePolynomial(**dict.fromkeys(InversePolynomial.names(), 0.0))
-
-
-def formula(lens: Distortion, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    c = {**dict.fromkeys(("k4", "p3", "p4", "s1", "s2", "s3", "s4", "b1", "b2"), 0.0), **lens.coefficients}
-    x, y = xy.T
-    r = np.hypot(x, y)
-    radial = 1 + c["k1"] * r**2 + c["k2"] * r**4 + c["k3"] * r**6 + c["k4"] * r**8
-    growth = 1 + c["p3"] * r**2 + c["p4"] * r**4
-    along_x = 2 * c["p1"] * x * y + c["p2"] * (r**2 + 2 * x**2)
-    along_y = c["p1"] * (r**2 + 2 * y**2) + 2 * c["p2"] * x * y
-    return np.stack(
-        [
-            x * radial + along_x * growth + c["s1"] * r**2 + c["s2"] * r**4 + c["b1"] * x + c["b2"] * y,
-            y * radial + along_y * growth + c["s3"] * r**2 + c["s4"] * r**4,
-        ],
-        axis=1,
-    )
 
 
 def disc(radius: float) -> NDArray[np.float64]:
     r, angle = np.meshgrid(np.linspace(0.05, 1, 20) * radius, np.linspace(0, 2 * np.pi, 61))
     return np.column_stack([(r * np.cos(angle)).ravel(), (r * np.sin(angle)).ravel()])
-
-
-@settings(max_examples=30, deadline=None)
-@given(lens=st.one_of(WIDE, TEN))
-def test_the_observed_point_is_corrected_by_the_formula(lens: Distortion) -> None:
-    undistorted = disc(0.98 * min(lens.valid_radius(), 1.5))
-    distorted = lens.distort(undistorted)
-    assert np.isfinite(distorted).all()
-    np.testing.assert_allclose(formula(lens, distorted), undistorted, rtol=1e-11, atol=1e-12)
-    np.testing.assert_allclose(lens.undistort(distorted), undistorted, rtol=1e-11, atol=1e-12)
 
 
 def test_its_prism_is_opencvs() -> None:
@@ -107,12 +67,3 @@ def test_no_distortion_is_every_coefficient_zero() -> None:
     assert nothing is not None
     assert not any(nothing.coefficients.values())
     assert exact(nothing, NoDistortion) == NoDistortion()
-
-
-@pytest.mark.parametrize("model", ["australis", "observed-polynomial"])
-def test_files_and_reports_know_them_by_name(model: str) -> None:
-    assert distortion_from(model, dict.fromkeys(distortion_names(model), 0.01)).model == model
-
-
-def distortion_names(model: str) -> tuple[str, ...]:
-    return {"australis": Australis.names(), "observed-polynomial": InversePolynomial.names()}[model]

@@ -21,7 +21,8 @@ __all__ = ["Omnidirectional", "divided", "lifted", "lowered", "undivided", "wide
 class Omnidirectional(Distortion):
     """A camera that may see past 90°, so that rays say more of it than x/z and y/z.
 
-    ``observe`` and ``rays`` are the whole map, ``distort`` and ``undistort`` the part of it in front.
+    :meth:`distort_rays` and :meth:`undistort_to_rays` are the whole map, :meth:`distort` and :meth:`undistort` the
+    part of it in front.
     """
 
     @abstractmethod

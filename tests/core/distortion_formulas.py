@@ -1,0 +1,247 @@
+"""Every model's formula as its source prints it, term by term, with nothing said about where it holds.
+
+None of it shares code with the package. Models whose polynomial corrects the distorted point are in
+:data:`CORRECTIONS`, by the direction their source gives; all others map rays, in :data:`PROJECTIONS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from types import SimpleNamespace
+from typing import TypeAlias
+
+import numpy as np
+
+from calibrary.arrays import FloatArray
+
+__all__ = ["CORRECTIONS", "PROJECTIONS"]
+
+Formula: TypeAlias = Callable[[SimpleNamespace, FloatArray], FloatArray]
+
+
+def _columns(x: FloatArray, y: FloatArray) -> FloatArray:
+    return np.stack([x, y], axis=1)
+
+
+def _plane(rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    x, y = rays[:, 0] / rays[:, 2], rays[:, 1] / rays[:, 2]
+    return x, y, x**2 + y**2
+
+
+def _angle(rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """θ from the axis, and the unit vector across it."""
+    X, Y, Z = rays.T
+    across = np.sqrt(X**2 + Y**2)
+    safe = np.where(across == 0, 1.0, across)
+    return np.arctan2(across, Z), X / safe, Y / safe
+
+
+def _powers(s: FloatArray, *coefficients: float) -> FloatArray:
+    """The polynomial 1 + c1·s + c2·s² and so on."""
+    return 1.0 + sum((c * s ** (i + 1) for i, c in enumerate(coefficients)), start=np.zeros_like(s))
+
+
+def _none(_: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    x, y, _r2 = _plane(rays)
+    return _columns(x, y)
+
+
+def _brown(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    x, y, r2 = _plane(rays)
+    radial = _powers(r2, c.k1, c.k2, c.k3)
+    return _columns(
+        x * radial + 2 * c.p1 * x * y + c.p2 * (r2 + 2 * x**2),
+        y * radial + c.p1 * (r2 + 2 * y**2) + 2 * c.p2 * x * y,
+    )
+
+
+def _rational(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    x, y, r2 = _plane(rays)
+    radial = _powers(r2, c.k1, c.k2, c.k3) / _powers(r2, c.k4, c.k5, c.k6)
+    return _columns(
+        x * radial + 2 * c.p1 * x * y + c.p2 * (r2 + 2 * x**2),
+        y * radial + c.p1 * (r2 + 2 * y**2) + 2 * c.p2 * x * y,
+    )
+
+
+def _thin_prism(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    r2 = _plane(rays)[2]
+    return _rational(c, rays) + _columns(c.s1 * r2 + c.s2 * r2**2, c.s3 * r2 + c.s4 * r2**2)
+
+
+def _tilted(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    about_x = np.array(
+        [[1, 0, 0], [0, math.cos(c.tau_x), math.sin(c.tau_x)], [0, -math.sin(c.tau_x), math.cos(c.tau_x)]]
+    )
+    about_y = np.array(
+        [[math.cos(c.tau_y), 0, -math.sin(c.tau_y)], [0, 1, 0], [math.sin(c.tau_y), 0, math.cos(c.tau_y)]]
+    )
+    R = about_y @ about_x
+    onto = np.array([[R[2, 2], 0, -R[0, 2]], [0, R[2, 2], -R[1, 2]], [0, 0, 1]])
+    upright = _thin_prism(c, rays)
+    seen = np.column_stack([upright, np.ones(len(upright))]) @ (onto @ R).T
+    return np.asarray(seen[:, :2] / seen[:, 2:])
+
+
+def _metashape(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    x, y, r2 = _plane(rays)
+    radial, growth = _powers(r2, c.k1, c.k2, c.k3, c.k4), _powers(r2, c.p3, c.p4)
+    return _columns(
+        x * radial + (c.p1 * (r2 + 2 * x**2) + 2 * c.p2 * x * y) * growth,
+        y * radial + (c.p2 * (r2 + 2 * y**2) + 2 * c.p1 * x * y) * growth,
+    )
+
+
+def _about_centre(c: SimpleNamespace, xy: FloatArray) -> FloatArray:
+    x, y = xy[:, 0] - c.x0, xy[:, 1] - c.y0
+    r2 = x**2 + y**2
+    radial = _powers(r2, c.k1, c.k2, c.k3, c.k4, c.k5)
+    return _columns(
+        c.x0 + x * radial + 2 * c.p1 * x * y + c.p2 * (r2 + 2 * x**2) + c.b1 * x + c.b2 * y,
+        c.y0 + y * radial + c.p1 * (r2 + 2 * y**2) + 2 * c.p2 * x * y,
+    )
+
+
+def _off_centre(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    x, y, _r2 = _plane(rays)
+    return _about_centre(c, _columns(x, y))
+
+
+def _australis(c: SimpleNamespace, xy: FloatArray) -> FloatArray:
+    """As Australis writes it: y up, P1 with x² and P2 with y²."""
+    x, y = xy[:, 0], -xy[:, 1]
+    r2 = x**2 + y**2
+    P1, P2, B2 = c.p2, -c.p1, -c.b2
+    radial = c.k1 * r2 + c.k2 * r2**2 + c.k3 * r2**3
+    return _columns(
+        x + x * radial + P1 * (r2 + 2 * x**2) + 2 * P2 * x * y + c.b1 * x + B2 * y,
+        -(y + y * radial + P2 * (r2 + 2 * y**2) + 2 * P1 * x * y),
+    )
+
+
+def _growing(c: SimpleNamespace, xy: FloatArray) -> FloatArray:
+    x, y = xy.T
+    r2 = x**2 + y**2
+    radial, growth = _powers(r2, c.k1, c.k2, c.k3, c.k4), _powers(r2, c.p3, c.p4)
+    return _columns(
+        x * radial + (2 * c.p1 * x * y + c.p2 * (r2 + 2 * x**2)) * growth + c.s1 * r2 + c.s2 * r2**2,
+        y * radial + (c.p1 * (r2 + 2 * y**2) + 2 * c.p2 * x * y) * growth + c.s3 * r2 + c.s4 * r2**2,
+    )
+
+
+def _division(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    # Behind the camera the divisor is a difference of two equals: 64 bits of mantissa keep what is left of it.
+    X, Y, Z = rays.T.astype(np.longdouble)
+    divisor = Z + np.sqrt(Z**2 - 4 * c.k * (X**2 + Y**2))
+    return _columns(2 * X / divisor, 2 * Y / divisor).astype(np.float64)
+
+
+def _unified(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    X, Y, Z = rays.T
+    depth = Z + c.xi * np.sqrt(X**2 + Y**2 + Z**2)
+    c = SimpleNamespace(**vars(c), k3=0.0)
+    return _brown(c, np.stack([X / depth, Y / depth, np.ones_like(X)], axis=1))
+
+
+def _extended_unified(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    X, Y, Z = rays.T
+    divisor = c.alpha * np.sqrt(c.beta * (X**2 + Y**2) + Z**2) + (1 - c.alpha) * Z
+    return _columns(X / divisor, Y / divisor)
+
+
+def _double_sphere(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    X, Y, Z = rays.T
+    shifted = c.xi * np.sqrt(X**2 + Y**2 + Z**2) + Z
+    divisor = c.alpha * np.sqrt(X**2 + Y**2 + shifted**2) + (1 - c.alpha) * shifted
+    return _columns(X / divisor, Y / divisor)
+
+
+def _field_of_view(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    x, y, r2 = _plane(rays)
+    r = np.sqrt(r2)
+    safe = np.where(r == 0, 1.0, r)
+    # Its limit for no angle at all is the pinhole.
+    seen = np.arctan(2 * r * math.tan(c.omega / 2)) / c.omega if abs(c.omega) > 1e-10 else r
+    return _columns(x * seen / safe, y * seen / safe)
+
+
+def _kannala_brandt(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    theta, u, v = _angle(rays)
+    seen = theta * _powers(theta**2, c.k1, c.k2, c.k3, c.k4)
+    return _columns(seen * u, seen * v)
+
+
+def _fisheye_polynomial(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    """As Pix4D counts: t in right angles, focal length and polynomial scaled to match."""
+    theta, u, v = _angle(rays)
+    t, half_pi = 2 * theta / math.pi, math.pi / 2
+    p2, p3, p4 = c.k2 * half_pi, c.k3 * half_pi**2, c.k4 * half_pi**3
+    seen = (t + p2 * t**2 + p3 * t**3 + p4 * t**4) * half_pi
+    return _columns(seen * u, seen * v)
+
+
+def _fisheye624(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    theta, across, down = _angle(rays)
+    u, v, r2 = theta * across, theta * down, theta**2
+    radial = _powers(r2, c.k1, c.k2, c.k3, c.k4, c.k5, c.k6)
+    return _columns(
+        u * radial + 2 * c.p1 * u * v + c.p2 * (r2 + 2 * u**2) + c.s0 * r2 + c.s1 * r2**2,
+        v * radial + 2 * c.p2 * u * v + c.p1 * (r2 + 2 * v**2) + c.s2 * r2 + c.s3 * r2**2,
+    )
+
+
+def _aria(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    theta, across, down = _angle(rays)
+    seen = theta * _powers(theta**2, c.k0, c.k1, c.k2, c.k3, c.k4, c.k5)
+    u, v, r2 = seen * across, seen * down, seen**2
+    return _columns(
+        u + c.p0 * (r2 + 2 * u**2) + 2 * c.p1 * u * v + c.s0 * r2 + c.s1 * r2**2,
+        v + c.p1 * (r2 + 2 * v**2) + 2 * c.p0 * u * v + c.s2 * r2 + c.s3 * r2**2,
+    )
+
+
+def _thin_prism_fisheye(c: SimpleNamespace, rays: FloatArray) -> FloatArray:
+    theta, across, down = _angle(rays)
+    u, v, r2 = theta * across, theta * down, theta**2
+    radial = _powers(r2, c.k1, c.k2, c.k3, c.k4)
+    return _columns(
+        u * radial + 2 * c.p1 * u * v + c.p2 * (r2 + 2 * u**2) + c.sx1 * r2,
+        v * radial + 2 * c.p2 * u * v + c.p1 * (r2 + 2 * v**2) + c.sy1 * r2,
+    )
+
+
+def _cam2world(c: SimpleNamespace, xy: FloatArray) -> FloatArray:
+    """OCamCalib's cam2world, as (x/z, y/z, 1) times depth: the ray of a distorted point."""
+    s = np.hypot(*xy.T)
+    return np.column_stack([xy, 1 + c.c2 * s**2 + c.c3 * s**3 + c.c4 * s**4])
+
+
+PROJECTIONS: Mapping[str, Formula] = {
+    "none": _none,
+    "brown": _brown,
+    "rational": _rational,
+    "thin-prism": _thin_prism,
+    "tilted": _tilted,
+    "metashape": _metashape,
+    "off-centre-brown": _off_centre,
+    "division": _division,
+    "unified": _unified,
+    "extended-unified": _extended_unified,
+    "double-sphere": _double_sphere,
+    "field-of-view": _field_of_view,
+    "kannala-brandt": _kannala_brandt,
+    "fisheye-polynomial": _fisheye_polynomial,
+    "fisheye624": _fisheye624,
+    "rad-tan-thin-prism-fisheye": _aria,
+    "thin-prism-fisheye": _thin_prism_fisheye,
+}
+"""(N, 3) rays to (N, 2) distorted points."""
+
+CORRECTIONS: Mapping[str, Formula] = {
+    "observed-brown": _about_centre,
+    "australis": _australis,
+    "observed-polynomial": _growing,
+    "scaramuzza": _cam2world,
+}
+"""(N, 2) distorted points to (N, 2) undistorted ones, or to (N, 3) rays."""
