@@ -29,9 +29,10 @@ from calibrary.calibration import Calibration, CameraKey, Covariance, Grade, Int
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.site.building import build
 from calibrary.jobs.site.server import Server
-from calibrary.keep.beginning import begin
-from calibrary.keep.keeper import Keeper, note_of
 from calibrary.registry.entry import Entry, Status
+from calibrary.registry.init import init
+from calibrary.registry.registry import Registry
+from calibrary.registry.writing import note_of
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -77,10 +78,10 @@ def an_entry(number: int, seed: int = 0) -> Entry:
 
 def fleet(folder: Path, entries: int) -> None:
     """A registry of so many cameras with their past."""
-    keeper = begin(folder).keeper
+    registry = init(folder).registry
     for seed, share in ((0, 1.0), (1, 0.5), (2, 0.2)):
         for batch in _batches(range(round(share * entries))):
-            _save(keeper, [an_entry(number, seed) for number in batch])
+            _save(registry, [an_entry(number, seed) for number in batch])
 
 
 def _batches(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
@@ -88,10 +89,10 @@ def _batches(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
         yield numbers[start : start + BATCH]
 
 
-def _save(keeper: Keeper, entries: Sequence[Entry]) -> None:
-    held = [(entry, keeper.at(entry.path)) for entry in entries]
-    based = [(entry, one.oid if one is not None else None) for entry, one in held]
-    keeper.save(based, note_of("Calibrate", entries))
+def _save(registry: Registry, entries: Sequence[Entry]) -> None:
+    current = [(entry, registry.snapshot().at(entry.path)) for entry in entries]
+    based = [(entry, one.oid if one is not None else None) for entry, one in current]
+    registry.write(based, note_of("Calibrate", entries))
 
 
 def main() -> None:
@@ -148,7 +149,7 @@ def _cost(folder: Path, entries: int, workers: int) -> None:
 def _again(registry: Path, entries: int, workers: int) -> None:
     """What a reader of the server waits for when one entry has changed."""
     with Server(registry, workers=workers) as server:
-        _save(Keeper.open(registry), [an_entry(1, 3)])
+        _save(Registry.open(registry), [an_entry(1, 3)])
         took = _seconds(server.look)
     print(f"  {'made anew when one entry changed':<34}{took:.1f} s, {1e3 * took / entries:.1f} ms an entry")
 

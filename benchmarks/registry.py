@@ -17,7 +17,7 @@ import random
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import count
@@ -27,11 +27,15 @@ from typing import TYPE_CHECKING
 
 import git
 
-from calibrary.registry.fleet import Note, Registry
+from calibrary.registry.charter import charter_yaml
+from calibrary.registry.git.creating import create
 from calibrary.registry.git.fast_import import File, Person, Step, stream
+from calibrary.registry.git.history import history
 from calibrary.registry.git.maintenance import maintain
 from calibrary.registry.git.remotes import clone
-from calibrary.registry.git.writing import Change
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import Change, write
+from calibrary.registry.registry import Registry
 
 if TYPE_CHECKING:
     from benchmarks.extract import interleaved, ratio, row
@@ -102,12 +106,18 @@ def entry(number: int, seed: int = 0) -> bytes:
     return text.encode()
 
 
+def begun(folder: Path, files: Mapping[str, bytes], *, durable: bool = True) -> Repository:
+    """A bare registry with some entries as its first commit."""
+    repo = create(folder, bare=True, durable=durable)
+    changes = [Change(path=path, data=data) for path, data in files.items()]
+    write(repo, [Change(path="registry.yaml", data=charter_yaml()), *changes], "Import\n")
+    return repo
+
+
 def registry_with_history(folder: Path, entries: int, commits: int) -> Registry:
     """A packed bare registry: all entries in one commit, then one commit after the other of one entry each."""
-    registry, _ = Registry.init(folder, {"registry.yaml": b"layout: 1\n"}, bare=True, durable=False)
-    registry.put_many(
-        [Change(path=path_of(n), data=entry(n)) for n in range(entries)], Note(subject="Import")
-    )
+    begun(folder, {path_of(n): entry(n) for n in range(entries)}, durable=False).close()
+    registry = Registry.open(folder, durable=False)
     # One entry in ten is changed often: some twenty revisions among ten thousand commits at a thousand entries.
     chance = random.Random(entries)  # noqa: S311  the same numbers in every run
     start = datetime(2026, 1, 1, tzinfo=UTC)
@@ -168,11 +178,7 @@ def bulk_import(folder: Path, entries: int, repeats: int) -> None:
     places = count()
 
     def ours() -> None:
-        registry, _ = Registry.init(folder / f"o{next(places)}", {"registry.yaml": b"1\n"}, bare=True)
-        registry.put_many(
-            [Change(path=path, data=data) for path, data in files.items()], Note(subject="Import")
-        )
-        registry.repo.close()
+        begun(folder / f"o{next(places)}", files).close()
 
     def plain() -> None:
         place = folder / f"g{next(places)}"
@@ -218,12 +224,12 @@ def show(registry: Registry, entries: int, repeats: int) -> None:
     folder, revision = registry.repo.path, registry.commit("main~500")
     paths = [path_of(chance.randrange(entries)) for _ in range(READS)]
     reader, repo = CatFile(folder), git.Repo(folder)
-    assert registry.read(paths[0], revision).data == reader.read(f"{revision}:{paths[0]}")
+    assert registry.snapshot(revision).read(paths[0]) == reader.read(f"{revision}:{paths[0]}")
     contestants: dict[str, Callable[[], object]] = {
-        "ours": lambda: [registry.read(path, revision) for path in paths],
+        "ours": lambda: [registry.snapshot(revision).read(path) for path in paths],
         "plain": lambda: [reader.read(f"{revision}:{path}") for path in paths],
         "naive": lambda: [(repo.commit(revision).tree / path).data_stream.read() for path in paths[:20]],
-        "by name": lambda: [registry.read(path, "main~500") for path in paths[:10]],
+        "by name": lambda: [registry.snapshot("main~500").read(path) for path in paths[:10]],
         "cold git": lambda: [run(folder, "show", f"{revision}:{path}") for path in paths[:10]],
         "tip": lambda: [registry.snapshot() for _ in paths],
     }
@@ -256,11 +262,11 @@ def log(registry: Registry, repeats: int) -> None:
         return run(folder, "log", "--format=%H %an %ad %s", "--", path).decode().splitlines()
 
     contestants: dict[str, Callable[[], object]] = {
-        "ours": lambda: registry.history(path),
+        "ours": lambda: history(registry.repo, path, registry.commit()),
         "plain": plain,
         "naive": naive,
     }
-    revisions = len(registry.history(path))
+    revisions = len(history(registry.repo, path, registry.commit()))
     assert revisions == len(plain())
     times = interleaved(contestants, repeats * 3)
     repo.close()
@@ -276,14 +282,14 @@ def log(registry: Registry, repeats: int) -> None:
 def add_and_commit(registry: Registry, folder: Path, entries: int, repeats: int) -> None:
     """One new entry, one commit."""
     numbers = count(entries)
-    waiting = Registry.open(registry.repo.path)
+    waiting = Repository.open(registry.repo.path)
     work, seen = folder / "git", folder / "ours"
     clone(str(registry.repo.path), work, durable=False).close()
-    shown = Registry(clone(str(registry.repo.path), seen, durable=False))
+    shown = clone(str(registry.repo.path), seen, durable=False)
 
-    def put(into: Registry) -> None:
+    def put(into: Repository) -> None:
         number = next(numbers)
-        into.put(path_of(number), entry(number), Note(subject=f"Add {number}"), base=None)
+        write(into, [Change(path=path_of(number), data=entry(number))], f"Add {number}\n")
 
     def written() -> str:
         number = next(numbers)
@@ -302,7 +308,7 @@ def add_and_commit(registry: Registry, folder: Path, entries: int, repeats: int)
             repo.index.commit("Add")
 
     contestants: dict[str, Callable[[], object]] = {
-        "ours": lambda: put(registry),
+        "ours": lambda: put(registry.repo),
         "durable": lambda: put(waiting),
         "shown": lambda: put(shown),
         "plain": plain,
@@ -311,7 +317,7 @@ def add_and_commit(registry: Registry, folder: Path, entries: int, repeats: int)
     times["naive"] = interleaved({"naive": naive}, repeats if entries <= NAIVE_UP_TO else 1)["naive"]
     few = {name: seconds[: len(times["naive"])] for name, seconds in times.items()}
     for opened in (waiting, shown):
-        opened.repo.close()
+        opened.close()
     shutil.rmtree(work)
     shutil.rmtree(seen)
     print("\nOne new entry, one commit (add)")

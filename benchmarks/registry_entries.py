@@ -27,16 +27,17 @@ from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
-from calibrary.keep.alias_cache import names_at
-from calibrary.keep.checking import check_all
-from calibrary.keep.shelf import Shelf, open_shelf
 from calibrary.records import replace
+from calibrary.registry.alias_cache import names_at
 from calibrary.registry.charter import charter_yaml
+from calibrary.registry.check_registry import check_all
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.fleet import Note, Registry
+from calibrary.registry.git.creating import create
 from calibrary.registry.git.maintenance import maintain
-from calibrary.registry.git.writing import Change
+from calibrary.registry.git.writing import Change, write
+from calibrary.registry.registry import open_snapshot
+from calibrary.registry.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from benchmarks.extract import interleaved, ratio, row
@@ -92,21 +93,22 @@ def entry(number: int) -> Entry:
     return Entry(calibration=calibration, status=Status.APPROVED, aliases=named)
 
 
-def registry_of(folder: Path, entries: int) -> Shelf:
+def registry_of(folder: Path, entries: int) -> Snapshot:
     """A packed bare registry."""
-    registry, _ = Registry.init(folder, {"registry.yaml": charter_yaml()}, bare=True, durable=False)
-    changes = [Change(path=one.path, data=entry_yaml(one)) for one in map(entry, range(entries))]
-    registry.put_many(changes, Note(subject="Import"))
-    maintain(registry.repo)
-    registry.repo.close()
-    return open_shelf(folder)
+    repo = create(folder, bare=True, durable=False)
+    changes = [Change(path="registry.yaml", data=charter_yaml())]
+    changes += [Change(path=one.path, data=entry_yaml(one)) for one in map(entry, range(entries))]
+    write(repo, changes, "Import\n")
+    maintain(repo)
+    repo.close()
+    return open_snapshot(folder)
 
 
-def warm(shelf: Shelf, entries: int) -> float:
+def warm(snapshot: Snapshot, entries: int) -> float:
     """Resolving in a process that is up; the seconds that one takes."""
     chance = random.Random(1)  # noqa: S311  the same numbers in every run
     keys = [key_of(chance.randrange(entries)) for _ in range(ASKED)]
-    index = shelf.index()
+    index = snapshot.index()
     assert index.resolve(keys[0]) is not None
     times: dict[str, list[float]] = {}
     for name in ("first", "again"):
@@ -133,9 +135,9 @@ def warm(shelf: Shelf, entries: int) -> float:
     return again
 
 
-def cold(shelf: Shelf, entries: int, repeats: int) -> None:
+def cold(snapshot: Snapshot, entries: int, repeats: int) -> None:
     """Resolving as a process of its own."""
-    folder, number = shelf.place, entries // 2
+    folder, number = snapshot.place, entries // 2
     key, path = key_of(number), entry(number).path
     command = [
         sys.executable,
@@ -167,9 +169,9 @@ def cold(shelf: Shelf, entries: int, repeats: int) -> None:
         "python": lambda: process([sys.executable, "-c", "pass"]),
     }
     process(named)
-    assert shelf.keeper is not None
-    assert shelf.commit is not None
-    names_at(shelf.keeper.registry.repo, shelf.commit)
+    assert snapshot.repo is not None
+    assert snapshot.commit is not None
+    names_at(snapshot.repo, snapshot.commit)
     times = interleaved(contestants, repeats)
     # The turn of `named` comes right after the cache was thrown away: it looks through all entries.
     times["named again"] = interleaved({"named again": lambda: process(named)}, repeats)["named again"]
@@ -184,10 +186,10 @@ def cold(shelf: Shelf, entries: int, repeats: int) -> None:
     row("  ours takes, of calibrary --version", ratio(times["own"], times["version"])[0])
 
 
-def check(shelf: Shelf, entries: int) -> None:
+def check(snapshot: Snapshot, entries: int) -> None:
     """Everything that check says, of every entry."""
     start = perf_counter()
-    done = check_all(shelf)
+    done = check_all(snapshot)
     seconds = perf_counter() - start
     assert done.report.is_good
     assert done.report.entries == entries
@@ -211,13 +213,13 @@ def measure(sizes: Sizes) -> None:
     for entries in sizes.entries:
         with tempfile.TemporaryDirectory(prefix="calibrary-bench-") as name:
             print(f"\n{entries} entries")
-            shelf = registry_of(Path(name, "registry"), entries)
-            again.append(warm(shelf, entries))
-            cold(shelf, entries, sizes.repeats)
+            snapshot = registry_of(Path(name, "registry"), entries)
+            again.append(warm(snapshot, entries))
+            cold(snapshot, entries, sizes.repeats)
             if entries <= CHECKED_UP_TO:
-                check(shelf, entries)
-            assert shelf.keeper is not None
-            shelf.keeper.registry.repo.close()
+                check(snapshot, entries)
+            assert snapshot.repo is not None
+            snapshot.repo.close()
     if len(again) > 1:
         growth = again[-1] / again[0]
         print(f"\nResolve, warm, from {sizes.entries[0]} to {sizes.entries[-1]} entries")

@@ -20,7 +20,6 @@ from calibrary.calibration import (
     Quality,
 )
 from calibrary.distortion import BrownConrady
-from calibrary.keep.keeper import Keeper, note_of
 from calibrary.records import replace
 from calibrary.registry.charter import CHARTER, charter_yaml
 from calibrary.registry.entry import Entry, Status
@@ -28,6 +27,8 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.creating import create
 from calibrary.registry.git.fast_import import Person
 from calibrary.registry.git.writing import Change, write
+from calibrary.registry.registry import Registry
+from calibrary.registry.writing import note_of
 
 __all__ = ["write_fleet"]
 
@@ -61,15 +62,15 @@ MODELS = (
 )
 
 
-def write_fleet(folder: Path) -> Keeper:
+def write_fleet(folder: Path) -> Registry:
     """A registry of seven cameras, one of which was calibrated five times."""
     # A registry that was begun today could hold no commit of last year.
     begun = [Change(path=CHARTER, data=charter_yaml())]
     write(create(folder), begun, "Begin a registry", author=KEEPER, now=datetime(2025, 1, 9, tzinfo=UTC))
-    keeper = Keeper.open(folder)
+    registry = Registry.open(folder)
     for number, model in enumerate(MODELS):
         _save(
-            keeper,
+            registry,
             _entry(model, day=f"2025-01-{10 + number}", firmware="01.07"),
             "Add the laboratory's calibration",
         )
@@ -80,8 +81,8 @@ def write_fleet(folder: Path) -> Keeper:
         ("2026-06-11", "01.09", 4.4, "firmware 01.09 came out"),
     )
     for day, firmware, change, why in steps:
-        _save(keeper, _entry(P4R, day=day, firmware=firmware, change=change), "Calibrate anew", why)
-    return keeper
+        _save(registry, _entry(P4R, day=day, firmware=firmware, change=change), "Calibrate anew", why)
+    return registry
 
 
 def _entry(model: Model, *, day: str, firmware: str, change: float = 0.0) -> Entry:
@@ -123,11 +124,13 @@ def _entry(model: Model, *, day: str, firmware: str, change: float = 0.0) -> Ent
     return replace(Entry.of(calibration), status=model.status)
 
 
-def _save(keeper: Keeper, entry: Entry, subject: str, reason: str | None = None) -> None:
+def _save(registry: Registry, entry: Entry, subject: str, reason: str | None = None) -> None:
     """One commit on the day that its calibration was made."""
-    held = keeper.at(entry.path)
-    change = Change(path=entry.path, data=entry_yaml(entry), base=held.oid if held is not None else None)
+    current = registry.snapshot().at(entry.path)
+    change = Change(
+        path=entry.path, data=entry_yaml(entry), base=current.oid if current is not None else None
+    )
     made = entry.calibration.provenance.date or "2026-01-01"
     now = datetime.fromisoformat(f"{made}T09:30:00").replace(tzinfo=UTC)
     note = note_of(subject, [entry], reason)
-    write(keeper.registry.repo, [change], note.message, author=KEEPER, now=now)
+    write(registry.repo, [change], note.message, author=KEEPER, now=now)

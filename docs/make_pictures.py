@@ -169,8 +169,8 @@ def fleet_pages() -> tuple[str, str, str]:
     """A comparison, and of the registry's site the list and a camera."""
     with TemporaryDirectory() as folder:
         registry = Path(folder) / "fleet"
-        keeper = write_fleet(registry)
-        before, after = (keeper.get(f"fc6310r@firmware:{version}") for version in ("01.08", "01.09"))
+        fleet = write_fleet(registry)
+        before, after = (fleet.get(f"fc6310r@firmware:{version}") for version in ("01.08", "01.09"))
         compared = compare(before.entry.calibration, after.entry.calibration)
         diff = comparison_page(compared, ("fc6310r@firmware:01.08", "fc6310r"), 100.0)
         site = build(registry, Path(folder) / "site", workers=1)

@@ -174,7 +174,9 @@ def _provenance(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
 
 def _plausible(path: str, entry: Entry, policy: Policy) -> Iterator[Finding]:
     """The policy's own rules. An entry is what knows its camera: it is not held to the band of unknown ones."""
-    known = replace(entry.calibration, provenance=replace(entry.calibration.provenance, kind="registry"))
+    known, made = entry.calibration, entry.calibration.provenance
+    if made.kind == "image-metadata":
+        known = replace(known, provenance=replace(made, kind="registry"))
     for finding in validate(known, policy).findings:
         if finding.severity is Severity.PASS:
             continue

@@ -3,31 +3,13 @@
 from __future__ import annotations
 
 import os
-from functools import partial
 from pathlib import Path
 
-from calibrary.errors import InputError, RegistryError
-from calibrary.registry.charter import CHARTER, parse_charter
+from calibrary.errors import RegistryError
 from calibrary.registry.entry import ROOT, is_entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY
-from calibrary.registry.resolution import RegistryIndex
 
-__all__ = ["entry_paths", "open_folder", "read_entry_file"]
-
-
-def open_folder(root: Path) -> RegistryIndex:
-    """List a registry's files; an entry written by hand needs no digest here, but one that is there must fit.
-
-    Raises:
-        RegistryError: there is no registry here, it is of a newer layout, or a folder of it cannot be read.
-    """
-    charter = root / CHARTER
-    if charter.is_file():
-        try:
-            parse_charter(read_entry_file(root, CHARTER))
-        except InputError as error:
-            raise RegistryError(str(error)) from None
-    return RegistryIndex(entry_paths(root), partial(read_entry_file, root), require_digest=False)
+__all__ = ["entry_paths", "read_entry_file"]
 
 
 def entry_paths(root: Path) -> list[str]:

@@ -16,9 +16,9 @@ from calibrary.cli.main import main
 from calibrary.jobs.demo.cameras import Band, Shot, rededge_m
 from calibrary.jobs.diff.comparison import ChangeVerdict, compare
 from calibrary.jobs.diff.structure import Kind
-from calibrary.keep.beginning import begin
-from calibrary.keep.keeper import Keeper
 from calibrary.records import replace
+from calibrary.registry.init import init
+from calibrary.registry.registry import Registry
 from calibrary.synthetic import XmpDescription, XmpPacket, elements, write_jpeg
 from calibrary.synthetic.xmp import PIX4D_1
 from tests.calib.solving import Session, camera, shoot
@@ -140,7 +140,7 @@ NAMED = ("--make", "DJI", "--model", "ZH20N", "--sub-camera", "thermal")
 @pytest.fixture
 def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A registry whose entry of the thermal camera, 1004 px, was measured."""
-    begin(tmp_path / "fleet")
+    init(tmp_path / "fleet")
     monkeypatch.setenv("CALIBRARY_REGISTRY", str(tmp_path / "fleet"))
     monkeypatch.chdir(tmp_path)
     add(xml(tmp_path / "lab.xml", 1004.0, FRAME, 2.0), "--approve", camera=NAMED)
@@ -178,7 +178,9 @@ def test_another_lens_in_exif_is_refused_on_board_and_the_entry_stays(
     assert main(["onboard", str(thermal(tmp_path / "wrong", WRONG)), "--yes"]) == 1
     assert "refused" in capsys.readouterr().err
     assert commit_of(fleet) == before
-    assert [one.entry.calibration.intrinsics.fx for one in Keeper.open(fleet).entries()] == [1004.0]
+    assert [one.entry.calibration.intrinsics.fx for one in Registry.open(fleet).snapshot().entries()] == [
+        1004.0
+    ]
 
 
 def test_a_measurement_and_the_registry_outvote_another_lens_in_exif(
@@ -188,6 +190,8 @@ def test_a_measurement_and_the_registry_outvote_another_lens_in_exif(
     xml(payload / "new.xml", 1002.0, FRAME, 2.0)
     assert main(["onboard", str(payload), "--yes"]) == 0
     assert "not believed" in capsys.readouterr().err
-    [proposed] = [one.entry.calibration for one in Keeper.open(fleet).entries("onboard/dji-zh20n")]
+    [proposed] = [
+        one.entry.calibration for one in Registry.open(fleet).snapshot("onboard/dji-zh20n").entries()
+    ]
     # What nobody believes is no part of the key by which the camera will be found either.
     assert (proposed.intrinsics.fx, proposed.camera.focal_mm) == (1002.0, None)

@@ -14,7 +14,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.cli.main import main
-from calibrary.keep.keeper import Keeper
+from calibrary.registry.registry import Registry
 from calibrary.schemas import require
 from tests.jobs.diff.cameras import camera, changed
 from tests.jobs.site.fleet import fleet
@@ -105,7 +105,7 @@ def test_a_matrix_beside_a_file_takes_its_size_from_it_and_its_k_alone_is_compar
 
 
 def test_an_entry_is_compared_with_what_it_was(registry: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    first = list(Keeper.open(registry).revisions("cameras/dji/fc6310r/5472x3648+f8.8.yaml"))[-1][0].commit
+    first = Registry.open(registry).history("dji/fc6310r/5472x3648+f8.8")[-1].revision.commit
     code, document = printed(capsys, f"{FC6310R}@{first}", FC6310R)
     assert (code, document["verdict"]) == (ALARM, "drift")
     assert document["numbers"]["significance"]["spread_a"].startswith("its own covariance")
@@ -132,7 +132,7 @@ def test_a_policy_may_be_more_patient(
 def test_the_fleet_since_a_commit_stands_worst_first(
     registry: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    began = Keeper.open(registry).registry.history()[-2].commit
+    began = Registry.open(registry).history()[-2].revision.commit
     code, document = printed(capsys, "--since", began)
     assert code == ALARM
     verdicts = [change["verdict"] for change in document["changes"]]
@@ -143,7 +143,7 @@ def test_the_fleet_since_a_commit_stands_worst_first(
 
 
 def test_the_fleet_since_now_has_not_changed(registry: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    newest = Keeper.open(registry).registry.commit()
+    newest = Registry.open(registry).commit()
     assert printed(capsys, "--since", newest) == (0, {"schema": "calibrary/fleet-diff-1", "changes": []})
     code, out, _ = run(capsys, "--since", newest)
     assert (code, out.strip()) == (0, "no entry differs")
@@ -170,7 +170,7 @@ def test_a_page_shows_what_the_terminal_says(files: Path, capsys: pytest.Capture
 def test_a_page_of_the_fleet_has_every_comparison(
     registry: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    page, began = tmp_path / "fleet.html", Keeper.open(registry).registry.history()[-2].commit
+    page, began = tmp_path / "fleet.html", Registry.open(registry).history()[-2].revision.commit
     code, _, _ = run(capsys, "--since", began, "--html", page)
     assert code == ALARM
     text = page.read_text()

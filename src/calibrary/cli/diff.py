@@ -100,7 +100,7 @@ def _pair(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
     from calibrary.jobs.diff.comparison import compare
     from calibrary.jobs.diff.report import diff_report
-    from calibrary.keep.operand import Reading, read_operands
+    from calibrary.jobs.exchange.argument import Reading, read_arguments
 
     answers = Answers.of(arguments)
     reading = Reading(
@@ -111,7 +111,7 @@ def _pair(arguments: argparse.Namespace) -> int:
         camera=arguments.camera,
     )
     first, second = arguments.operands
-    a, b = read_operands(first, second, reading)
+    a, b = read_arguments(first, second, reading)
     comparison = compare(a.calibration, b.calibration, _policy(arguments))
     labels = (a.label, b.label)
     if arguments.html is not None:
@@ -208,10 +208,10 @@ def _fleet(arguments: argparse.Namespace) -> int:
 
     from calibrary.cli.console import make_console
     from calibrary.jobs.diff.fleet import by_firmware, since
-    from calibrary.keep.keeper import Keeper
-    from calibrary.keep.place import require_registry
+    from calibrary.registry.locate import require_registry
+    from calibrary.registry.registry import Registry
 
-    keeper, policy = Keeper.open(require_registry(arguments.registry)), _policy(arguments)
+    registry, policy = Registry.open(require_registry(arguments.registry)), _policy(arguments)
     console = make_console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("comparing", total=None)
@@ -220,12 +220,12 @@ def _fleet(arguments: argparse.Namespace) -> int:
             bar.update(task, completed=done, total=total)
 
         if arguments.since is not None:
-            changes = since(keeper, arguments.since, policy, progress)
+            changes = since(registry, arguments.since, policy, progress)
         else:
             old, dots, new = arguments.firmware.partition("..")
             if not (old and dots and new):
                 arguments.parser.error("--firmware: wanted OLD..NEW, such as 01.08..01.09")
-            changes = by_firmware(keeper, old, new, policy, progress)
+            changes = by_firmware(registry, old, new, policy, progress)
     if arguments.html is not None:
         from calibrary.jobs.diff.page import fleet_page
 

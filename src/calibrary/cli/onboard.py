@@ -12,6 +12,7 @@ from calibrary.cli.calibrate.flags import number
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
 from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -82,7 +83,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     board.add_argument("--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker")
     parser.add_argument("--only", metavar="TEXT", help="only cameras whose name holds this, such as M3T wide")
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
-    parser.add_argument("--operator", metavar="NAME", help="who answers for it; git's user when left out")
+    add_stated_flags(parser)
     parser.add_argument(
         "--workers", type=_count, default=0, metavar="N", help="processes that look at images"
     )
@@ -143,7 +144,7 @@ def _onboarded(arguments: argparse.Namespace, note: Console) -> Onboarding:
     from calibrary.jobs.onboard.records import Request
     from calibrary.jobs.onboard.run import onboard
 
-    keeper = opened(arguments)
+    registry = opened(arguments)
     board = _board(arguments)
     bars = {
         words: Bar(note, text) for words, text in (("sorting", "sorting"), ("board", "finding the board"))
@@ -158,14 +159,14 @@ def _onboarded(arguments: argparse.Namespace, note: Console) -> Onboarding:
         return onboard(
             Request(
                 folder=arguments.folder,
-                keeper=keeper,
+                registry=registry,
                 questions=_questions(arguments),
                 said=partial(camera_of, arguments),
                 image_size=arguments.image_size,
                 board=board,
                 trusted=Kind(arguments.trust) if arguments.trust is not None else None,
                 only=arguments.only,
-                operator=arguments.operator,
+                stated=stated_of(arguments),
                 workers=arguments.workers,
                 progress=progress,
             )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.keep.beginning import begin
+from calibrary.registry.init import init
 from tests.registry.git.repositories import nobodys_git, seclude
 
 __all__ = ["nobodys_git"]
@@ -19,7 +19,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("begun")
     with pytest.MonkeyPatch.context() as patch:
         seclude(patch, folder)
-        begin(folder / "fleet")
+        init(folder / "fleet")
     return folder / "fleet"
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from calibrary.cli.main import main
-from calibrary.keep.keeper import Held, Keeper
+from calibrary.registry.registry import Registry
+from calibrary.registry.snapshot import StoredEntry
 from calibrary.schemas import require
 
 __all__ = ["CAMERA", "P4R", "add", "commit_of", "held", "printed", "run", "xml"]
@@ -47,11 +48,11 @@ def add(path: Path, *arguments: str, camera: tuple[str, ...] = CAMERA) -> None:
     assert main(["registry", "add", str(path), *camera, "--yes", *arguments]) == 0
 
 
-def held(fleet: Path, key: str = P4R) -> Held:
+def held(fleet: Path, key: str = P4R) -> StoredEntry:
     """An entry as it stands."""
-    return Keeper.open(fleet).get(key)
+    return Registry.open(fleet).get(key)
 
 
 def commit_of(fleet: Path) -> str:
     """Where the registry stands."""
-    return Keeper.open(fleet).registry.commit()
+    return Registry.open(fleet).commit()

@@ -12,14 +12,15 @@ import pytest
 
 from calibrary.calibration import Grade, Quality
 from calibrary.cli.main import main
-from calibrary.keep import adding
-from calibrary.keep.keeper import Keeper
-from calibrary.keep.place import default_place
 from calibrary.parsers.imagery import hash_serial
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.git.writing import Written
+from calibrary.registry.locate import default_place
+from calibrary.registry.proposals import Proposals
+from calibrary.registry.registry import Registry
 from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, printed, run, xml
 from tests.jobs.extract.fleet import DEWARP, picture
 from tests.jobs.extract.fleet import P4R as P4R_TAGS
@@ -73,13 +74,13 @@ def test_the_flags_come_before_the_file(fleet: Path, tmp_path: Path) -> None:
 def test_a_range_of_firmware_is_part_of_the_key(fleet: Path, tmp_path: Path) -> None:
     add(xml(tmp_path / "a.xml"), "--firmware-range", "01.08..01.09")
     add(xml(tmp_path / "b.xml", 3665.0), "--firmware-range", "01.10..")
-    ranges = [one.entry.firmware for one in Keeper.open(fleet).entries()]
+    ranges = [one.entry.firmware for one in Registry.open(fleet).snapshot().entries()]
     assert ranges == [FirmwareRange(min="01.08", max="01.09"), FirmwareRange(min="01.10")]
 
 
 def test_a_serial_number_is_hashed(fleet: Path, tmp_path: Path) -> None:
     add(xml(tmp_path / "a.xml"), "--serial", "0V2ABC1234567")
-    [path] = Keeper.open(fleet).registry.snapshot().paths
+    [path] = Registry.open(fleet).snapshot().paths
     assert path == f"cameras/dji/fc6310r/sn-{hash_serial('DJI', '0V2ABC1234567')}/5472x3648.yaml"
     assert "0V2ABC1234567" not in git(fleet, "log", "-p", "--no-textconv")
 
@@ -114,7 +115,7 @@ def test_of_an_image_only_a_measured_k_names_the_unit(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     add(picture(tmp_path / "a.jpg", **P4R_TAGS, body_serial="77A"), camera=())
-    [one] = Keeper.open(fleet).entries()
+    [one] = Registry.open(fleet).snapshot().entries()
     assert one.entry.calibration.grade is Grade.DERIVED
     assert one.entry.calibration.camera.serial is None
     assert "no unit is named" in capsys.readouterr().err
@@ -144,11 +145,11 @@ def test_every_camera_of_a_file_enters_in_one_commit_or_one_is_chosen(
     before = commit_of(fleet)
     code, _, told = run(capsys, "add", file, *CAMERA, "--camera", "2", "--yes")
     assert (code, "the file calls it '2'" in told) == (0, True)
-    assert [one.id for one in Keeper.open(fleet).entries()] == ["dji/fc6310r/2000x1500+sub-2"]
+    assert [one.id for one in Registry.open(fleet).snapshot().entries()] == ["dji/fc6310r/2000x1500+sub-2"]
     add(file, "--sub-camera", "")
     assert git(fleet, "rev-list", "--count", f"{before}..HEAD") == "2"
     ids = ["dji/fc6310r/2000x1500", "dji/fc6310r/2000x1500+sub-2", "dji/fc6310r/4000x3000"]
-    assert sorted(one.id for one in Keeper.open(fleet).entries()) == ids
+    assert sorted(one.id for one in Registry.open(fleet).snapshot().entries()) == ids
 
 
 @pytest.mark.usefixtures("fleet")
@@ -277,14 +278,14 @@ def test_of_two_writers_the_second_is_told_what_the_first_wrote_and_writes_nothi
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add(xml(tmp_path / "a.xml"))
-    write = adding.write_proposals
+    save = Registry.save
 
-    def after_another(*arguments: object, **named: object) -> object:
-        monkeypatch.setattr(adding, "write_proposals", write)
+    def after_another(registry: Registry, proposals: Proposals, **named: str | None) -> Written:
+        monkeypatch.setattr(Registry, "save", save)
         add(xml(tmp_path / "theirs.xml", 3661.0))
-        return write(*arguments, **named)  # type: ignore[arg-type]  # handed on as they came
+        return save(registry, proposals, reason=named["reason"])
 
-    monkeypatch.setattr(adding, "write_proposals", after_another)
+    monkeypatch.setattr(Registry, "save", after_another)
     code, _, told = run(capsys, "add", xml(tmp_path / "ours.xml", 3662.0), *CAMERA, "--yes")
     assert code == 4
     assert "nothing was written" in told
@@ -329,7 +330,7 @@ def test_a_hand_edit_survives_a_write_that_fails(
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Keeper, "save", full)
+    monkeypatch.setattr(Registry, "save", full)
     monkeypatch.setenv("CALIBRARY_DEBUG", "")
     assert run(capsys, "add", file, "--yes")[0] != 0
     assert file.read_text() == edited
@@ -355,7 +356,7 @@ def test_the_first_entry_of_a_user_begins_a_registry_of_his_own(
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     code, _, told = run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--yes")
-    assert (code, "yours was begun" in told) == (0, True)
+    assert (code, "yours was made" in told) == (0, True)
     assert held(default_place()).id == P4R
 
 

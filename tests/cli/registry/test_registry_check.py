@@ -11,8 +11,8 @@ from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.schemas import require
+from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import printed, run
-from tests.cli.registry.shelves import put, put_bytes
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
 

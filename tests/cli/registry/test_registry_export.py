@@ -15,8 +15,8 @@ from calibrary import parsers
 from calibrary.distortion import KannalaBrandt, NoDistortion, ThinPrism
 from calibrary.registry.entry import Status
 from calibrary.registry.entry_yaml import parse_entry
+from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import printed, run
-from tests.cli.registry.shelves import put
 from tests.registry.entries import an_entry
 
 FIRST = an_entry(distortion=NoDistortion())

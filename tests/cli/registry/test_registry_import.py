@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.calibration import CameraKey, Grade
-from calibrary.keep.catalogue_entries import catalogue_entries
-from calibrary.keep.keeper import Keeper
+from calibrary.jobs.exchange.catalogue_entries import catalogue_entries
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.policy import FLEET
 from calibrary.records import replace
@@ -16,9 +15,10 @@ from calibrary.registry.catalogue import load_catalogue
 from calibrary.registry.check import check
 from calibrary.registry.entry import Status
 from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import RegistryIndex
+from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import CAMERA, P4R, commit_of, held, printed, run, xml
-from tests.cli.registry.shelves import put
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
@@ -30,7 +30,7 @@ class TestCatalogue:
     ) -> None:
         before = commit_of(fleet)
         code, out, told = run(capsys, "import", "catalogue", "--yes")
-        entries = [*Keeper.open(fleet).entries()]
+        entries = [*Registry.open(fleet).snapshot().entries()]
         assert code == 0
         assert len(entries) > 60
         assert {one.entry.status for one in entries} == {Status.DRAFT}
@@ -106,7 +106,7 @@ class TestCatalogue:
         assert two.calibration.intrinsics.fx == pytest.approx(0.7 * 4000, rel=1e-15)
         assert (one.calibration.intrinsics.cx, one.calibration.intrinsics.cy) == (2000.0, 1500.0)
         assert one.calibration.distortion is None
-        assert (left.title, "fisheye" in left.why) == ("M Z", True)
+        assert (left.title, "fisheye" in left.reason) == ("M Z", True)
 
     @pytest.mark.usefixtures("fleet")
     @pytest.mark.parametrize("arguments", [["--status", "approved"], [*CAMERA]])
@@ -199,7 +199,7 @@ class TestFolder:
         code, out, _ = run(capsys, "import", tmp_path / "lab", *CAMERA, "--status", "approved", "--yes")
         assert code == 0
         assert "failed  b.xml" in out
-        assert [one.id for one in Keeper.open(fleet).entries()] == [P4R]
+        assert [one.id for one in Registry.open(fleet).snapshot().entries()] == [P4R]
         assert held(fleet).entry.status is Status.APPROVED
 
     @pytest.mark.usefixtures("fleet")

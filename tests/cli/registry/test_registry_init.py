@@ -9,11 +9,11 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import InputError
-from calibrary.keep.keeper import Keeper
-from calibrary.keep.welcome import DRIVER, DRIVER_COMMAND, example_entry
 from calibrary.policy import SOURCE
 from calibrary.registry.charter import charter_yaml, parse_charter
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.registry import Registry
+from calibrary.registry.scaffold import DRIVER, DRIVER_COMMAND, example_entry
 from calibrary.schemas import require
 from calibrary.strictyaml import load_yaml
 from tests.cli.registry.fleets import CAMERA, P4R, add, run, xml
@@ -51,7 +51,7 @@ def test_the_readmes_example_is_an_entry_of_no_camera(fleet: Path) -> None:
     text = (fleet / "README.md").read_text()
     example = text.partition("```yaml\n")[2].partition("```")[0]
     assert parse_entry(example.encode(), "README.md") == example_entry()
-    assert [*Keeper.open(fleet).entries()] == []
+    assert [*Registry.open(fleet).snapshot().entries()] == []
 
 
 def test_the_workflow_runs_the_check_on_every_push_and_may_write_nothing(fleet: Path) -> None:
@@ -125,7 +125,7 @@ def test_a_remote_is_copied_with_its_entries(
     code, _, told = run(capsys, "init", "--remote", fleet)
     assert code == 0
     assert "a copy of" in told
-    assert [one.id for one in Keeper.open(tmp_path / "elsewhere/fleet").entries()] == [P4R]
+    assert [one.id for one in Registry.open(tmp_path / "elsewhere/fleet").snapshot().entries()] == [P4R]
 
 
 def test_an_empty_remote_is_begun_and_can_be_pushed_to(

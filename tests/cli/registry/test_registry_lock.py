@@ -14,8 +14,8 @@ from calibrary.cli.registry import lock
 from calibrary.records import replace
 from calibrary.registry.entry import Status
 from calibrary.registry.pins import LOCK_FILE, read_lock
+from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, printed, run
-from tests.cli.registry.shelves import put, put_bytes
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git

@@ -16,8 +16,8 @@ from calibrary.registry.entry import Alias, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.schemas import require
+from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import P4R, printed, run
-from tests.cli.registry.shelves import put
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git

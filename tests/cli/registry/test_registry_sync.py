@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.keep import exchanging
-from calibrary.keep.keeper import Keeper
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
+from calibrary.registry.git import remotes
 from calibrary.registry.git.remotes import Pulled, pull
 from calibrary.registry.git.repository import Repository
+from calibrary.registry.registry import Registry
 from calibrary.schemas import require
+from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, commit_of, held, printed, run
-from tests.cli.registry.shelves import put, put_bytes
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
 
@@ -125,7 +125,7 @@ class TestBothChangedAnEntry:
                 raise RegistryError("the network is gone")
             return pull(repo, remote)
 
-        monkeypatch.setattr(exchanging, "pull", fails_the_second_time)
+        monkeypatch.setattr(remotes, "pull", fails_the_second_time)
         code, _, told = run(capsys, "pull", "--registry", twin, "--theirs", "all")
         assert (code, "the network is gone" in told) == (4, True)
         assert (fx_of(twin), fx_of(twin, "dji/fc330")) == (3500.0, 2300.0)
@@ -150,7 +150,7 @@ def test_an_entry_that_one_removed_and_the_other_changed_is_decided_too(
     code, _, told = run(capsys, "pull", "--registry", twin)
     assert (code, "theirs removed it" in told) == (4, True)
     assert run(capsys, "pull", "--registry", twin, "--theirs", "all")[0] == 0
-    assert [one.id for one in Keeper.open(twin).entries()] == [OTHER.id]
+    assert [one.id for one in Registry.open(twin).snapshot().entries()] == [OTHER.id]
 
 
 def test_keeping_ours_of_an_entry_that_they_removed_brings_it_back(

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from calibrary.cli.main import main
-from calibrary.keep.keeper import Keeper
 from calibrary.registry.entry import Entry, Status
+from calibrary.registry.registry import Registry
 from tests.calib.photographs import saved
 from tests.cli.registry.fleets import add, commit_of, held, run, xml
 from tests.jobs.extract.fleet import picture
@@ -24,7 +24,7 @@ ENTRY = "example/survey_one"
 
 def drafted(fleet: Path, branch: str = BRANCH) -> list[Entry]:
     """The entries on a branch."""
-    return [one.entry for one in Keeper.open(fleet).entries(branch)]
+    return [one.entry for one in Registry.open(fleet).snapshot(branch).entries()]
 
 
 def branches(fleet: Path) -> list[str]:
@@ -68,7 +68,7 @@ def test_the_draft_waits_on_a_branch_and_the_main_one_is_left_alone(
     assert (code, commit_of(fleet)) == (0, before)
     [entry] = drafted(fleet)
     assert (entry.status, entry.calibration.intrinsics.fx) == (Status.DRAFT, 968.0)
-    assert list(Keeper.open(fleet).entries()) == []
+    assert list(Registry.open(fleet).snapshot().entries()) == []
     assert git(fleet, "status", "--porcelain") == ""
     assert f"calibrary registry approve {entry.id} --from {BRANCH}" in told
 

@@ -9,10 +9,11 @@ import numpy as np
 
 from calibrary.calibration import Covariance, Quality
 from calibrary.distortion import BrownConrady, KannalaBrandt
-from calibrary.keep.beginning import begin
-from calibrary.keep.keeper import Keeper, note_of
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
+from calibrary.registry.init import init
+from calibrary.registry.registry import Registry
+from calibrary.registry.writing import note_of
 from tests.registry.entries import FILE, LENS, an_entry
 
 HOSTILE = (
@@ -65,17 +66,17 @@ PERFECT = an_entry(
 )
 
 
-def fleet(folder: Path) -> Keeper:
+def fleet(folder: Path) -> Registry:
     """A registry of eight cameras, one of them calibrated three times, one crossed, four with hostile names."""
-    keeper = begin(folder).keeper
-    save(keeper, [P4R, FISHEYE, DRAFT, PERFECT], "Import the laboratory's calibrations")
-    save(keeper, [hostile(name) for name in HOSTILE], "Add what a stranger sent")
-    save(keeper, [DRIFTED], "Calibrate anew", reason="firmware 01.09 came out")
-    save(keeper, [SETTLED], "Calibrate once more")
-    save(keeper, [replace(DRAFT, status=Status.APPROVED, reason="checked in the air")], "Approve the FC330")
+    registry = init(folder).registry
+    save(registry, [P4R, FISHEYE, DRAFT, PERFECT], "Import the laboratory's calibrations")
+    save(registry, [hostile(name) for name in HOSTILE], "Add what a stranger sent")
+    save(registry, [DRIFTED], "Calibrate anew", reason="firmware 01.09 came out")
+    save(registry, [SETTLED], "Calibrate once more")
+    save(registry, [replace(DRAFT, status=Status.APPROVED, reason="checked in the air")], "Approve the FC330")
     crossed = replace(PERFECT, calibration=replace(PERFECT.calibration, distortion=SWAPPED))
-    save(keeper, [crossed], "Put the lens in")
-    return keeper
+    save(registry, [crossed], "Put the lens in")
+    return registry
 
 
 def hostile(name: str) -> Entry:
@@ -86,8 +87,7 @@ def hostile(name: str) -> Entry:
     return replace(entry, calibration=replace(entry.calibration, notes=(name,)), reason=name)
 
 
-def save(keeper: Keeper, entries: Sequence[Entry], subject: str, *, reason: str | None = None) -> None:
+def save(registry: Registry, entries: Sequence[Entry], subject: str, *, reason: str | None = None) -> None:
     """Write entries as one commit, over what stands there."""
-    held = [(entry, keeper.at(entry.path)) for entry in entries]
-    based = [(entry, one.oid if one is not None else None) for entry, one in held]
-    keeper.save(based, note_of(subject, entries, reason))
+    current = registry.snapshot().paths
+    registry.write([(entry, current.get(entry.path)) for entry in entries], note_of(subject, entries, reason))

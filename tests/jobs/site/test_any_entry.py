@@ -10,18 +10,18 @@ from hypothesis import given, settings
 from calibrary.jobs.site.addresses import Place
 from calibrary.jobs.site.past import steps
 from calibrary.jobs.site.work import entry_files
-from calibrary.keep.story import Chapter
 from calibrary.policy import FLEET
 from calibrary.registry.entry import Entry
 from calibrary.registry.git.fast_import import Person
 from calibrary.registry.git.history import Revision
+from calibrary.registry.history import EntryRevision
 from tests.registry.entries import entries
 
 SOMEBODY = Person(name="Ada Keeper", email="ada@example.com")
 NOON = datetime(2026, 5, 1, 12, tzinfo=UTC)
 
 
-def chapter(number: int, entry: Entry, before: Entry | None) -> Chapter:
+def revised(number: int, entry: Entry, before: Entry | None) -> EntryRevision:
     revision = Revision(
         commit=f"{number:040x}",
         parents=(),
@@ -33,22 +33,22 @@ def chapter(number: int, entry: Entry, before: Entry | None) -> Chapter:
         committed=NOON,
         message="Calibrate",
     )
-    return Chapter(revision=revision, entry=entry, before=before)
+    return EntryRevision(revision=revision, entry=entry, before=before)
 
 
 @settings(max_examples=20)
 @given(entries(), entries())
 def test_any_entry_has_a_page(old: Entry, new: Entry) -> None:
     place = Place.of(new.path, proper=True)
-    chapters = (chapter(2, new, old), chapter(1, old, None))
+    revisions = (revised(2, new, old), revised(1, old, None))
     with np.errstate(all="ignore"):
         content = entry_files(
             new,
             data=b"",
             id_=new.id,
             place=place,
-            chapters=chapters,
-            changes=steps(chapters, FLEET),
+            revisions=revisions,
+            changes=steps(revisions, FLEET),
             made_by="Made by a test.",
         )
     pages = [data for address, data in content.items() if address.endswith(".html")]

@@ -24,7 +24,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.site import server as module
 from calibrary.jobs.site.building import Site
 from calibrary.jobs.site.server import Server
-from calibrary.keep.keeper import Keeper
+from calibrary.registry.registry import Registry
 from tests.jobs.site.fleet import SETTLED, later, save
 from tests.jobs.site.test_site import P4R_PAGE
 
@@ -156,7 +156,7 @@ def test_a_registry_that_moves_on_is_shown_anew(
         thread = threading.Thread(target=server.run)
         thread.start()
         assert b"3665.600" in asked(server, f"/{P4R_PAGE}")[2]
-        save(Keeper.open(copy), [later(SETTLED, fx=0.5, firmware="01.09")], "Once more")
+        save(Registry.open(copy), [later(SETTLED, fx=0.5, firmware="01.09")], "Once more")
         until = time.monotonic() + 10
         while b"3666.100" not in asked(server, f"/{P4R_PAGE}")[2]:
             assert time.monotonic() < until, told

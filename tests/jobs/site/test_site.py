@@ -18,11 +18,11 @@ from calibrary.jobs.site import building
 from calibrary.jobs.site.addresses import Place, way
 from calibrary.jobs.site.building import Site, build, build_into
 from calibrary.jobs.site.place import MARKER
-from calibrary.keep.keeper import Keeper
 from calibrary.registry.entry import Status
-from calibrary.registry.fleet import Note
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
+from calibrary.registry.registry import Registry
+from calibrary.registry.writing import Note
 from tests.jobs.site.fleet import DRIFTED, HOSTILE, P4R, SETTLED, later, save
 
 P4R_PAGE = "cameras/dji/fc6310r/5472x3648+f8.8.html"
@@ -134,9 +134,9 @@ def test_every_download_reads_back_as_the_entry(site: Site) -> None:
 
 
 def test_the_entrys_own_file_is_there_byte_for_byte(site: Site, registry: Path) -> None:
-    held = Keeper.open(registry).get("dji/fc6310r")
+    held = Registry.open(registry).get("dji/fc6310r")
     path = site.root / "files/dji/fc6310r/5472x3648+f8.8/5472x3648+f8.8-entry.yaml"
-    assert path.read_bytes() == Keeper.open(registry).registry.repo.blob(held.oid)
+    assert path.read_bytes() == Registry.open(registry).repo.blob(held.oid or "")
 
 
 def test_what_no_file_can_hold_is_said(site: Site) -> None:
@@ -246,8 +246,8 @@ def test_only_what_changed_is_made_anew(registry: Path, tmp_path: Path) -> None:
     for name in ("one", "two", "whole"):
         (tmp_path / name).mkdir()
     first = build_into(tmp_path / "one", copy, workers=1)
-    keeper = Keeper.open(copy)
-    save(keeper, [later(SETTLED, fx=0.4, firmware="01.09", date="2026-10-01")], "Once more")
+    opened = Registry.open(copy)
+    save(opened, [later(SETTLED, fx=0.4, firmware="01.09", date="2026-10-01")], "Once more")
     second = build_into(tmp_path / "two", copy, former=first, workers=1)
     whole = build_into(tmp_path / "whole", copy, workers=1)
     assert bytes_of(second.root) == bytes_of(whole.root)

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.keep.shelf import open_shelf
 from calibrary.registry.charter import CHARTER, charter_yaml
 from calibrary.registry.git import worktree
 from calibrary.registry.git.foreign import judge_settings, parse_settings
 from calibrary.registry.git.history import history
 from calibrary.registry.git.repository import Repository
+from calibrary.registry.registry import uncommitted
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
@@ -82,7 +82,7 @@ def test_a_repository_inside_is_not_looked_into(checked_out: Repository, ran: Pa
     git(checked_out.path, "commit", "-qm", "outer")
     plant_filter(inner / ".git", "evil", ran, pattern="*")
     os.utime(inner / "a.txt", (1, 1))
-    assert open_shelf(checked_out.path).uncommitted() == ()
+    assert uncommitted(checked_out) == ()
     worktree.require_clean(checked_out, checked_out.tip(), [f"cameras/x/y/{at}x1.yaml" for at in range(999)])
     assert not ran.exists()
 

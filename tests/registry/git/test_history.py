@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
-from calibrary.errors import InputError, RegistryError, UnknownCameraError
-from calibrary.registry.fleet import Note, Registry
-from calibrary.registry.git.conflicts import FileConflictError
 from calibrary.registry.git.fast_import import Person
 from calibrary.registry.git.history import ChangedFile, changed, history
 from calibrary.registry.git.messages import compose, subject_of, trailers_of
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import ANY, Change
+from calibrary.registry.git.writing import Change, write
+from calibrary.registry.writing import Note
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
@@ -88,15 +84,16 @@ def test_a_users_own_taste_changes_nothing_of_what_is_told(bare: Repository, nob
 
 
 def test_the_history_of_an_entry_goes_on_across_a_move(bare: Repository) -> None:
-    registry = Registry(bare)
     put(bare, {ENTRY: b"fx: 2.0\n"})
-    note = Note(subject="The model's name was wrong", reason="typo")
-    registry.move(ENTRY, OTHER, b"fx: 2.0\n", note, base=blob_id(b"fx: 2.0\n"))
-    written = registry.put(OTHER, b"fx: 3.0\n", Note(subject="Again"), base=blob_id(b"fx: 2.0\n"))
-    revisions = registry.history(OTHER)
+    moved = Note(subject="The model's name was wrong", reason="typo", moved=((ENTRY, OTHER),))
+    base = blob_id(b"fx: 2.0\n")
+    changes = [Change(path=ENTRY, data=None, base=base), Change(path=OTHER, data=b"fx: 2.0\n")]
+    write(bare, changes, moved.message)
+    written = put(bare, {OTHER: b"fx: 3.0\n"}, "Again")
+    revisions = history(bare, OTHER, written.commit)
     assert [revision.path for revision in revisions] == [OTHER, OTHER, ENTRY, ENTRY]
     assert revisions[0].commit == written.commit
-    assert registry.history(OTHER, most=3) == revisions[:3]
+    assert history(bare, OTHER, written.commit, most=3) == revisions[:3]
 
 
 def test_an_entry_merged_from_a_branch_keeps_the_commits_of_the_branch(checked_out: Repository) -> None:
@@ -144,76 +141,9 @@ def test_git_reads_our_trailers_as_we_do(bare: Repository) -> None:
         reason="new — lens",
         cameras=["dji/fc6310"],
         grade="calibrated",
-        sources=["ab" * 32],
+        sources=[("camera.xml", "ab" * 32), (None, "cd" * 32)],
     )
-    Registry(bare).put(OTHER, b"x\n", note, base=None)
+    write(bare, [Change(path=OTHER, data=b"x\n")], note.message)
     told = git(bare.path, "log", "-1", "--format=%(trailers:only,unfold)")
     assert [tuple(line.split(": ", 1)) for line in told.splitlines()] == [*trailers_of(note.message)]
     assert told.splitlines()[0] == "Camera: dji/fc6310"
-
-
-@pytest.fixture
-def registry(tmp_path: Path) -> Registry:
-    made, written = Registry.init(tmp_path / "fleet", {"registry.yaml": b"layout: 1\n"}, durable=False)
-    assert written.warnings == ()
-    return made
-
-
-def test_a_new_registry_is_clean_and_keeps_the_bytes_of_entries(registry: Registry) -> None:
-    folder = registry.repo.path
-    assert git(folder, "status", "--porcelain") == ""
-    assert sorted(path.name for path in folder.iterdir()) == [".git", ".gitattributes", "registry.yaml"]
-    assert git(folder, "check-attr", "eol", "text", "--", ENTRY).splitlines() == [
-        f"{ENTRY}: eol: lf",
-        f"{ENTRY}: text: set",
-    ]
-    with pytest.raises(RegistryError, match="a git repository already"):
-        Registry.init(folder, {})
-
-
-def test_a_snapshot_follows_the_branch_and_old_ones_stay_as_they_were(registry: Registry) -> None:
-    empty = registry.snapshot()
-    assert dict(empty.paths) == {}
-    files = {f"cameras/m/m{i}/a.yaml": b"n: %d\n" % i for i in range(1200)}
-    registry.put_many([Change(path=path, data=data) for path, data in files.items()], Note(subject="import"))
-    full = registry.snapshot()
-    assert dict(registry.read_all(full)) == files
-    assert registry.snapshot() is full
-    base = blob_id(b"n: 7\n")
-    registry.put("cameras/m/m7/a.yaml", None, Note(subject="drop"), base=base)
-    registry.put(ENTRY, b"x\n", Note(subject="add"), base=None)
-    patched = registry.snapshot()
-    assert patched.paths == registry.repo.listing(patched.commit, "cameras")
-    assert (len(full.paths), len(patched.paths)) == (1200, 1200)
-    assert registry.snapshot(full.commit) is full
-    assert [file.path for file in registry.changed(full.commit)] == [ENTRY, "cameras/m/m7/a.yaml"]
-
-
-def test_an_entry_is_read_at_any_revision_or_named_as_missing(registry: Registry) -> None:
-    first = registry.put(ENTRY, b"1\n", Note(subject="a"), base=None)
-    registry.put(ENTRY, b"2\n", Note(subject="b"), base=first.paths[ENTRY])
-    assert (registry.read(ENTRY).data, registry.read(ENTRY, first.commit).data) == (b"2\n", b"1\n")
-    with pytest.raises(UnknownCameraError, match=f"{OTHER}: no such entry"):
-        registry.read(OTHER)
-
-
-def test_what_breaks_the_rules_of_entries_is_never_written(tmp_path: Path) -> None:
-    def check(path: str, data: bytes) -> None:
-        if b"fx" not in data:
-            raise InputError("no fx", source=path)
-
-    registry, _ = Registry.init(tmp_path / "fleet", {"README.md": b"hello\n"}, check=check, durable=False)
-    before = registry.commit()
-    with pytest.raises(InputError, match="no fx"):
-        registry.put_many(
-            [Change(path=ENTRY, data=b"fx: 1\n"), Change(path=OTHER, data=b"oops\n")], Note(subject="x")
-        )
-    assert registry.commit() == before
-
-
-def test_an_entry_cannot_be_overwritten_blindly(registry: Registry) -> None:
-    with pytest.raises(RegistryError, match="never overwritten blindly"):
-        registry.put_many([Change(path=ENTRY, data=b"x\n", base=ANY)], Note(subject="x"))
-    registry.put(ENTRY, b"1\n", Note(subject="a"), base=None)
-    with pytest.raises(FileConflictError):
-        registry.put(ENTRY, b"2\n", Note(subject="a"), base=None)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from calibrary.cli.calibrate.solve_display import Display
     from calibrary.jobs.calibrate_board.outputs import Places
     from calibrary.jobs.calibrate_board.run import SolveRequest
-    from calibrary.keep.keeper import Keeper
+    from calibrary.registry.registry import Registry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "LENS_MODELS", "add_arguments", "run"]
 
@@ -156,9 +156,9 @@ def run(arguments: argparse.Namespace) -> int:
     _check_usage(arguments)
     places = _places(arguments)
     places.check()
-    keeper, said = _registry(arguments)
+    registry, said = _registry(arguments)
     with Display(quiet=arguments.json) as display:
-        collected = _collected(arguments, said, needs_key=keeper is not None, display=display)
+        collected = _collected(arguments, said, needs_key=registry is not None, display=display)
         size = collected.observations.image_size
         request = SolveRequest(
             model=arguments.lens_model,
@@ -174,7 +174,7 @@ def run(arguments: argparse.Namespace) -> int:
     write_files(files.content)
     display.tell(files)
     passed = result.verdict is BoardVerdict.PASS
-    kept = keeper is None or _keep(arguments, keeper, result, request, display)
+    kept = registry is None or _keep(arguments, registry, result, request, display)
     if arguments.json:
         sys.stdout.write(json.dumps(result_json(result), allow_nan=False) + "\n")
     return 0 if passed and kept else EXIT_NOT_PASSED
@@ -222,7 +222,7 @@ def _corners_name(arguments: argparse.Namespace) -> str | None:
     return kept.name if kept is not None else None
 
 
-def _registry(arguments: argparse.Namespace) -> tuple[Keeper | None, Callable[[CameraKey], CameraKey]]:
+def _registry(arguments: argparse.Namespace) -> tuple[Registry | None, Callable[[CameraKey], CameraKey]]:
     """The registry that is to be written, and what was said of the camera."""
     from functools import partial
 
@@ -233,16 +233,16 @@ def _registry(arguments: argparse.Namespace) -> tuple[Keeper | None, Callable[[C
     flags = partial(camera_of, arguments)
     if not _writes_registry(arguments):
         return None, flags
-    keeper = opened(arguments)
+    registry = opened(arguments)
     if arguments.as_key is None:
-        return keeper, flags
-    named = camera_named(keeper, arguments.as_key)
+        return registry, flags
+    named = camera_named(registry, arguments.as_key)
 
     def said(known: CameraKey) -> CameraKey:
         # The entry says which camera; with which firmware, and at which size, only the frames do.
         return flags(replace(named, firmware=known.firmware, image_size=known.image_size))
 
-    return keeper, said
+    return registry, said
 
 
 def _collected(
@@ -330,16 +330,14 @@ def _read_corners(arguments: argparse.Namespace, said: Callable[[CameraKey], Cam
 
 def _keep(
     arguments: argparse.Namespace,
-    keeper: Keeper,
+    registry: Registry,
     result: CalibrationResult,
     request: SolveRequest,
     display: Display,
 ) -> bool:
     """Write the entry, if the verdict, the check and the person allow it; whether nothing stands against it."""
     from calibrary.calib.verdict import BoardVerdict
-    from calibrary.jobs.calibrate_board.entry import entry_of, proposed
-    from calibrary.keep.adding import Wish, write_proposals
-    from calibrary.keep.admission import stands_against
+    from calibrary.jobs.calibrate_board.entry import entry_of
 
     outcome = result.verdict
     if outcome is BoardVerdict.REFUSE:
@@ -348,15 +346,15 @@ def _keep(
     approve = arguments.approve and outcome is BoardVerdict.PASS
     if arguments.approve and not approve:
         display.say("only a calibration that passes is approved; this one becomes a draft at most")
-    wish = Wish(
-        reason=arguments.reason,
-        operator=arguments.operator,
+    proposals = registry.propose(
+        [entry_of(result, request)],
         approve=approve,
+        reason=arguments.reason,
         override_held=arguments.override_held,
     )
-    proposal, findings = proposed(keeper, entry_of(result, request), wish)
-    display.show_entry(proposal, findings)
-    if stands_against(findings):
+    [proposal] = proposals.items
+    display.show_entry(proposal, proposals.findings)
+    if proposals.errors:
         display.say("the check objects, so nothing was written into the registry")
         return False
     if not proposal.changes:
@@ -364,7 +362,7 @@ def _keep(
     if not agreed(arguments, f"Write {proposal.entry.id}?"):
         display.say("nothing was written into the registry")
         return True
-    display.written(write_proposals(keeper, [proposal], wish), proposal)
+    display.written(registry.save(proposals, reason=arguments.reason), proposal)
     return True
 
 

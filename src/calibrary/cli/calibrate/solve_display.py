@@ -18,11 +18,11 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Quality
 from calibrary.cli.console import make_console, plain
-from calibrary.cli.registry.changes import EntryChange, show_changes, show_findings, tell_written
+from calibrary.cli.registry.changes import show_changes, show_findings, tell_written
 from calibrary.jobs.calibrate_board.outputs import Files
-from calibrary.keep.adding import Proposal
 from calibrary.registry.entry import Status
 from calibrary.registry.git.writing import Written
+from calibrary.registry.proposals import Proposal
 from calibrary.validation import Finding, Severity
 
 __all__ = ["Display"]
@@ -108,17 +108,10 @@ class Display:
         """The entry beside what stands at its place; of a new one everything was told already."""
         if proposal.base is None:
             self.say(f"{proposal.entry.id}  new")
-            for remark in proposal.remarks:
-                self.say(f"  note: {remark}")
+            for warning in proposal.warnings:
+                self.say(f"  note: {warning}")
         elif not self._quiet:
-            change = EntryChange(
-                entry=proposal.entry,
-                standing=proposal.standing,
-                is_new=proposal.base is None,
-                changes=proposal.changes,
-                remarks=proposal.remarks,
-            )
-            show_changes(self._console, [change])
+            show_changes(self._console, [proposal])
         show_findings(self._console, findings)
 
     def written(self, written: Written, proposal: Proposal) -> None:

@@ -10,14 +10,15 @@ from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.reading import Answers, add_reading_flags
 from calibrary.cli.registry.asking import add_yes_flag, agreed
 from calibrary.cli.registry.place import add_registry_flag
+from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from calibrary.keep.adding import Proposal
-    from calibrary.keep.candidates import Wish
-    from calibrary.keep.keeper import Keeper
+    from calibrary.jobs.exchange.add import AddRequest
     from calibrary.registry.firmware import FirmwareRange
+    from calibrary.registry.proposals import Proposal
+    from calibrary.registry.registry import Registry
 
 __all__ = ["add_parser"]
 
@@ -57,7 +58,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--note", action="append", metavar="TEXT", help="what a person should know about it")
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
-    parser.add_argument("--operator", metavar="NAME", help="who answers for it; git's user when left out")
+    add_stated_flags(parser)
     parser.add_argument(
         "--approve", action="store_true", help="use it at once, if the check has nothing against it"
     )
@@ -88,53 +89,40 @@ def _range(text: str) -> FirmwareRange:
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
     from calibrary.cli.registry.changes import (
-        EntryChange,
         print_document,
         show_changes,
         show_conflict,
         show_findings,
         tell_written,
     )
-    from calibrary.keep.adding import propose, write_proposals
-    from calibrary.keep.admission import stands_against
-    from calibrary.keep.operand import Reading
+    from calibrary.jobs.exchange.add import propose_file, save_file
+    from calibrary.jobs.exchange.argument import Reading
     from calibrary.registry.git.conflicts import FileConflictError
 
-    keeper, note = _registry(arguments), make_console(stderr=True)
-    answers, wish = Answers.of(arguments), _wish(arguments)
+    registry, note = _registry(arguments), make_console(stderr=True)
+    answers, request = Answers.of(arguments), _request(arguments)
     reading = Reading(
         format=answers.format,
         image_size=answers.image_size,
         options=answers.options,
         camera=arguments.camera,
     )
-    proposals, findings = propose(keeper, arguments.file, reading, wish)
-    changed = [
-        EntryChange(
-            entry=one.entry,
-            standing=one.standing,
-            is_new=one.base is None,
-            changes=one.changes,
-            remarks=one.remarks,
-        )
-        for one in proposals
-    ]
-    show_changes(note, changed)
-    show_findings(note, findings)
-    written = None
-    code = 0
-    due = [one for one in proposals if one.changes]
-    if against := stands_against(findings):
-        note.print(f"nothing was written: {_refused(len(against), wish)}", highlight=False, soft_wrap=True)
+    proposals = propose_file(registry, arguments.file, reading, request)
+    show_changes(note, proposals.items)
+    show_findings(note, proposals.findings)
+    written, code, due = None, 0, proposals.due
+    if proposals.errors:
+        refused = _refused(len(proposals.errors), approve=request.approve)
+        note.print(f"nothing was written: {refused}", highlight=False, soft_wrap=True)
         code = EXIT_REFUSED
     elif due and agreed(arguments, _question(due)):
         try:
-            written = write_proposals(keeper, proposals, wish, source=arguments.file)
+            written = save_file(registry, proposals, arguments.file, reason=request.reason)
         except FileConflictError as error:
             show_conflict(note, error)
             raise
-        tell_written(note, written, "approved" if wish.approve else "wrote", len(due))
-        if not wish.approve:
+        tell_written(note, written, "approved" if request.approve else "wrote", len(due))
+        if not request.approve:
             keys = " ".join(one.entry.id for one in due[:3])
             more = " …" if len(due) > 3 else ""
             note.print(
@@ -146,36 +134,36 @@ def _run(arguments: argparse.Namespace) -> int:
     elif due:
         note.print("nothing was written", highlight=False)
     if arguments.json:
-        print_document(keeper, changed, findings, written)
+        print_document(registry, proposals, written)
     return code
 
 
-def _registry(arguments: argparse.Namespace) -> Keeper:
+def _registry(arguments: argparse.Namespace) -> Registry:
     from calibrary.cli.console import make_console, plain
-    from calibrary.keep.beginning import begin
-    from calibrary.keep.keeper import Keeper
-    from calibrary.keep.place import default_place, find_registry
+    from calibrary.registry.init import init
+    from calibrary.registry.locate import default_place, find_registry
+    from calibrary.registry.registry import Registry
 
     place = find_registry(arguments.registry)
     if place is not None:
-        return Keeper.open(place)
-    keeper = begin(default_place()).keeper
-    told = f"no registry was named and none is around here, so yours was begun: {keeper.registry.repo.path}"
+        return Registry.open(place)
+    registry = init(default_place()).registry
+    told = f"no registry was named and none is around here, so yours was made: {registry.repo.path}"
     make_console(stderr=True).print(plain(told), highlight=False, soft_wrap=True)
-    return keeper
+    return registry
 
 
-def _wish(arguments: argparse.Namespace) -> Wish:
+def _request(arguments: argparse.Namespace) -> AddRequest:
     from functools import partial
 
-    from calibrary.keep.candidates import Wish
+    from calibrary.jobs.exchange.add import AddRequest
 
-    return Wish(
+    return AddRequest(
         key=partial(camera_of, arguments),
+        stated=stated_of(arguments),
         firmware=arguments.firmware_range,
         notes=tuple(arguments.note or ()),
         reason=arguments.reason,
-        operator=arguments.operator,
         approve=arguments.approve,
         override_held=arguments.override_held,
     )
@@ -185,8 +173,8 @@ def _question(due: Sequence[Proposal]) -> str:
     return f"Write {due[0].entry.id}?" if len(due) == 1 else f"Write these {len(due)} entries?"
 
 
-def _refused(number: int, wish: Wish) -> str:
+def _refused(number: int, *, approve: bool) -> str:
     what = "an error stands against it" if number == 1 else f"{number} errors stand against it"
     return f"{what}; put it right in the file or by the flags" + (
-        ", or add it as a draft without --approve" if wish.approve else ""
+        ", or add it as a draft without --approve" if approve else ""
     )

@@ -9,7 +9,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.registry.place import add_registry_flag, shelf_of
+from calibrary.cli.registry.place import add_registry_flag, snapshot_of
 from calibrary.cli.registry.progress import Bar
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _run(arguments: argparse.Namespace) -> int:
         done = audit(
             Request(
                 folders=tuple(arguments.folders),
-                shelf=shelf_of(arguments),
+                snapshot=snapshot_of(arguments),
                 today=date.today(),
                 since=arguments.since,
                 stale_months=arguments.stale_after,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from calibrary.keep.story import Said
+    from calibrary.registry.history import FieldOrigin
 
 __all__ = ["add_parser"]
 
@@ -43,10 +43,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
-    from calibrary.keep.story import blame, blame_json
+    from calibrary.registry.history import blame_json
 
-    keeper = opened(arguments)
-    said = blame(keeper, arguments.key)
+    registry = opened(arguments)
+    said = registry.blame(arguments.key)
     asked = arguments.fields
     kept = [
         one
@@ -57,14 +57,14 @@ def _run(arguments: argparse.Namespace) -> int:
         there = ", ".join(dict.fromkeys(one.field.partition(".")[0] for one in said))
         arguments.parser.error(f"{arguments.key} says nothing of {', '.join(asked)}; it has {there}")
     if arguments.json:
-        document = blame_json(kept, keeper.get(arguments.key).id)
+        document = blame_json(kept, registry.get(arguments.key).id)
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     else:
         make_console(stderr=False).print(_table(kept))
     return 0
 
 
-def _table(said: Sequence[Said]) -> Table:
+def _table(said: Sequence[FieldOrigin]) -> Table:
     from rich.table import Table
 
     from calibrary.cli.console import plain
@@ -73,13 +73,13 @@ def _table(said: Sequence[Said]) -> Table:
     for name in ("field", "value", "commit", "date", "who", "why"):
         table.add_column(name, overflow="fold", no_wrap=name in {"commit", "date"})
     for one in said:
-        revision = one.chapter.revision
+        revision = one.since.revision
         table.add_row(
             plain(one.field),
             plain(repr(one.value) if isinstance(one.value, float) else str(one.value)),
             revision.commit[:10],
             f"{revision.authored:%Y-%m-%d}",
             plain(revision.author.name),
-            plain(one.chapter.reason or revision.subject),
+            plain(one.since.reason or revision.subject),
         )
     return table

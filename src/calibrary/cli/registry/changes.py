@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from calibrary.records import to_json
@@ -14,15 +13,14 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from calibrary.keep.fields import Field, FieldChange
-    from calibrary.keep.keeper import Keeper
-    from calibrary.registry.entry import Entry
+    from calibrary.registry.fields import Field, FieldChange
     from calibrary.registry.git.conflicts import FileConflictError
     from calibrary.registry.git.writing import Written
+    from calibrary.registry.proposals import Proposal, Proposals
+    from calibrary.registry.registry import Registry
     from calibrary.validation import Finding
 
 __all__ = [
-    "EntryChange",
     "change_table",
     "print_document",
     "show_changes",
@@ -32,28 +30,17 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EntryChange:
-    """One entry, what stood at its place, and what differs."""
-
-    entry: Entry
-    standing: Entry | None
-    is_new: bool
-    changes: tuple[FieldChange, ...]
-    remarks: tuple[str, ...] = ()
-
-
-def show_changes(console: Console, changed: Iterable[EntryChange]) -> None:
+def show_changes(console: Console, proposals: Iterable[Proposal]) -> None:
     """Each entry with its fields, old and new."""
     from calibrary.cli.console import plain
 
-    for one in changed:
+    for one in proposals:
         what = "is there already, word for word" if not one.changes else "new" if one.is_new else "changed"
         console.print(f"[bold]{plain(one.entry.id)}[/]  {what}", highlight=False, soft_wrap=True)
         if one.changes:
             console.print(change_table(one.changes, only_after=one.is_new))
-        for remark in one.remarks:
-            console.print(f"  [yellow]note[/] {plain(remark)}", highlight=False, soft_wrap=True)
+        for warning in one.warnings:
+            console.print(f"  [yellow]note[/] {plain(warning)}", highlight=False, soft_wrap=True)
 
 
 def change_table(changes: Sequence[FieldChange], *, only_after: bool = False) -> Table:
@@ -95,8 +82,8 @@ def show_conflict(console: Console, error: FileConflictError) -> None:
     """What somebody else has written meanwhile, field by field against what was to be written."""
     from calibrary.cli.console import plain
     from calibrary.errors import InputError
-    from calibrary.keep.fields import differences
     from calibrary.registry.entry_yaml import parse_entry
+    from calibrary.registry.fields import differences
 
     for conflict in error.conflicts:
         if conflict.theirs is None or conflict.ours is None:
@@ -126,31 +113,26 @@ def tell_written(console: Console, written: Written, verb: str, number: int) -> 
         console.print(f"[yellow]note[/] {plain(warning)}", highlight=False, soft_wrap=True)
 
 
-def print_document(
-    keeper: Keeper,
-    changed: Iterable[EntryChange],
-    findings: Iterable[Finding],
-    written: Written | None,
-) -> None:
+def print_document(registry: Registry, proposals: Proposals, written: Written | None) -> None:
     """What was written, or would have been, on standard output (schemas/registry-change-1.schema.json)."""
-    from calibrary.keep.fields import change_json
+    from calibrary.registry.fields import change_json
 
     document = {
         "schema": "calibrary/registry-change-1",
-        "registry": str(keeper.registry.repo.path),
+        "registry": str(registry.repo.path),
         "commit": written.commit if written is not None else None,
         "entries": [
             {
                 "id": one.entry.id,
                 "path": one.entry.path,
                 "status": one.entry.status.value,
-                "status_before": one.standing.status.value if one.standing is not None else None,
+                "status_before": one.current.status.value if one.current is not None else None,
                 "changes": [change_json(change) for change in one.changes],
-                "remarks": list(one.remarks),
+                "remarks": list(one.warnings),
             }
-            for one in changed
+            for one in proposals.items
         ],
-        "findings": [to_json(finding) for finding in findings],
+        "findings": [to_json(finding) for finding in proposals.findings],
         "warnings": list(written.warnings) if written is not None else [],
     }
     sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")

@@ -8,14 +8,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.registry.place import add_registry_flag, shelf_of
+from calibrary.cli.registry.place import add_registry_flag, snapshot_of
 from calibrary.cli.registry.progress import Bar
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from calibrary.keep.checking import Checked
     from calibrary.policy import Policy
+    from calibrary.registry.check_registry import Checked
 
 __all__ = ["add_parser"]
 
@@ -66,7 +66,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
-    from calibrary.keep.checking import (
+    from calibrary.registry.check_registry import (
         check_all,
         check_range,
         check_signatures,
@@ -79,19 +79,19 @@ def _run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("--worktree looks at files: it goes with neither REV..REV nor --signatures")
     if arguments.allowed_signers is not None and not arguments.signatures:
         arguments.parser.error("--allowed-signers goes with --signatures")
-    shelf, policy = shelf_of(arguments), _policy(arguments)
+    snapshot, policy = snapshot_of(arguments), _policy(arguments)
     before, after = parse_range(arguments.range) if arguments.range is not None else (None, None)
     console = make_console(stderr=True)
     with Bar(console, "checking") as bar:
         if arguments.worktree:
-            done = check_work_tree(shelf, policy, progress=bar)
+            done = check_work_tree(snapshot, policy, progress=bar)
         elif before is not None:
-            done = check_range(shelf, before, after, policy, progress=bar)
+            done = check_range(snapshot, before, after, policy, progress=bar)
         else:
-            done = check_all(shelf, policy, progress=bar)
+            done = check_all(snapshot, policy, progress=bar)
     unsigned = None
     if arguments.signatures:
-        unsigned = check_signatures(shelf, arguments.allowed_signers, before=before, after=after)
+        unsigned = check_signatures(snapshot, arguments.allowed_signers, before=before, after=after)
     if arguments.json:
         document = checked_json(done, unsigned)
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")

@@ -32,42 +32,22 @@ def run_decision(
 ) -> int:
     """Show what changes, write it, and tell the commit; 1 where the check objects."""
     from calibrary.cli.console import make_console
-    from calibrary.cli.registry.changes import (
-        EntryChange,
-        print_document,
-        show_changes,
-        show_findings,
-        tell_written,
-    )
-    from calibrary.keep.admission import stands_against
-    from calibrary.keep.standing import decide, decide_from, write_decisions
+    from calibrary.cli.registry.changes import print_document, show_changes, show_findings, tell_written
 
-    keeper, note = opened(arguments), make_console(stderr=True)
+    registry, note = opened(arguments), make_console(stderr=True)
     branch: str | None = getattr(arguments, "branch", None)
-    if branch is not None:
-        decisions, findings = decide_from(keeper, arguments.keys, branch, status, arguments.reason)
-    else:
-        decisions, findings = decide(keeper, arguments.keys, status, arguments.reason, successor)
-    changed = [
-        EntryChange(
-            entry=one.entry,
-            standing=one.standing,
-            is_new=one.base is None,
-            changes=one.changes,
-            remarks=() if one.changes else (f"it is {one.entry.status.value} already",),
-        )
-        for one in decisions
-    ]
-    show_changes(note, changed)
-    show_findings(note, findings)
+    proposals = registry.propose_status(
+        arguments.keys, status, arguments.reason, branch=branch, successor=successor
+    )
+    show_changes(note, proposals.items)
+    show_findings(note, proposals.findings)
     written, code = None, 0
-    due = [one for one in decisions if one.changes]
-    if stands_against(findings):
+    if proposals.errors:
         note.print("nothing was written: put the errors right first", highlight=False, soft_wrap=True)
         code = EXIT_REFUSED
-    elif due:
-        written = write_decisions(keeper, decisions, status, arguments.reason)
-        tell_written(note, written, verb, len(due))
+    elif proposals.due:
+        written = registry.save(proposals, reason=arguments.reason)
+        tell_written(note, written, verb, len(proposals.due))
     if arguments.json:
-        print_document(keeper, changed, findings, written)
+        print_document(registry, proposals, written)
     return code

@@ -13,7 +13,7 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from calibrary.keep.exporting import Export
+    from calibrary.jobs.exchange.export import Export
 
 __all__ = ["add_parser"]
 
@@ -61,15 +61,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
-    from calibrary.keep.exporting import export, exported_json
+    from calibrary.jobs.exchange.export import export, exported_json
 
-    keeper = opened(arguments)
-    commit = keeper.registry.commit(arguments.at)
+    snapshot = opened(arguments).snapshot(arguments.at)
     statuses = arguments.status or ("approved", "held")
-    held = [one for one in keeper.entries(commit) if one.entry.status.value in statuses]
-    done = export(held, arguments.format, arguments.out, max_error_px=arguments.max_error_px)
+    stored = [one for one in snapshot.entries() if one.entry.status.value in statuses]
+    done = export(stored, arguments.format, arguments.out, max_error_px=arguments.max_error_px)
     if arguments.json:
-        document = exported_json(done, commit)
+        document = exported_json(done, snapshot.commit)
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     else:
         _tell(make_console(stderr=True), done, arguments.out)

@@ -14,12 +14,13 @@ from calibrary.cli.reading import Answers, add_reading_flags
 from calibrary.cli.registry.asking import add_yes_flag, agreed
 from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.registry.progress import Bar
+from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from calibrary.keep.importing import Import
-    from calibrary.keep.keeper import Keeper
+    from calibrary.jobs.exchange.import_ import Import
+    from calibrary.registry.registry import Registry
 
 __all__ = ["add_parser"]
 
@@ -56,31 +57,32 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="of the new entries (default: draft); the catalogue's are always drafts",
     )
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
+    add_stated_flags(parser)
     add_camera_flags(parser, with_image_size=False)
     add_reading_flags(parser)
     add_registry_flag(parser)
     add_yes_flag(parser)
     parser.add_argument("--json", action="store_true", help="print JSON on standard output")
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=_run, parser=parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
     from calibrary.cli.registry.changes import tell_written
-    from calibrary.keep.importing import Fate, imported_json, write_import
+    from calibrary.jobs.exchange.import_ import Fate, imported_json, write_import
 
     note = make_console(stderr=True)
-    keeper = opened(arguments)
-    found = _found(arguments, keeper, note)
+    registry = opened(arguments)
+    found = _found(arguments, registry, note)
     if not arguments.json:
         _show(make_console(stderr=False), found)
     written = None
-    if found.due and agreed(arguments, f"Write {len(found.due)} entries as one commit?"):
-        written = write_import(keeper, found, reason=arguments.reason)
+    if found.due.items and agreed(arguments, f"Write {len(found.due.items)} entries as one commit?"):
+        written = write_import(registry, found, reason=arguments.reason)
     if written is not None:
-        tell_written(note, written, "wrote", len(found.due))
+        tell_written(note, written, "wrote", len(found.due.items))
     else:
-        note.print("nothing was written" + ("" if found.due else ": nothing is new"), highlight=False)
+        note.print("nothing was written" + ("" if found.due.items else ": nothing is new"), highlight=False)
     if arguments.json:
         document = imported_json(found, written.commit if written is not None else None)
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
@@ -88,11 +90,11 @@ def _run(arguments: argparse.Namespace) -> int:
     return EXIT_INPUT if found.items and nothing_taken else 0
 
 
-def _found(arguments: argparse.Namespace, keeper: Keeper, console: Console) -> Import:
+def _found(arguments: argparse.Namespace, registry: Registry, console: Console) -> Import:
     from calibrary.calibration import CameraKey
-    from calibrary.keep.adding import Wish
-    from calibrary.keep.importing import import_catalogue, import_folder
-    from calibrary.keep.operand import Reading
+    from calibrary.jobs.exchange.add import AddRequest, Stated
+    from calibrary.jobs.exchange.argument import Reading
+    from calibrary.jobs.exchange.import_ import import_catalogue, import_folder
 
     if arguments.source == CATALOGUE:
         if arguments.status != "draft":
@@ -103,19 +105,26 @@ def _found(arguments: argparse.Namespace, keeper: Keeper, console: Console) -> I
             arguments.parser.error(
                 "the catalogue says which camera each entry is of; leave out --make and the like"
             )
-        return import_catalogue(keeper)
+        if stated_of(arguments) != Stated():
+            arguments.parser.error(
+                "the catalogue says where each entry is from; leave out --date and the like"
+            )
+        return import_catalogue(registry)
     answers = Answers.of(arguments)
-    wish = Wish(
-        key=partial(camera_of, arguments), reason=arguments.reason, approve=arguments.status == "approved"
+    request = AddRequest(
+        key=partial(camera_of, arguments),
+        stated=stated_of(arguments),
+        reason=arguments.reason,
+        approve=arguments.status == "approved",
     )
     reading = Reading(format=answers.format, image_size=answers.image_size, options=answers.options)
     with Bar(console, "reading files") as bar:
-        return import_folder(keeper, Path(arguments.source), reading, wish, progress=bar)
+        return import_folder(registry, Path(arguments.source), reading, request, progress=bar)
 
 
 def _show(console: Console, found: Import) -> None:
     from calibrary.cli.console import plain
-    from calibrary.keep.importing import Fate
+    from calibrary.jobs.exchange.import_ import Fate
 
     styles = {
         Fate.NEW: "green",
@@ -125,10 +134,10 @@ def _show(console: Console, found: Import) -> None:
         Fate.FAILED: "bold red",
     }
     for item in found.items:
-        if item.fate is Fate.SAME and item.why is None:
+        if item.fate is Fate.SAME and item.reason is None:
             continue
         named = f" → {item.entry_id}" if item.entry_id is not None else ""
-        why = f": {item.why}" if item.why is not None else ""
+        why = f": {item.reason}" if item.reason is not None else ""
         said = plain(f"{item.source}{named}{why}")
         console.print(f"[{styles[item.fate]}]{item.fate.value:8}[/]{said}", highlight=False, soft_wrap=True)
     counts = ", ".join(f"{found.count(fate)} {fate.value}" for fate in Fate if found.count(fate))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
 
 if TYPE_CHECKING:
-    from calibrary.keep.beginning import Begun
+    from calibrary.registry.init import Initialised
 
 __all__ = ["add_parser"]
 
@@ -49,23 +49,23 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console, plain
-    from calibrary.keep.beginning import begin, begin_from, folder_for, install_driver
-    from calibrary.keep.welcome import DRIVER, DRIVER_COMMAND
+    from calibrary.registry.init import folder_for, init, init_from, install_driver
+    from calibrary.registry.scaffold import DRIVER, DRIVER_COMMAND
 
     if arguments.remote is not None:
         place = arguments.path or folder_for(arguments.remote)
-        begun = begin_from(arguments.remote, place, bare=arguments.bare)
+        made = init_from(arguments.remote, place, bare=arguments.bare)
     else:
-        begun = begin(arguments.path or Path(), bare=arguments.bare)
+        made = init(arguments.path or Path(), bare=arguments.bare)
     note = make_console(stderr=True)
-    for line in _told(begun):
+    for line in _told(made):
         note.print(plain(line), highlight=False, soft_wrap=True)
-    folder = begun.keeper.registry.repo.path
+    folder = made.registry.repo.path
     installed = False
     if not arguments.bare:
         question = "Have git show entries by their fields here (git config in this repository)?"
         if arguments.yes or (can_ask() and agreed(arguments, question)):
-            install_driver(begun.keeper)
+            install_driver(made.registry.repo)
             installed = True
         else:
             note.print("to have git show entries by their fields:", highlight=False, soft_wrap=True)
@@ -75,9 +75,9 @@ def _run(arguments: argparse.Namespace) -> int:
         document = {
             "schema": "calibrary/registry-begun-1",
             "registry": str(folder),
-            "commit": begun.keeper.registry.commit(),
-            "cloned_from": begun.cloned_from,
-            "files": sorted(begun.files),
+            "commit": made.registry.commit(),
+            "cloned_from": made.cloned_from,
+            "files": sorted(made.files),
             "textconv": installed,
         }
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
@@ -87,14 +87,14 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _told(begun: Begun) -> list[str]:
-    folder = begun.keeper.registry.repo.path
-    if begun.cloned_from is not None and not begun.files:
-        lines = [f"{folder}: a copy of {begun.cloned_from}"]
-    elif begun.cloned_from is not None:
-        lines = [f"{folder}: {begun.cloned_from} was empty, so a registry was begun; push it"]
+def _told(made: Initialised) -> list[str]:
+    folder = made.registry.repo.path
+    if made.cloned_from is not None and not made.files:
+        lines = [f"{folder}: a copy of {made.cloned_from}"]
+    elif made.cloned_from is not None:
+        lines = [f"{folder}: {made.cloned_from} was empty, so a registry was begun; push it"]
     else:
-        lines = [f"{folder}: a registry was begun, with {', '.join(sorted(begun.files))}"]
-    if begun.outer is not None:
-        lines.append(f"it lies in another repository, {begun.outer}, whose .gitignore should name it")
+        lines = [f"{folder}: a registry was begun, with {', '.join(sorted(made.files))}"]
+    if made.outer is not None:
+        lines.append(f"it lies in another repository, {made.outer}, whose .gitignore should name it")
     return lines

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from calibrary.errors import RegistryError
-    from calibrary.keep.keeper import Held
+    from calibrary.registry.snapshot import StoredEntry
 
 __all__ = ["add_parser"]
 
@@ -62,20 +62,23 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console, plain
-    from calibrary.keep.entry_json import held_json
+    from calibrary.registry.entry_json import stored_json
 
-    keeper, note = opened(arguments), make_console(stderr=True)
+    snapshot, note = opened(arguments).snapshot(arguments.at), make_console(stderr=True)
     words = [word.lower() for word in arguments.words]
     unreadable: list[RegistryError] = []
     listed = [
-        held
-        for held in keeper.entries(arguments.at, unreadable=unreadable.append)
-        if all(word in held.id for word in words)
-        and (not arguments.status or held.entry.status.value in arguments.status)
-        and (not arguments.grade or held.entry.calibration.grade.value in arguments.grade)
+        stored
+        for stored in snapshot.entries(unreadable=unreadable.append)
+        if all(word in stored.id for word in words)
+        and (not arguments.status or stored.entry.status.value in arguments.status)
+        and (not arguments.grade or stored.entry.calibration.grade.value in arguments.grade)
     ]
     if arguments.json:
-        document = {"schema": "calibrary/entry-listing-1", "entries": [held_json(held) for held in listed]}
+        document = {
+            "schema": "calibrary/entry-listing-1",
+            "entries": [stored_json(stored) for stored in listed],
+        }
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     else:
         _show(make_console(stderr=False), listed)
@@ -87,7 +90,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return EXIT_UNREADABLE if unreadable else 0
 
 
-def _show(console: Console, listed: Sequence[Held]) -> None:
+def _show(console: Console, listed: Sequence[StoredEntry]) -> None:
     from rich.table import Table
 
     from calibrary.cli.console import plain
@@ -103,11 +106,11 @@ def _show(console: Console, listed: Sequence[Held]) -> None:
     table.add_column("distortion")
     table.add_column("made on")
     styles = {"approved": "green", "held": "cyan", "draft": "yellow", "retired": "dim"}
-    for held in listed:
-        calibration, status = held.entry.calibration, held.entry.status.value
+    for stored in listed:
+        calibration, status = stored.entry.calibration, stored.entry.status.value
         K = calibration.intrinsics
         table.add_row(
-            plain(held.id),
+            plain(stored.id),
             f"[{styles[status]}]{status}[/]",
             calibration.grade.value,
             f"{K.fx:.2f}",

@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.registry.place import add_registry_flag, shelf_of
+from calibrary.cli.registry.place import add_registry_flag, snapshot_of
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from calibrary.keep.shelf import Shelf
+    from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["add_parser"]
 
@@ -56,23 +56,23 @@ def _run(arguments: argparse.Namespace) -> int:
     from calibrary.atomic import write_files
     from calibrary.cli.console import make_console, plain
     from calibrary.errors import RegistryError
-    from calibrary.keep.locking import lock_json, pinned, usable_paths
+    from calibrary.registry.locking import lock_json, pinned, usable_paths
     from calibrary.registry.pins import lock_yaml
 
-    note, shelf = make_console(stderr=True), shelf_of(arguments, arguments.at)
+    note, snapshot = make_console(stderr=True), snapshot_of(arguments, arguments.at)
     if arguments.what:
         paths = [
             path
             for word in arguments.what
-            for path in _paths(shelf, word, note, recursive=arguments.recursive)
+            for path in _paths(snapshot, word, note, recursive=arguments.recursive)
         ]
     else:
-        paths = usable_paths(shelf.files())
+        paths = usable_paths(snapshot)
     if not paths:
         raise RegistryError(
             "no entry to pin: none is approved or held; 'calibrary registry approve KEY' puts one to use"
         )
-    lock = pinned(shelf, paths)
+    lock = pinned(snapshot, paths)
     write_files({arguments.out: lock_yaml(lock)})
     count = len(lock.pins)
     at = f" at {lock.commit[:12]}" if lock.commit is not None else ""
@@ -84,16 +84,16 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _paths(shelf: Shelf, word: str, console: Console, *, recursive: bool) -> list[str]:
-    from calibrary.keep.names import find_path
+def _paths(snapshot: Snapshot, word: str, console: Console, *, recursive: bool) -> list[str]:
+    from calibrary.registry.keys import find_path
 
     folder = Path(word)
     if folder.is_dir():
-        return _of_flight(shelf, folder, console, recursive=recursive)
-    return [find_path(shelf.index().paths, word)]
+        return _of_flight(snapshot, folder, console, recursive=recursive)
+    return [find_path(snapshot.index().paths, word)]
 
 
-def _of_flight(shelf: Shelf, folder: Path, console: Console, *, recursive: bool) -> list[str]:
+def _of_flight(snapshot: Snapshot, folder: Path, console: Console, *, recursive: bool) -> list[str]:
     """The entries that the gate would take for these images."""
     from datetime import date
 
@@ -106,7 +106,7 @@ def _of_flight(shelf: Shelf, folder: Path, console: Console, *, recursive: bool)
     images = find_images(folder, recursive=recursive)
     if not images:
         raise InputError("holds no images, and names no entry", source=str(folder))
-    knowledge = Knowledge(catalogue=load_catalogue(), registry=shelf.index(), on=date.today())
+    knowledge = Knowledge(catalogue=load_catalogue(), registry=snapshot.index(), on=date.today())
     paths: dict[str, None] = {}
     for metadata in gather(images, folder).states:
         known = knowledge.of(metadata)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from calibrary.keep.story import Chapter
+    from calibrary.registry.history import EntryRevision
 
 __all__ = ["add_parser"]
 
@@ -50,18 +50,18 @@ def _count(text: str) -> int:
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
-    from calibrary.keep.story import chapters, story_json
+    from calibrary.registry.history import history_json
 
-    told = chapters(opened(arguments), arguments.key, most=arguments.most)
+    told = opened(arguments).history(arguments.key, most=arguments.most)
     if arguments.json:
-        document = story_json(told, arguments.key)
+        document = history_json(told, arguments.key)
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     else:
         make_console(stderr=False).print(_of_all(told) if arguments.key is None else _of_one(told))
     return 0
 
 
-def _of_one(told: Sequence[Chapter]) -> Table:
+def _of_one(told: Sequence[EntryRevision]) -> Table:
     from calibrary.cli.console import plain
 
     left = ("commit", "date", "who", "status", "grade", "firmware")
@@ -84,7 +84,7 @@ def _of_one(told: Sequence[Chapter]) -> Table:
     return table
 
 
-def _without_names(one: Chapter) -> str:
+def _without_names(one: EntryRevision) -> str:
     """What the commit says it did, without the entry's name, which the reader has just typed."""
     subject = one.revision.subject
     for camera in one.cameras:
@@ -92,7 +92,7 @@ def _without_names(one: Chapter) -> str:
     return subject
 
 
-def _of_all(told: Sequence[Chapter]) -> Table:
+def _of_all(told: Sequence[EntryRevision]) -> Table:
     from calibrary.cli.console import plain
 
     table = _table(("commit", "date", "who"), (), ("what", "cameras", "why"))
@@ -117,7 +117,7 @@ def _table(left: Sequence[str], right: Sequence[str], folded: Sequence[str]) -> 
     return table
 
 
-def _commit(one: Chapter) -> tuple[str, str, str]:
+def _commit(one: EntryRevision) -> tuple[str, str, str]:
     from calibrary.cli.console import plain
 
     revision = one.revision

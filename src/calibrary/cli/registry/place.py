@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibrary.keep.keeper import Keeper
-    from calibrary.keep.shelf import Shelf
+    from calibrary.registry.registry import Registry
+    from calibrary.registry.snapshot import Snapshot
 
-__all__ = ["add_registry_flag", "opened", "shelf_of"]
+__all__ = ["add_registry_flag", "opened", "snapshot_of"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser) -> None:
@@ -23,25 +23,25 @@ def add_registry_flag(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def opened(arguments: argparse.Namespace) -> Keeper:
+def opened(arguments: argparse.Namespace) -> Registry:
     """The registry that is meant.
 
     Raises:
         RegistryError: there is none.
     """
-    from calibrary.keep.keeper import Keeper
-    from calibrary.keep.place import require_registry
+    from calibrary.registry.locate import require_registry
+    from calibrary.registry.registry import Registry
 
-    return Keeper.open(require_registry(arguments.registry))
+    return Registry.open(require_registry(arguments.registry))
 
 
-def shelf_of(arguments: argparse.Namespace, rev: str | None = None) -> Shelf:
+def snapshot_of(arguments: argparse.Namespace, rev: str | None = None) -> Snapshot:
     """The entries of the registry that is meant, at a revision; a plain folder of files will do.
 
     Raises:
         RegistryError: there is none, or no such revision.
     """
-    from calibrary.keep.place import require_registry
-    from calibrary.keep.shelf import open_shelf
+    from calibrary.registry.locate import require_registry
+    from calibrary.registry.registry import open_snapshot
 
-    return open_shelf(require_registry(arguments.registry), rev)
+    return open_snapshot(require_registry(arguments.registry), rev)

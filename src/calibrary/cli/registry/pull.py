@@ -12,7 +12,7 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from calibrary.keep.fields import Field
+    from calibrary.registry.fields import Field
     from calibrary.registry.git.conflicts import Conflict, FileConflictError
     from calibrary.registry.git.remotes import Pulled
 
@@ -65,16 +65,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
-    from calibrary.keep.exchanging import Choice, bring, remote_named, sync_json
     from calibrary.registry.git.conflicts import FileConflictError
+    from calibrary.registry.sync import Choice, remote_named, sync_json
 
-    note, keeper = make_console(stderr=True), opened(arguments)
-    remote, noted = remote_named(keeper, arguments.remote)
+    note, registry = make_console(stderr=True), opened(arguments)
+    remote, noted = remote_named(registry.repo, arguments.remote)
     tell_noted(note, remote, noted)
     choice = Choice(ours=arguments.ours, theirs=arguments.theirs)
     try:
         with note.status(f"pulling from {remote}"):
-            pulled = bring(keeper, remote, choice)
+            pulled = registry.pull(remote, choice)
     except FileConflictError as error:
         _show_conflicts(note, error)
         if arguments.json:
@@ -116,7 +116,7 @@ def _tell(console: Console, remote: str, pulled: Pulled) -> None:
 
 def _show_conflicts(console: Console, error: FileConflictError) -> None:
     from calibrary.cli.console import plain
-    from calibrary.keep.names import id_of
+    from calibrary.registry.keys import id_of
 
     count = len(error.conflicts)
     what = "an entry was" if count == 1 else f"{count} entries were"
@@ -140,7 +140,7 @@ def _show_conflict(console: Console, conflict: Conflict) -> None:
     from rich.table import Table
 
     from calibrary.cli.console import plain
-    from calibrary.keep.exchanging import field_conflicts
+    from calibrary.registry.sync import field_conflicts
 
     console.print(f"[bold]{plain(conflict.path)}[/]", highlight=False, soft_wrap=True)
     if conflict.ours is None or conflict.theirs is None:

@@ -39,13 +39,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
-    from calibrary.keep.exchanging import give, remote_named, sync_json
+    from calibrary.registry.sync import remote_named, sync_json
 
-    note, keeper = make_console(stderr=True), opened(arguments)
-    remote, noted = remote_named(keeper, arguments.remote)
+    note, registry = make_console(stderr=True), opened(arguments)
+    remote, noted = remote_named(registry.repo, arguments.remote)
     tell_noted(note, remote, noted)
     with note.status(f"pushing to {remote}"):
-        commit = give(keeper, remote)
+        commit = registry.push(remote)
     note.print(f"{remote} and here stand at {commit[:12]}", highlight=False, markup=False, soft_wrap=True)
     if arguments.json:
         document = sync_json(remote, None, commit)

@@ -10,14 +10,14 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
-from calibrary.cli.registry.place import add_registry_flag, shelf_of
+from calibrary.cli.registry.place import add_registry_flag, snapshot_of
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from calibrary.keep.answering import Answer
-    from calibrary.keep.shelf import Shelf
+    from calibrary.jobs.exchange.resolve import Answer
     from calibrary.registry.resolution import Resolution
+    from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["add_parser"]
 
@@ -62,32 +62,32 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.calibration import CameraKey
     from calibrary.cli.console import make_console
-    from calibrary.keep.answering import answer, answer_json, asked
+    from calibrary.jobs.exchange.resolve import answer, answer_json, asked
 
     if arguments.what is None and camera_of(arguments, CameraKey()) == CameraKey():
         arguments.parser.error("say which camera: an image of it, its KEY, or --make and --model")
-    shelf = shelf_of(arguments, arguments.at)
+    snapshot = snapshot_of(arguments, arguments.at)
     on = arguments.on or date.today()
-    found = answer(shelf, asked(shelf, arguments.what, partial(camera_of, arguments)), on=on)
+    found = answer(snapshot, asked(snapshot, arguments.what, partial(camera_of, arguments)), on=on)
     if arguments.json:
-        document = answer_json(shelf, found, on=on)
+        document = answer_json(snapshot, found, on=on)
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     elif found.resolution is not None:
-        _show(make_console(stderr=False), shelf, found, found.resolution)
+        _show(make_console(stderr=False), snapshot, found, found.resolution)
     if found.resolution is not None:
         return 0
     _tell_none(make_console(stderr=True), found)
     return EXIT_NONE
 
 
-def _show(console: Console, shelf: Shelf, found: Answer, resolution: Resolution) -> None:
+def _show(console: Console, snapshot: Snapshot, found: Answer, resolution: Resolution) -> None:
     from rich.table import Table
 
     from calibrary.cli.console import plain
 
     entry, calibration = resolution.entry, resolution.calibration
     K, lens, made = calibration.intrinsics, calibration.distortion, calibration.provenance
-    at = f" at {shelf.commit[:12]}" if shelf.commit is not None else ""
+    at = f" at {snapshot.commit[:12]}" if snapshot.commit is not None else ""
     rows = [
         ("camera", f"{found.question.key}, by {found.question.known_by}"),
         ("entry", f"{resolution.path}{at}, {entry.status.value}"),

@@ -13,8 +13,9 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from calibrary.keep.fields import FieldChange
-    from calibrary.keep.keeper import Held
+    from calibrary.registry.fields import FieldChange
+    from calibrary.registry.history import Recorded
+    from calibrary.registry.snapshot import StoredEntry
 
 __all__ = ["add_parser"]
 
@@ -69,7 +70,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _convert(path: Path) -> int:
     """What git asks of a textconv driver; it must not fail, for git would then show nothing at all."""
-    from calibrary.keep.plain_text import entry_text
+    from calibrary.registry.textconv import entry_text
 
     # Git reads bytes, whatever encoding this terminal has.
     sys.stdout.buffer.write(entry_text(path).encode("utf-8", "backslashreplace"))
@@ -79,24 +80,29 @@ def _convert(path: Path) -> int:
 def _show(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console, plain
     from calibrary.cli.registry.changes import change_table
-    from calibrary.keep.entry_json import held_json
-    from calibrary.keep.fields import change_json, differences
+    from calibrary.registry.entry_json import stored_json
+    from calibrary.registry.fields import change_json, differences
+    from calibrary.registry.history import recorded, recorded_json
 
-    keeper = opened(arguments)
-    held = keeper.get(arguments.key)
+    registry = opened(arguments)
+    stored = registry.get(arguments.key)
     against, changes = None, None
     if arguments.diff is not None:
-        against = f"{held.id}@{arguments.diff}"
-        changes = differences(keeper.get(against).entry, held.entry)
+        against = f"{stored.id}@{arguments.diff}"
+        changes = differences(registry.get(against).entry, stored.entry)
     if arguments.json:
-        document = {"schema": "calibrary/entry-listing-1", **held_json(held)}
+        document = {
+            "schema": "calibrary/entry-listing-1",
+            **stored_json(stored),
+            "recorded": recorded_json(recorded(registry.repo, stored)),
+        }
         if changes is not None:
             document |= {"against": against, "changes": [change_json(change) for change in changes]}
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     elif arguments.yaml:
-        sys.stdout.buffer.write(keeper.registry.repo.blob(held.oid))
+        sys.stdout.buffer.write(registry.snapshot(stored.commit).read(stored.path))
     elif changes is None:
-        _describe(make_console(stderr=False), held)
+        _describe(make_console(stderr=False), stored, recorded(registry.repo, stored))
     else:
         console = make_console(stderr=False)
         console.print(_summary(plain(arguments.key), plain(against or ""), changes), highlight=False)
@@ -111,23 +117,23 @@ def _summary(key: str, against: str, changes: tuple[FieldChange, ...]) -> str:
     return f"[bold]{key}[/] against {against}"
 
 
-def _describe(console: Console, held: Held) -> None:
+def _describe(console: Console, stored: StoredEntry, put: Recorded | None) -> None:
     from rich.table import Table
 
     from calibrary.cli.console import plain
 
     table = Table(
-        box=None, show_header=False, padding=(0, 2, 0, 0), title=plain(held.id), title_justify="left"
+        box=None, show_header=False, padding=(0, 2, 0, 0), title=plain(stored.id), title_justify="left"
     )
     table.add_column(style="dim")
     table.add_column(overflow="fold")
-    for name, value in _rows(held):
+    for name, value in [*_rows(stored), *_recorded(put)]:
         table.add_row(name, plain(value))
     console.print(table)
 
 
-def _rows(held: Held) -> list[tuple[str, str]]:
-    entry, calibration = held.entry, held.entry.calibration
+def _rows(stored: StoredEntry) -> list[tuple[str, str]]:
+    entry, calibration = stored.entry, stored.entry.calibration
     K, quality = calibration.intrinsics, calibration.quality
     std = dict(quality.std) if quality is not None else {}
     if quality is not None and quality.covariance is not None:
@@ -156,11 +162,11 @@ def _rows(held: Held) -> list[tuple[str, str]]:
             ("coverage", quality.coverage, "{:.0%}"),
         )
         rows += [(name, form.format(value)) for name, value, form in measured if value is not None]
-    return rows + _provenance(held)
+    return rows + _provenance(stored)
 
 
-def _provenance(held: Held) -> list[tuple[str, str]]:
-    entry, made = held.entry, held.entry.calibration.provenance
+def _provenance(stored: StoredEntry) -> list[tuple[str, str]]:
+    entry, made = stored.entry, stored.entry.calibration.provenance
     serial = entry.calibration.camera.serial
     stated = (
         ("serial", serial and f"hash {serial}"),
@@ -177,7 +183,15 @@ def _provenance(held: Held) -> list[tuple[str, str]]:
         ("focus", made.focus),
         ("assumed", "; ".join(made.assumptions)),
         ("supersedes", entry.supersedes),
-        ("commit", held.commit[:12]),
+        ("commit", (stored.commit or "")[:12]),
     )
     rows = [(name, value) for name, value in stated if value]
     return rows + [("note", note) for note in entry.notes]
+
+
+def _recorded(put: Recorded | None) -> list[tuple[str, str]]:
+    """Who put the calibration into the registry, which is not who made it."""
+    if put is None:
+        return []
+    from_file = f", from {put.file}" if put.file is not None else ""
+    return [("recorded", f"{put.date:%Y-%m-%d} by {put.by}{from_file}, commit {put.commit[:12]}")]

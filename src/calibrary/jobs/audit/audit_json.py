@@ -18,8 +18,8 @@ def audit_json(done: Audit) -> dict[str, Json]:
     return {
         "schema": "calibrary/registry-audit-1",
         "verdict": "clean" if done.is_clean else "findings",
-        "registry": str(request.shelf.place),
-        "commit": request.shelf.commit,
+        "registry": str(request.snapshot.place),
+        "commit": request.snapshot.commit,
         "policy": done.policy.name,
         "on": request.today.isoformat(),
         "since": request.since.isoformat() if request.since is not None else None,

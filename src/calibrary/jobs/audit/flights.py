@@ -12,10 +12,10 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.exchange.identity import identified
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
 from calibrary.jobs.extract.gather import SkippedFile, find_images, gather
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.keep.identity import identified
 from calibrary.parsers.imagery.taken import taken_on
 from calibrary.policy import Policy
 

@@ -56,7 +56,7 @@ def audit_page(done: Audit) -> Page:
         sections=tuple(_sections(done)),
         made_by=f"Made by calibrary {version('calibrary')} on {done.request.today} from "
         f"{', '.join(str(folder) for folder in done.request.folders)}, the registry at "
-        f"{(done.request.shelf.commit or 'a plain folder')[:12]}.",
+        f"{(done.request.snapshot.commit or 'a plain folder')[:12]}.",
     )
 
 

@@ -13,11 +13,11 @@ from calibrary.jobs.audit.agreement import MEASURED, disagreements, unit_finding
 from calibrary.jobs.audit.answers import Answer, answer_to
 from calibrary.jobs.audit.flights import Flights, Progress, flights
 from calibrary.jobs.audit.rules import Rule
-from calibrary.keep.names import id_of
-from calibrary.keep.shelf import Shelf
-from calibrary.policy import FLEET, Policy
+from calibrary.policy import Policy
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.keys import id_of
+from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
 __all__ = ["LEVELS", "STALE_MONTHS", "Audit", "Request", "audit"]
@@ -34,7 +34,7 @@ class Request:
 
     Attributes:
         folders: of images, each with those within it.
-        shelf: the registry.
+        snapshot: of the registry.
         today: what counts as that.
         since: leave out images of earlier days.
         stale_months: a calibration older than this is told of.
@@ -42,7 +42,7 @@ class Request:
     """
 
     folders: tuple[Path, ...]
-    shelf: Shelf
+    snapshot: Snapshot
     today: date
     since: date | None = None
     stale_months: int = STALE_MONTHS
@@ -87,8 +87,8 @@ def audit(request: Request) -> Audit:
         InputError: a folder cannot be read or there is no image.
         RegistryError: the registry cannot be listed.
     """
-    policy = request.shelf.keeper.charter.policy if request.shelf.keeper is not None else FLEET
-    index, files = request.shelf.index(), request.shelf.files()
+    policy = request.snapshot.configuration.policy
+    index, files = request.snapshot.index(), dict(request.snapshot.files())
     seen = flights(
         request.folders, policy, since=request.since, workers=request.workers, progress=request.progress
     )

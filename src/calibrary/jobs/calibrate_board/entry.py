@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 from calibrary.calib.board import Board
@@ -14,23 +11,19 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, UnknownCameraError
 from calibrary.jobs.calibrate_board.run import SolveRequest
-from calibrary.keep.adding import Proposal, Wish, propose
-from calibrary.keep.keeper import Keeper
-from calibrary.keep.operand import Reading
 from calibrary.records import replace
 from calibrary.registry.check import BOARD_BLOCK
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.registry import Registry
 from calibrary.strictyaml import YamlValue
-from calibrary.validation import Finding
 
-__all__ = ["camera_named", "entry_of", "proposed", "require_key"]
+__all__ = ["camera_named", "entry_of", "require_key"]
 
 ON_BOARD: Final = "board"
 """The kind of provenance that names frames."""
 
 
-def camera_named(keeper: Keeper, key: str) -> CameraKey:
+def camera_named(registry: Registry, key: str) -> CameraKey:
     """The camera of an entry that is there already, for a calibration that is to take its place.
 
     Raises:
@@ -38,7 +31,7 @@ def camera_named(keeper: Keeper, key: str) -> CameraKey:
         RegistryError: there are several.
     """
     try:
-        return keeper.get(key).entry.calibration.camera
+        return registry.get(key).entry.calibration.camera
     except UnknownCameraError as error:
         raise UnknownCameraError(
             f"{error}; a camera without an entry is named by --make NAME --model NAME"
@@ -77,20 +70,6 @@ def entry_of(result: CalibrationResult, request: SolveRequest) -> Entry:
             "the frames"
         )
     return replace(Entry.of(result.calibration), extensions={BOARD_BLOCK: _block(result, request)})
-
-
-def proposed(keeper: Keeper, entry: Entry, wish: Wish) -> tuple[Proposal, Sequence[Finding]]:
-    """The entry beside what stands at its place, and what the registry's check says of it.
-
-    Raises:
-        RegistryError: a person pinned the entry that stands there.
-    """
-    # Entries are added from files; this one is a file for as long as that takes.
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "calibration.yaml"
-        path.write_bytes(entry_yaml(entry))
-        [proposal], findings = propose(keeper, path, Reading(), wish)
-    return proposal, findings
 
 
 def _block(result: CalibrationResult, request: SolveRequest) -> dict[str, YamlValue]:

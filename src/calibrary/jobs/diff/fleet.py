@@ -10,12 +10,12 @@ from typing import Final
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, compare
-from calibrary.keep.keeper import Keeper
-from calibrary.keep.names import id_of
 from calibrary.policy import FLEET, Policy
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare as compare_versions
+from calibrary.registry.keys import id_of
+from calibrary.registry.registry import Registry
 
 __all__ = ["Change", "Progress", "by_firmware", "since"]
 
@@ -57,15 +57,15 @@ class Change:
 
 
 def since(
-    keeper: Keeper, rev: str, policy: Policy = FLEET, progress: Progress | None = None
+    registry: Registry, rev: str, policy: Policy = FLEET, progress: Progress | None = None
 ) -> tuple[Change, ...]:
     """Every entry that differs from what it was at a revision, worst first.
 
     Raises:
         RegistryError: there is no such revision.
     """
-    files = keeper.registry.changed(rev)
-    blob = keeper.registry.repo.blob
+    files = registry.changed(rev)
+    blob = registry.repo.blob
     changes = []
     for done, file in enumerate(files, start=1):
         before = _parsed(file.path, partial(blob, file.before)) if file.before is not None else None
@@ -77,7 +77,7 @@ def since(
 
 
 def by_firmware(
-    keeper: Keeper, old: str, new: str, policy: Policy = FLEET, progress: Progress | None = None
+    registry: Registry, old: str, new: str, policy: Policy = FLEET, progress: Progress | None = None
 ) -> tuple[Change, ...]:
     """Every camera that has an entry of both firmwares, in its history or side by side, worst first.
 
@@ -87,11 +87,11 @@ def by_firmware(
     """
     compare_versions(old, new)
     cameras: dict[CameraKey, list[str]] = {}
-    for held in keeper.entries():
-        cameras.setdefault(held.entry.calibration.camera, []).append(held.path)
+    for stored in registry.snapshot().entries():
+        cameras.setdefault(stored.entry.calibration.camera, []).append(stored.path)
     changes = []
     for done, paths in enumerate(cameras.values(), start=1):
-        entries = [entry for path in paths for _, entry in keeper.revisions(path) if entry is not None]
+        entries = [one.entry for path in paths for one in registry.revisions(path) if one.entry is not None]
         before = next((entry for entry in entries if _is_of(entry, old)), None)
         after = next((entry for entry in entries if _is_of(entry, new)), None)
         if before is not None and after is not None:

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from calibrary.calibration import Calibration
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.keep.identity import identified
-from calibrary.keep.locking import locked
-from calibrary.keep.shelf import Shelf, open_shelf
+from calibrary.jobs.exchange.identity import identified
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 from calibrary.registry.catalogue import Catalogue, load_catalogue
+from calibrary.registry.locking import locked
+from calibrary.registry.registry import open_snapshot, uncommitted
 from calibrary.registry.resolution import Near, RegistryIndex, Resolution
+from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["Knowledge", "Known"]
 
@@ -84,11 +85,11 @@ class Knowledge:
         """
         if registry is None:
             return cls(catalogue=load_catalogue())
-        catalogue, shelf, today = load_catalogue(), open_shelf(registry), date.today()
+        catalogue, snapshot, today = load_catalogue(), open_snapshot(registry), date.today()
         if lock is not None:
-            held = locked(shelf, lock)
-            return cls(catalogue=catalogue, registry=held.index, on=today, remarks=held.remarks)
-        return cls(catalogue=catalogue, registry=shelf.index(), on=today, remarks=_not_used(shelf))
+            pinned = locked(snapshot, lock)
+            return cls(catalogue=catalogue, registry=pinned.index, on=today, remarks=pinned.warnings)
+        return cls(catalogue=catalogue, registry=snapshot.index(), on=today, remarks=_not_used(snapshot))
 
     @property
     def has_registry(self) -> bool:
@@ -112,9 +113,9 @@ class Knowledge:
         return replace(known, resolution=resolution, near=near)
 
 
-def _not_used(shelf: Shelf) -> tuple[str, ...]:
+def _not_used(snapshot: Snapshot) -> tuple[str, ...]:
     """A person who edits a file and sees nothing come of it should not have to guess why."""
-    edited = shelf.uncommitted()
+    edited = uncommitted(snapshot.repo) if snapshot.repo is not None else ()
     if not edited:
         return ()
     more = f" and {len(edited) - 1} more" if len(edited) > 1 else ""

@@ -64,21 +64,21 @@ class Claim:
 
 
 def claims(
-    subject: Subject, board: CalibrationResult | None, standing: Resolution | None, policy: Policy
+    subject: Subject, board: CalibrationResult | None, current: Resolution | None, policy: Policy
 ) -> tuple[Claim, ...]:
     """Everybody heard, the one whose K is proposed first.
 
     Args:
         subject: the camera.
         board: what its frames of a board were solved to; of a refused one nothing is heard.
-        standing: the registry's entry for it.
+        current: the registry's entry for it.
         policy: how near they must lie.
     """
     heard = [
         *_of_board(board, policy),
         *_of_files(subject, policy),
         *_of_tags(subject, policy),
-        *_of_registry(standing, policy),
+        *_of_registry(current, policy),
         *_of_catalogue(subject, policy),
     ]
     able = [claim for claim in heard if claim.rank is not None]
@@ -181,17 +181,17 @@ def _hand(source: Source) -> str:
     return named.get(source, EXIF)
 
 
-def _of_registry(standing: Resolution | None, policy: Policy) -> Iterator[Claim]:
-    if standing is None:
+def _of_registry(current: Resolution | None, policy: Policy) -> Iterator[Claim]:
+    if current is None:
         return
-    calibration = standing.calibration
+    calibration = current.calibration
     yield Claim(
         kind=Kind.REGISTRY,
-        name=standing.path,
+        name=current.path,
         voice="registry",
         intrinsics=calibration.intrinsics,
         grade=calibration.grade,
-        limit=standing.entry.tolerance or _measured_limit(policy),
+        limit=current.entry.tolerance or _measured_limit(policy),
         measured_centre=calibration.grade in MEASURED,
     )
 

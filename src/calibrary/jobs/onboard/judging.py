@@ -13,12 +13,12 @@ from calibrary.jobs.diff.comparison import Comparison, compare
 from calibrary.jobs.extract.cameras import circumstances
 from calibrary.jobs.onboard.claims import Claim, Kind, expected_of, gap
 from calibrary.jobs.onboard.subjects import Subject
-from calibrary.keep.keeper import Keeper
-from calibrary.keep.names import id_of
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, folder_of
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.keys import id_of
+from calibrary.registry.registry import Registry
 from calibrary.validation import Circumstances, NamedFocal, Report, Verdict, validate
 
 __all__ = ["Hearing", "Relative", "Voice", "hear", "held_against", "relatives"]
@@ -147,15 +147,15 @@ def refused_by(report: Report) -> str | None:
     return f"{failure.message}{f'; {failure.remedy}' if failure.remedy else ''}"
 
 
-def relatives(keeper: Keeper, entry: Entry, policy: Policy) -> tuple[Relative, ...]:
+def relatives(registry: Registry, entry: Entry, policy: Policy) -> tuple[Relative, ...]:
     """The entries of the same model, its own first, and then those most like it."""
-    snapshot, camera = keeper.registry.snapshot(), entry.calibration.camera
+    snapshot, camera = registry.snapshot(), entry.calibration.camera
     folder = folder_of(camera.make or "", camera.model or "")
     paths = sorted(path for path in snapshot.paths if path.startswith(folder))
     found = []
     for path in paths[:MOST_READ]:
         try:
-            other = parse_entry(keeper.registry.repo.blob(snapshot.paths[path]), path)
+            other = parse_entry(snapshot.read(path), path)
         except InputError:
             # It is for the registry's check to tell of.
             continue

@@ -30,7 +30,7 @@ def onboard_json(done: Onboarding, written: Mapping[str, Written], page: str | N
         "schema": "calibrary/onboard-1",
         "verdict": "good" if done.is_good else "refused",
         "folder": str(payload.folder),
-        "registry": str(done.request.keeper.registry.repo.path),
+        "registry": str(done.request.registry.repo.path),
         "policy": done.request.policy.name,
         "sorted": {
             "images": payload.images - frames,
@@ -58,7 +58,7 @@ def _camera(one: CameraDecision, done: Onboarding) -> dict[str, Json]:
             "id": entry.id,
             "path": entry.path,
             "status": entry.status.value,
-            "status_before": one.standing.status.value if one.standing is not None else None,
+            "status_before": one.current.status.value if one.current is not None else None,
             "calibration": to_json(entry.calibration),
         }
         if entry is not None

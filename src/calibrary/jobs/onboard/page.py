@@ -176,7 +176,7 @@ def _chart(one: CameraDecision, hearing: Hearing | None) -> Figure:
 
 
 def _entry(one: CameraDecision) -> Iterator[Block]:
-    entry, before = one.entry, one.standing
+    entry, before = one.entry, one.current
     assert entry is not None  # noqa: S101  the caller asked for it
     calibration, status = entry.calibration, entry.status.value
     if before is not None and before.status is not entry.status:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from enum import StrEnum
-from importlib.metadata import version
 from typing import Final
 
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, Grade, SourceFile
 from calibrary.jobs.calibrate_board.entry import entry_of
 from calibrary.jobs.calibrate_board.run import SolveRequest
+from calibrary.jobs.exchange.add import Stated
 from calibrary.jobs.onboard.claims import EXIF, Kind
 from calibrary.jobs.onboard.judging import Hearing
 from calibrary.jobs.onboard.sorting import Payload
@@ -45,7 +44,7 @@ def entry_for(
     payload: Payload,
     *,
     board: CalibrationResult | None,
-    operator: str,
+    stated: Stated,
 ) -> Entry:
     """The draft.
 
@@ -55,7 +54,7 @@ def entry_for(
         serves: this unit only, or every one of its model.
         payload: where its sources lie.
         board: the solve, where the K is its.
-        operator: who answers for it.
+        stated: of the calibration's making, where its source does not say it.
 
     Raises:
         InputError: make or model is missing, or K is a guess.
@@ -65,7 +64,7 @@ def entry_for(
     key = _key(subject, hearing, serves)
     if chosen.kind is Kind.BOARD and board is not None:
         named = replace(board.calibration, camera=replace(key, firmware=subject.firmware))
-        entry = entry_of(replace(board, calibration=named), SolveRequest(operator=operator))
+        entry = entry_of(replace(board, calibration=named), SolveRequest(operator=stated.operator))
         calibration = entry.calibration
     else:
         calibration = replace(chosen.calibration, camera=key, extras=())
@@ -76,9 +75,9 @@ def entry_for(
         made,
         source=made.source or (own.name if own is not None else None),
         sha256=made.sha256 or (own.sha256 if own is not None else None),
-        tool=made.tool or f"calibrary {version('calibrary')} onboard",
-        date=made.date or datetime.now(UTC).date().isoformat(),
-        operator=made.operator or operator,
+        tool=made.tool or stated.tool,
+        date=made.date or stated.date,
+        operator=made.operator or stated.operator,
         firmware=made.firmware or subject.firmware,
     )
     notes = (*calibration.notes, *_notes(hearing))

@@ -11,14 +11,15 @@ from calibrary.calib.board import Board
 from calibrary.calib.collect import Collected
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, ImageSize
+from calibrary.jobs.exchange.add import Stated
 from calibrary.jobs.onboard.claims import Claim, Kind
 from calibrary.jobs.onboard.judging import Hearing, Relative
 from calibrary.jobs.onboard.proposing import Serves
 from calibrary.jobs.onboard.sorting import Payload
 from calibrary.jobs.onboard.subjects import Subject, Subjects
-from calibrary.keep.keeper import Keeper
 from calibrary.policy import Policy
 from calibrary.registry.entry import Entry
+from calibrary.registry.registry import Registry
 from calibrary.validation import Finding, Report
 
 __all__ = ["BoardSolve", "CameraDecision", "Decision", "Onboarding", "Progress", "Questions", "Request"]
@@ -54,34 +55,34 @@ class Request:
 
     Attributes:
         folder: what came with the payload.
-        keeper: of the registry.
+        registry: to propose to.
         questions: see there.
         said: puts what was said of a camera in the place of what is known, for cameras without a name.
         image_size: of calibration files that do not say theirs.
         board: which board the frames show; None for a checkerboard whose corners are counted by trying.
         trusted: whom to believe where witnesses disagree and nothing else decides.
         only: a part of the name of the cameras that are meant; None for all.
-        operator: who answers for it; git's user where it is None.
+        stated: of the making of calibrations whose source does not say it.
         workers: processes; 0 decides by itself.
         progress: told how far it is.
     """
 
     folder: Path
-    keeper: Keeper
+    registry: Registry
     questions: Questions
     said: Callable[[CameraKey], CameraKey] = lambda known: known
     image_size: ImageSize | None = None
     board: Board | None = None
     trusted: Kind | None = None
     only: str | None = None
-    operator: str | None = None
+    stated: Stated = field(default_factory=Stated)
     workers: int = 0
     progress: Progress | None = field(default=None, compare=False)
 
     @property
     def policy(self) -> Policy:
         """The registry's."""
-        return self.keeper.charter.policy
+        return self.registry.configuration.policy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,7 +115,7 @@ class CameraDecision:
         hearing: how the others stand to it; None where nobody claims a K.
         report: the K against the policy.
         entry: as it would be written; None where it came to none.
-        standing: what the registry's main branch has at its place.
+        current: what the registry's main branch has at its place.
         findings: what the registry's check says of it.
         relatives: entries of the same model.
     """
@@ -128,7 +129,7 @@ class CameraDecision:
     hearing: Hearing | None = None
     report: Report | None = None
     entry: Entry | None = None
-    standing: Entry | None = None
+    current: Entry | None = None
     findings: tuple[Finding, ...] = ()
     relatives: tuple[Relative, ...] = ()
 

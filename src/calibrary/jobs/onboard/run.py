@@ -6,13 +6,12 @@ changed by a person who approves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError
-from calibrary.jobs.calibrate_board.entry import proposed
 from calibrary.jobs.calibrate_board.frame_metadata import describe_frames
 from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe
 from calibrary.jobs.onboard.claims import MEASURED, Claim, Kind, claims
@@ -29,15 +28,14 @@ from calibrary.jobs.onboard.records import (
 )
 from calibrary.jobs.onboard.sorting import Payload, sort_payload
 from calibrary.jobs.onboard.subjects import Subject, find_subjects
-from calibrary.keep.admission import stands_against
-from calibrary.keep.candidates import Wish
-from calibrary.keep.keeper import Keeper, note_of
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.writing import Written, identity
+from calibrary.registry.git.writing import Written
+from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import Resolution
 from calibrary.registry.slug import slug
+from calibrary.registry.writing import note_of
 
 __all__ = ["BRANCHES", "branch_name", "branch_of", "onboard", "write_drafts"]
 
@@ -93,24 +91,31 @@ def write_drafts(done: Onboarding, reason: str | None = None) -> dict[str, Writt
         FileConflictError: somebody has written the same entry on the branch meanwhile.
         RegistryError: it cannot be written.
     """
-    keeper, branches = done.request.keeper, {}
+    registry, branches = done.request.registry, {}
     for branch in sorted({branch_of(entry) for entry in done.drafts}):
         entries = [entry for entry in done.drafts if branch_of(entry) == branch]
         named = entries[0].id if len(entries) == 1 else f"{len(entries)} cameras"
         note = note_of(f"Propose {named}, taken on board", entries, reason)
-        note = replace(note, sources=tuple(dict.fromkeys([*note.sources, *_sources(done, entries)])))
-        based = [(entry, _oid_at(keeper, branch, entry.path)) for entry in entries]
-        branches[branch] = keeper.save(based, note, branch=branch)
+        note = replace(note, sources=_with_sources(note.sources, done, entries))
+        based = [(entry, _oid_at(registry, branch, entry.path)) for entry in entries]
+        branches[branch] = registry.write(based, note, branch=branch)
     return branches
 
 
-def _sources(done: Onboarding, entries: Sequence[Entry]) -> Iterator[str]:
-    for one in done.outcomes:
-        if one.entry in entries:
-            # Frames of a board are many, and the entry itself lists them.
-            yield from (
-                source.sha256 for what, source in sources_of(one.subject, done.payload) if what != FRAME
-            )
+def _with_sources(
+    known: Sequence[tuple[str | None, str]], done: Onboarding, entries: Sequence[Entry]
+) -> tuple[tuple[str | None, str], ...]:
+    """The name and sha256 of every file that was read for some entries, after those that are known."""
+    # Frames of a board are many, and the entry itself lists them.
+    read = {
+        source.sha256: (source.name, source.sha256)
+        for one in done.outcomes
+        if one.entry in entries
+        for what, source in sources_of(one.subject, done.payload)
+        if what != FRAME
+    }
+    there = {sha256 for _, sha256 in known}
+    return (*known, *(pair for sha256, pair in read.items() if sha256 not in there))
 
 
 def _waiting(one: CameraDecision, request: Request) -> CameraDecision:
@@ -143,7 +148,7 @@ def _square_mm(subjects: Sequence[Subject], request: Request) -> float:
 def _outcome(subject: Subject, payload: Payload, square_mm: float, request: Request) -> CameraDecision:
     board = _board(subject, square_mm, request) if subject.frames else None
     result = board.result if board is not None else None
-    heard = claims(subject, result, _standing(subject, request.keeper), request.policy)
+    heard = claims(subject, result, _current(subject, request.registry), request.policy)
     hearing = hear(heard, request.trusted)
     if hearing is None:
         why, advice = _no_k(subject, board)
@@ -173,32 +178,33 @@ def _outcome(subject: Subject, payload: Payload, square_mm: float, request: Requ
 
 def _proposed(so_far: CameraDecision, hearing: Hearing, payload: Payload, request: Request) -> CameraDecision:
     """The draft of a camera against which nothing speaks yet, and what the registry says to it."""
-    subject, keeper, board = so_far.subject, request.keeper, so_far.board
-    operator = request.operator or identity(keeper.registry.repo)[0].name
+    subject, registry, board = so_far.subject, request.registry, so_far.board
     serves = _serves(subject, hearing, request.questions)
     result = board.result if board is not None else None
     try:
-        entry = entry_for(subject, hearing, serves, payload, board=result, operator=operator)
-        proposal, findings = proposed(keeper, entry, Wish(operator=operator))
+        entry = entry_for(subject, hearing, serves, payload, board=result, stated=request.stated)
+        proposals = registry.propose([entry])
     except (InputError, RegistryError) as error:
         return replace(so_far, reason=str(error), advice="see what stands there: calibrary registry list")
-    entry, standing = proposal.entry, proposal.standing
+    [proposal] = proposals.items
+    entry, current = proposal.entry, proposal.current
     done = replace(
         so_far,
         entry=entry,
-        standing=standing,
-        findings=tuple(findings),
-        relatives=relatives(keeper, entry, request.policy),
+        current=current,
+        findings=proposals.findings,
+        relatives=relatives(registry, entry, request.policy),
     )
-    against = stands_against(findings)
-    if against:
-        return replace(done, reason=str(against[0]), advice="put that right in what came with the payload")
+    if proposals.errors:
+        return replace(
+            done, reason=str(proposals.errors[0]), advice="put that right in what came with the payload"
+        )
     branch = branch_of(entry)
-    waiting = _entry_at(keeper, branch, entry.path)
-    if standing is not None and is_same(standing, entry):
-        reason = f"the registry has it from the same sources, {standing.status.value}"
-        advice = f"calibrary registry approve {entry.id}" if standing.status is Status.DRAFT else None
-        return replace(done, entry=standing, decision=Decision.KNOWN, reason=reason, advice=advice)
+    waiting = _entry_at(registry, branch, entry.path)
+    if current is not None and is_same(current, entry):
+        reason = f"the registry has it from the same sources, {current.status.value}"
+        advice = f"calibrary registry approve {entry.id}" if current.status is Status.DRAFT else None
+        return replace(done, entry=current, decision=Decision.KNOWN, reason=reason, advice=advice)
     approving = f"calibrary registry approve {entry.id} --from {branch}"
     if waiting is not None and is_same(waiting, entry):
         reason = f"its draft waits on the branch {branch}, from the same sources"
@@ -270,7 +276,7 @@ def _board(subject: Subject, square_mm: float, request: Request) -> BoardSolve:
         collected = observe(
             frames, metadata, request.board or square_mm, workers=request.workers, progress=advance
         )
-        result = calibrate_from(collected, SolveRequest(operator=request.operator))
+        result = calibrate_from(collected, SolveRequest(operator=request.stated.operator))
     except (CalibrationError, InputError) as error:
         return BoardSolve(frames=len(frames), why_not=str(error))
     if result.verdict is BoardVerdict.REFUSE:
@@ -279,26 +285,26 @@ def _board(subject: Subject, square_mm: float, request: Request) -> BoardSolve:
     return BoardSolve(frames=len(frames), collected=collected, result=result)
 
 
-def _standing(subject: Subject, keeper: Keeper) -> Resolution | None:
+def _current(subject: Subject, registry: Registry) -> Resolution | None:
     """The entry that answers for the camera now."""
     try:
-        return keeper.index().resolve(replace(subject.key, firmware=subject.firmware))
+        return registry.snapshot().index().resolve(replace(subject.key, firmware=subject.firmware))
     except CalibraryError:
         # Two that fit alike, or one that cannot be read: the registry's check tells, and neither is a witness.
         return None
 
 
-def _entry_at(keeper: Keeper, branch: str, path: str) -> Entry | None:
-    oid = _oid_at(keeper, branch, path)
+def _entry_at(registry: Registry, branch: str, path: str) -> Entry | None:
+    oid = _oid_at(registry, branch, path)
     if oid is None:
         return None
     try:
-        return parse_entry(keeper.registry.repo.blob(oid), path)
+        return parse_entry(registry.repo.blob(oid), path)
     except InputError:
         return None
 
 
-def _oid_at(keeper: Keeper, branch: str, path: str) -> str | None:
+def _oid_at(registry: Registry, branch: str, path: str) -> str | None:
     """What stands at a path of a branch, or of the main one as long as there is no such branch."""
-    exists = keeper.registry.repo.tip(f"refs/heads/{branch}") is not None
-    return keeper.registry.snapshot(branch if exists else None).paths.get(path)
+    exists = registry.repo.tip(f"refs/heads/{branch}") is not None
+    return registry.snapshot(branch if exists else None).paths.get(path)

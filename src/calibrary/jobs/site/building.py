@@ -17,11 +17,12 @@ from calibrary.jobs.site.addresses import INDEX
 from calibrary.jobs.site.listing import listing
 from calibrary.jobs.site.place import MARKER, replaced
 from calibrary.jobs.site.work import Card, Job, Task, write_entries
-from calibrary.keep.keeper import Keeper
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.git.history import changed, history
+from calibrary.registry.git.repository import Repository
 from calibrary.registry.layout import CAMERAS
+from calibrary.registry.registry import Registry
 from calibrary.workers import end_with_parent
 
 __all__ = ["Progress", "Site", "build", "build_into"]
@@ -94,18 +95,21 @@ def build_into(
         InputError: it cannot be written.
         RegistryError: the registry cannot be read.
     """
-    keeper = Keeper.open(registry)
-    snapshot = keeper.registry.snapshot()
+    opened = Registry.open(registry)
+    snapshot = opened.snapshot()
+    repo, shown = snapshot.require_git("has no history to show")
     job = Job(
         registry=registry.resolve(),
-        commit=snapshot.commit,
-        policy=keeper.charter.policy,
+        commit=shown,
+        policy=opened.configuration.policy,
         root=folder,
         made_by=f"Made by calibrary {version('calibrary')}.",
         former=former.root if former is not None else None,
     )
-    known = _still_true(keeper, former, job) if former is not None else {}
-    tasks = [Task(path=path, oid=oid, former=known.get(path)) for path, oid in sorted(snapshot.paths.items())]
+    known = _still_true(repo, former, job) if former is not None else {}
+    tasks = [
+        Task(path=path, oid=oid or "", former=known.get(path)) for path, oid in sorted(snapshot.paths.items())
+    ]
     chunks = [tasks[start : start + CHUNK] for start in range(0, len(tasks), CHUNK)]
     count = (os.cpu_count() or 1) if workers is None else workers
     if len(tasks) - len(known) < WORTH_A_POOL:
@@ -115,22 +119,21 @@ def build_into(
         cards += some
         if progress is not None:
             progress(len(cards), len(tasks))
-    newest = keeper.registry.history(None, snapshot.commit, most=1)
+    newest = history(repo, None, shown, most=1)
     on = f" of {newest[0].committed:%Y-%m-%d}" if newest else ""
-    made_by = f"Made by calibrary {version('calibrary')} from commit {snapshot.commit[:12]}{on}."
+    made_by = f"Made by calibrary {version('calibrary')} from commit {shown[:12]}{on}."
     try:
         (folder / INDEX).write_bytes(listing(cards, job.policy, made_by).encode())
-        (folder / MARKER).write_text(f"{snapshot.commit}\n", encoding="ascii")
+        (folder / MARKER).write_text(f"{shown}\n", encoding="ascii")
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror or error}", source=str(folder)) from None
-    return Site(root=folder, commit=snapshot.commit, policy=job.policy, cards=tuple(cards))
+    return Site(root=folder, commit=shown, policy=job.policy, cards=tuple(cards))
 
 
-def _still_true(keeper: Keeper, former: Site, job: Job) -> dict[str, Card]:
+def _still_true(repo: Repository, former: Site, job: Job) -> dict[str, Card]:
     """The cards of entries that no commit since the earlier site has touched, by path."""
     if former.policy != job.policy:
         return {}
-    repo = keeper.registry.repo
     is_ancestor = repo.run("merge-base", "--is-ancestor", former.commit, job.commit, good=(0, 1)).code == 0
     news = history(repo, None, f"{former.commit}..{job.commit}", most=MOST_NEWS) if is_ancestor else ()
     if not is_ancestor or len(news) == MOST_NEWS:

@@ -16,7 +16,6 @@ from calibrary.jobs.site.changes import story
 from calibrary.jobs.site.downloads import Download
 from calibrary.jobs.site.past import Step
 from calibrary.jobs.site.words import STATUSES, signed, stds_of
-from calibrary.keep.story import Chapter
 from calibrary.pages import (
     Badge,
     Block,
@@ -38,6 +37,7 @@ from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.drawn import amount_map, arrow_map
 from calibrary.registry.entry import UNSTATED, Entry, Status
+from calibrary.registry.history import EntryRevision
 
 __all__ = ["camera_page"]
 
@@ -56,7 +56,7 @@ def camera_page(
     *,
     id_: str,
     place: Place,
-    chapters: Sequence[Chapter],
+    revisions: Sequence[EntryRevision],
     changes: Sequence[Step],
     files: Sequence[Download],
     made_by: str,
@@ -67,13 +67,13 @@ def camera_page(
         entry: as it is now.
         id_: its longest KEY.
         place: where the page lies.
-        chapters: its revisions, newest first.
+        revisions: its revisions, newest first.
         changes: of its calibration, newest first.
         files: to download.
         made_by: for the foot.
     """
     calibration = entry.calibration
-    newest = chapters[0].revision if chapters else None
+    newest = revisions[0].revision if revisions else None
     lead = f"Grade: {calibration.grade.value}, {_origin(calibration)}."
     if newest is not None:
         lead += f" Last changed on {newest.authored:%Y-%m-%d} by {newest.author.name}."
@@ -86,7 +86,7 @@ def camera_page(
             Section(title="Lens", blocks=tuple(_lens(calibration))),
             Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration))),
             Section(title="Where it is from", blocks=tuple(_provenance(entry))),
-            Section(title="History", blocks=tuple(story(id_, place, chapters, changes))),
+            Section(title="History", blocks=tuple(story(id_, place, revisions, changes))),
             Section(title="Download", blocks=tuple(_downloads(place, files))),
         ),
         made_by=made_by,

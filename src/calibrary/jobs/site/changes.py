@@ -1,4 +1,4 @@
-"""What became of a camera's calibration: the chapter of its page that tells it, and a page for each change."""
+"""What became of a camera's calibration: the part of its page that shows it, and a page for each change."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from calibrary.jobs.diff.page import badge_of, comparison_sections
 from calibrary.jobs.site.addresses import Place, way
 from calibrary.jobs.site.past import MOST_COMPARED, Step
 from calibrary.jobs.site.words import STATUSES, signed, stds_of
-from calibrary.keep.fields import differences
-from calibrary.keep.story import Chapter
 from calibrary.pages import (
     Badge,
     Block,
@@ -32,6 +30,8 @@ from calibrary.pages import (
 from calibrary.pages.plots import Axis, Series
 from calibrary.pages.plots.history import history
 from calibrary.registry.entry import Entry
+from calibrary.registry.fields import differences
+from calibrary.registry.history import EntryRevision
 
 __all__ = ["step_page", "story"]
 
@@ -88,16 +88,18 @@ def step_page(step: Step, *, id_: str, place: Place, made_by: str) -> Page:
     )
 
 
-def story(id_: str, place: Place, chapters: Sequence[Chapter], changes: Sequence[Step]) -> Iterator[Block]:
+def story(
+    id_: str, place: Place, revisions: Sequence[EntryRevision], changes: Sequence[Step]
+) -> Iterator[Block]:
     """A camera's history as the chart of its numbers and the table of its revisions.
 
     Args:
         id_: the entry's longest KEY.
         place: where its page lies.
-        chapters: its revisions, newest first.
+        revisions: its revisions, newest first.
         changes: those of its calibration, newest first.
     """
-    told = [chapter for chapter in reversed(chapters) if chapter.entry is not None]
+    told = [revision for revision in reversed(revisions) if revision.entry is not None]
     if not told:
         yield "There is no history to tell."
         return
@@ -121,20 +123,20 @@ def story(id_: str, place: Place, chapters: Sequence[Chapter], changes: Sequence
     yield Table(
         caption="Every revision, newest first",
         columns=tuple(Column(title, numeric=title in numeric) for title in titles),
-        rows=tuple(_row(chapter, by_commit, place) for chapter in chapters[:MOST_REVISIONS]),
+        rows=tuple(_row(revision, by_commit, place) for revision in revisions[:MOST_REVISIONS]),
     )
-    if len(chapters) > MOST_REVISIONS:
+    if len(revisions) > MOST_REVISIONS:
         yield Code(
             text=f"calibrary registry log {id_}",
-            label=f"The command that tells of all {len(chapters)} revisions",
+            label=f"The command that tells of all {len(revisions)} revisions",
         )
     if len(changes) == MOST_COMPARED:
         yield f"The newest {MOST_COMPARED} changes are compared here; calibrary diff compares any two."
 
 
-def _chart(told: Sequence[Chapter]) -> Figure:
+def _chart(told: Sequence[EntryRevision]) -> Figure:
     """Of fx, cx and cy; what is of another frame size than today's is a gap."""
-    entries = [chapter.entry for chapter in told if chapter.entry is not None]
+    entries = [revision.entry for revision in told if revision.entry is not None]
     size = entries[-1].calibration.intrinsics.image_size
     same = [entry.calibration.intrinsics.image_size == size for entry in entries]
 
@@ -150,21 +152,21 @@ def _chart(told: Sequence[Chapter]) -> Figure:
         for name in ("fx", "cx", "cy")
     ]
     marks = [
-        (at, f"firmware {chapter.firmware}")
-        for at, chapter in enumerate(told)
-        if at > 0 and chapter.firmware is not None and chapter.firmware != told[at - 1].firmware
+        (at, f"firmware {revision.firmware}")
+        for at, revision in enumerate(told)
+        if at > 0 and revision.firmware is not None and revision.firmware != told[at - 1].firmware
     ]
     gap = "" if all(same) else " Revisions of another frame size are left out."
     return history(
         series,
-        labels=[f"{chapter.revision.authored:%Y-%m-%d}" for chapter in told],
+        labels=[f"{revision.revision.authored:%Y-%m-%d}" for revision in told],
         marks=marks,
         caption=f"fx, cx and cy over the revisions, with ± 1 σ where it is stated; dashed: a new firmware.{gap}",
     )
 
 
-def _row(chapter: Chapter, by_commit: dict[str, Step], place: Place) -> tuple[Cell, ...]:
-    entry, delta, revision = chapter.entry, chapter.delta, chapter.revision
+def _row(one: EntryRevision, by_commit: dict[str, Step], place: Place) -> tuple[Cell, ...]:
+    entry, delta, revision = one.entry, one.delta, one.revision
     gone = "removed" if revision.oid is None else "unreadable"
     change = partial(_delta, delta)
     step = by_commit.get(revision.commit)
@@ -173,31 +175,31 @@ def _row(chapter: Chapter, by_commit: dict[str, Step], place: Place) -> tuple[Ce
         revision.author.name,
         Badge(entry.status.value, STATUSES[entry.status]) if entry is not None else Badge(gone, Tone.NEUTRAL),
         entry.calibration.grade.value if entry is not None else "–",
-        chapter.firmware or "–",
+        one.firmware or "–",
         f"{entry.calibration.intrinsics.fx:.3f}" if entry is not None else "–",
         change("fx"),
         change("cx"),
         change("cy"),
-        _what(chapter, step, place),
-        chapter.reason or revision.subject,
+        _what(one, step, place),
+        one.reason or revision.subject,
     )
 
 
-def _what(chapter: Chapter, step: Step | None, place: Place) -> Cell:
+def _what(revision: EntryRevision, step: Step | None, place: Place) -> Cell:
     """The way to the comparison, or what else was changed."""
     if step is not None:
         found: Comparison | None = step.comparison
         verdict = found.verdict.value if found is not None else "not compared"
         return Link(f"{verdict}: {step.name.replace('-', ' → ')}", way(place.page, place.step(step.name)))
-    if chapter.entry is None:
+    if revision.entry is None:
         return "–"
-    if chapter.before is None:
+    if revision.before is None:
         return "its first"
-    names = [change.name for change in differences(chapter.before, chapter.entry)]
+    names = [change.name for change in differences(revision.before, revision.entry)]
     return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "") or "nothing"
 
 
-def _fields(after: Chapter, before: Chapter) -> Table:
+def _fields(after: EntryRevision, before: EntryRevision) -> Table:
     changes = differences(before.entry, after.entry) if after.entry is not None else ()
     return Table(
         caption="Every field of the entry that says something else",
@@ -214,5 +216,5 @@ def _said(value: object) -> str:
     return "–" if value is None else str(value)
 
 
-def _label(id_: str, chapter: Chapter) -> str:
-    return f"{id_}@{chapter.revision.commit[:10]}"
+def _label(id_: str, revision: EntryRevision) -> str:
+    return f"{id_}@{revision.revision.commit[:10]}"

@@ -8,16 +8,13 @@ from itertools import pairwise
 import numpy as np
 
 from calibrary.calibration import Calibration
-from calibrary.errors import CalibraryError, InputError
+from calibrary.errors import CalibraryError
 from calibrary.jobs.diff.comparison import Comparison, compare
-from calibrary.keep.keeper import Keeper
-from calibrary.keep.story import Chapter
 from calibrary.policy import Policy
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.history import Revision
+from calibrary.registry.history import EntryRevision
 
-__all__ = ["MOST_COMPARED", "Step", "past", "steps"]
+__all__ = ["MOST_COMPARED", "Step", "steps"]
 
 MOST_COMPARED = 100
 """Changes of one entry that get a page, the newest; few cameras are calibrated as often in their life."""
@@ -36,8 +33,8 @@ class Step:
         why_not: why there is none.
     """
 
-    before: Chapter
-    after: Chapter
+    before: EntryRevision
+    after: EntryRevision
     comparison: Comparison | None = None
     why_not: str | None = None
 
@@ -47,24 +44,9 @@ class Step:
         return f"{self.before.revision.commit[:10]}-{self.after.revision.commit[:10]}"
 
 
-def past(keeper: Keeper, revisions: tuple[Revision, ...]) -> tuple[Chapter, ...]:
-    """Every revision of an entry with what it said, newest first.
-
-    Args:
-        keeper: of the registry.
-        revisions: as the registry's history tells them, newest first.
-    """
-    entries = [_entry(keeper, revision) for revision in revisions]
-    befores = [*entries[1:], None]
-    return tuple(
-        Chapter(revision=revision, entry=entry, before=before)
-        for revision, entry, before in zip(revisions, entries, befores, strict=True)
-    )
-
-
-def steps(chapters: tuple[Chapter, ...], policy: Policy) -> tuple[Step, ...]:
+def steps(revisions: tuple[EntryRevision, ...], policy: Policy) -> tuple[Step, ...]:
     """Each neighbouring pair of revisions between which the calibration changed, newest first, compared."""
-    readable = [chapter for chapter in chapters if chapter.entry is not None]
+    readable = [revision for revision in revisions if revision.entry is not None]
     changed = [
         (before, after)
         for after, before in pairwise(readable)
@@ -73,7 +55,7 @@ def steps(chapters: tuple[Chapter, ...], policy: Policy) -> tuple[Step, ...]:
     return tuple(_step(before, after, policy) for before, after in changed[:MOST_COMPARED])
 
 
-def _step(before: Chapter, after: Chapter, policy: Policy) -> Step:
+def _step(before: EntryRevision, after: EntryRevision, policy: Policy) -> Step:
     one, other = before.entry, after.entry
     assert one is not None and other is not None  # noqa: S101, PT018  only readable ones are paired
     try:
@@ -90,12 +72,3 @@ def _numbers(entry: Entry | None) -> tuple[object, ...]:
     assert entry is not None  # noqa: S101  only readable ones are paired
     calibration: Calibration = entry.calibration
     return calibration.intrinsics, calibration.distortion, calibration.quality, calibration.grade
-
-
-def _entry(keeper: Keeper, revision: Revision) -> Entry | None:
-    if revision.oid is None:
-        return None
-    try:
-        return parse_entry(keeper.registry.repo.blob(revision.oid), revision.path)
-    except InputError:
-        return None

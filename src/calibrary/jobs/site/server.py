@@ -24,7 +24,7 @@ from urllib.parse import unquote, urlsplit
 from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.site.addresses import INDEX
 from calibrary.jobs.site.building import Progress, Site, build_into
-from calibrary.keep.keeper import Keeper
+from calibrary.registry.registry import Registry
 
 __all__ = ["LOOPBACK", "Server"]
 
@@ -118,7 +118,7 @@ class Server:
             RegistryError: it cannot be read; the site stays as it was.
         """
         former = self._site
-        if Keeper.open(self._registry).registry.commit() == former.commit:
+        if Registry.open(self._registry).commit() == former.commit:
             return False
         self._site = self._built(former, None)
         # A request that is being answered has its file open; the next one finds the new site.

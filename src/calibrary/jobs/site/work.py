@@ -18,15 +18,15 @@ from calibrary.jobs.site.addresses import Place
 from calibrary.jobs.site.camera_page import camera_page
 from calibrary.jobs.site.changes import step_page
 from calibrary.jobs.site.downloads import Download, downloads
-from calibrary.jobs.site.past import Step, past, steps
+from calibrary.jobs.site.past import Step, steps
 from calibrary.jobs.site.words import stds_of
-from calibrary.keep.keeper import Keeper
-from calibrary.keep.names import id_of
-from calibrary.keep.story import Chapter
 from calibrary.pages import Page, Tone, render_page
 from calibrary.policy import Policy
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.history import EntryRevision, of_path
+from calibrary.registry.keys import id_of
+from calibrary.registry.registry import Registry
 
 __all__ = ["Card", "Job", "Task", "entry_files", "write_entries"]
 
@@ -113,45 +113,44 @@ def write_entries(tasks: Sequence[Task], *, job: Job) -> list[Card]:
         RegistryError: the registry's history cannot be read.
         InputError: the disk is full, or may not be written to.
     """
-    keeper = _keeper(job.registry)
+    registry = _registry(job.registry)
     try:
-        return [_write_entry(task, job, keeper) for task in tasks]
+        return [_write_entry(task, job, registry) for task in tasks]
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror or error}", source=str(job.root)) from None
 
 
 @cache
-def _keeper(place: Path) -> Keeper:
+def _registry(place: Path) -> Registry:
     """Opened once in each process."""
-    return Keeper.open(place)
+    return Registry.open(place)
 
 
-def _write_entry(task: Task, job: Job, keeper: Keeper) -> Card:
+def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
     former = task.former
     if former is not None and job.former is not None:
         for address in former.files:
             _take_over(job.former / address, job.root / address)
         return former
-    revisions = keeper.registry.history(task.path, job.commit)
-    data = keeper.registry.repo.blob(task.oid)
+    revisions = of_path(registry.repo, job.commit, task.path)
+    data = registry.repo.blob(task.oid)
     id_ = id_of(task.path)
     try:
         entry = parse_entry(data, task.path)
     except InputError as error:
         return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
     place = Place.of(task.path, proper=entry.path == task.path)
-    chapters = past(keeper, revisions)
     # Any finite number may stand in an entry, and what overflows on the way to a page is shown as unknown.
     with np.errstate(all="ignore"):
-        changes = steps(chapters, job.policy)
+        changes = steps(revisions, job.policy)
         content = entry_files(
-            entry, data=data, id_=id_, place=place, chapters=chapters, changes=changes, made_by=job.made_by
+            entry, data=data, id_=id_, place=place, revisions=revisions, changes=changes, made_by=job.made_by
         )
     for address, written in content.items():
         where = job.root / address
         where.parent.mkdir(parents=True, exist_ok=True)
         where.write_bytes(written)
-    return _card(entry, task.path, place, chapters, changes, tuple(content))
+    return _card(entry, task.path, place, revisions, changes, tuple(content))
 
 
 def entry_files(
@@ -160,7 +159,7 @@ def entry_files(
     data: bytes,
     id_: str,
     place: Place,
-    chapters: Sequence[Chapter],
+    revisions: Sequence[EntryRevision],
     changes: Sequence[Step],
     made_by: str,
 ) -> dict[str, bytes]:
@@ -171,13 +170,13 @@ def entry_files(
         data: its file.
         id_: its longest KEY.
         place: where its pages lie.
-        chapters: its revisions, newest first.
+        revisions: newest first.
         changes: of its calibration, newest first.
         made_by: for the foot of each page.
     """
     files = [*downloads(entry), _own_file(entry, data)]
     page = camera_page(
-        entry, id_=id_, place=place, chapters=chapters, changes=changes, files=files, made_by=made_by
+        entry, id_=id_, place=place, revisions=revisions, changes=changes, files=files, made_by=made_by
     )
     content = {place.page: _html(page)}
     content |= {place.file(file.name): file.data for file in files if file.name is not None}
@@ -190,7 +189,7 @@ def _card(
     entry: Entry,
     path: str,
     place: Place,
-    chapters: Sequence[Chapter],
+    revisions: Sequence[EntryRevision],
     changes: Sequence[Step],
     files: tuple[str, ...],
 ) -> Card:
@@ -217,7 +216,7 @@ def _card(
         uncertainty="covariance"
         if quality is not None and quality.covariance is not None
         else ("σ" if std else "none"),
-        revisions=len(chapters),
+        revisions=len(revisions),
         verdict=verdict,
         files=files,
     )

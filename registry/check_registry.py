@@ -1,0 +1,325 @@
+"""Checking a registry: all of it, what changed between two revisions, or what lies in the work tree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from calibrary.errors import InputError, RegistryError
+from calibrary.policy import Policy
+from calibrary.records import Json, to_json
+from calibrary.registry.check import CheckReport, check
+from calibrary.registry.entry import ROOT, SUFFIX, folder_of
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.folder import entry_paths, read_entry_file
+from calibrary.registry.git.history import changed, history
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.revisions import commit_at, parse_rev
+from calibrary.registry.git.signatures import signatures
+from calibrary.registry.keys import id_of
+from calibrary.registry.layout import CAMERAS, check_path
+from calibrary.registry.snapshot import Snapshot
+from calibrary.validation import Finding, Severity
+
+__all__ = [
+    "Checked",
+    "check_all",
+    "check_range",
+    "check_signatures",
+    "check_work_tree",
+    "checked_json",
+    "parse_range",
+]
+
+MENTIONS: Final = (b"aliases", b"supersedes")
+"""Fields by which an entry speaks of others, wherever they stand."""
+
+BLOCK: Final = 250
+"""Entries that are read at once; one by one, waiting for git takes a third of a check."""
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checked:
+    """What a check came to.
+
+    Attributes:
+        what: was checked, in words.
+        commit: of the entries, None for files that lie somewhere.
+        before: where a range begins.
+        report: what was found.
+    """
+
+    what: str
+    commit: str | None
+    before: str | None = None
+    report: CheckReport
+
+
+def parse_range(text: str) -> tuple[str, str | None]:
+    """The two ends of REV..REV; an end that is left out is the newest commit.
+
+    Raises:
+        RegistryError: it is no range.
+    """
+    before, dots, after = text.partition("..")
+    if not dots or not before or after.startswith("."):
+        raise RegistryError(f"{text!r} is no range of revisions, wanted REV..REV, such as origin/main..HEAD")
+    return before, after or None
+
+
+def check_all(
+    snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
+) -> Checked:
+    """Every entry at the snapshot's commit, or in a plain folder.
+
+    Args:
+        snapshot: of the registry.
+        policy: in place of the registry's own.
+        progress: called with how many entries are done, and of how many.
+
+    Raises:
+        RegistryError: the registry cannot be listed.
+    """
+    if snapshot.repo is None or snapshot.commit is None:
+        return check_work_tree(snapshot, policy, progress=progress)
+    files = _Files(snapshot.paths, snapshot.read_many, progress)
+    report = _completed(check(files, policy or snapshot.configuration.policy), files, files)
+    report = CheckReport(
+        entries=report.entries,
+        findings=(*_no_files(snapshot.repo.irregular(snapshot.commit, CAMERAS)), *report.findings),
+    )
+    return Checked(
+        what=f"{_entries(len(files))} at {snapshot.commit[:12]}", commit=snapshot.commit, report=report
+    )
+
+
+def _no_files(paths: Iterable[str]) -> Iterator[Finding]:
+    for path in paths:
+        yield Finding(
+            rule="regular-file",
+            severity=Severity.ERROR,
+            place=path,
+            message="is a link or another repository, which nothing here follows; wanted a file",
+            remedy="take it out",
+        )
+
+
+def check_work_tree(
+    snapshot: Snapshot, policy: Policy | None = None, *, progress: Progress | None = None
+) -> Checked:
+    """The files as they lie in the folder, committed or not.
+
+    Args:
+        snapshot: as of :func:`check_all`.
+        policy: as of :func:`check_all`.
+        progress: as of :func:`check_all`.
+
+    Raises:
+        RegistryError: there is no work tree, or it cannot be listed.
+    """
+    root = snapshot.place
+    if snapshot.repo is not None:
+        if snapshot.repo.work_tree is None:
+            raise RegistryError(f"{snapshot.place}: a bare repository has no work tree; leave out --worktree")
+        root = snapshot.repo.work_tree
+    files = _Files(entry_paths(root), lambda names: (read_entry_file(root, name) for name in names), progress)
+    report = _completed(check(files, policy or snapshot.configuration.policy), files, files)
+    return Checked(what=f"{_entries(len(files))} in the folder", commit=None, report=report)
+
+
+def check_range(
+    snapshot: Snapshot,
+    before: str,
+    after: str | None,
+    policy: Policy | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Checked:
+    """What changed between two revisions, and what that means for entries it meets.
+
+    Those it meets are the others of its models, those that claim a name, and those that supersede. What was wrong
+    with them before is left out.
+
+    Args:
+        snapshot: as of :func:`check_all`.
+        before: the revision that was.
+        after: the one that is; the snapshot's own when left out.
+        policy: as of :func:`check_all`.
+        progress: as of :func:`check_all`.
+
+    Raises:
+        RegistryError: the registry is a plain folder, or there is no such revision.
+    """
+    repo, newest = snapshot.require_git("has no revisions; leave out REV..REV")
+    policy = policy or snapshot.configuration.policy
+    start = commit_at(repo, parse_rev(before))
+    end = commit_at(repo, parse_rev(after)) if after is not None else newest
+    old, new = repo.listing(start, CAMERAS), repo.listing(end, CAMERAS)
+    touched = {file.path for file in changed(repo, start, end, CAMERAS)}
+    own = touched & new.keys()
+    files = _Files(_met(repo, new, touched), _in_git(repo, new), progress)
+    was = _Files(_met(repo, old, touched), _in_git(repo, old))
+    found = _completed(check(files, policy), files, own).findings
+    known = set(check(was, policy).findings) if len(own) < len(files) else set()
+    findings = tuple(item for item in found if item.place in own or item not in known)
+    return Checked(
+        what=f"{_entries(len(own))} changed from {start[:12]} to {end[:12]}",
+        commit=end,
+        before=start,
+        report=CheckReport(entries=len(own), findings=findings),
+    )
+
+
+def check_signatures(
+    snapshot: Snapshot, signers: Path | None, *, before: str | None = None, after: str | None = None
+) -> tuple[str, ...]:
+    """The commits that nobody on the list signed, each with why; of all history, or after a revision.
+
+    Args:
+        snapshot: of the registry.
+        signers: a file as of ssh-keygen(1), "ALLOWED SIGNERS"; without one only OpenPGP keys are known.
+        before: the revision after which commits count; all of them when left out.
+        after: the last revision; the snapshot's own when left out.
+
+    Raises:
+        RegistryError: the registry is a plain folder, or git cannot tell.
+    """
+    repo, newest = snapshot.require_git("has no commits to be signed")
+    end = commit_at(repo, parse_rev(after)) if after is not None else newest
+    span = f"{commit_at(repo, parse_rev(before))}..{end}" if before is not None else end
+    commits = [revision.commit for revision in history(repo, None, span)]
+    return tuple(str(found) for found in signatures(repo, commits, signers) if not found.is_good)
+
+
+def checked_json(done: Checked, unsigned: tuple[str, ...] | None) -> dict[str, Json]:
+    """The JSON form of a check (schemas/registry-check-1.schema.json)."""
+    findings: list[Json] = [to_json(finding) for finding in done.report.findings]
+    commits: Json = [*unsigned] if unsigned is not None else None
+    return {
+        "schema": "calibrary/registry-check-1",
+        "verdict": "good" if done.report.is_good and not unsigned else "bad",
+        "commit": done.commit,
+        "before": done.before,
+        "entries": done.report.entries,
+        "findings": findings,
+        "unsigned": commits,
+    }
+
+
+class _Files(Mapping[str, bytes]):
+    """Entries that are read some hundred at a time as they are asked for, so that a hundred thousand need no memory.
+
+    Attributes:
+        unreadable: files that were asked for and could not be had, and why; in their place stands nothing.
+    """
+
+    def __init__(
+        self,
+        paths: Collection[str],
+        read: Callable[[Sequence[str]], Iterable[bytes]],
+        progress: Progress | None = None,
+    ) -> None:
+        self.unreadable: dict[str, str] = {}
+        self._order = sorted(paths)
+        self._known = frozenset(paths)
+        self._read = read
+        self._progress = progress
+        self._block: Mapping[str, bytes] = {}
+        self._next = 0
+
+    def __getitem__(self, path: str) -> bytes:
+        if path not in self._known:
+            raise KeyError(path)
+        found = self._block.get(path)
+        if found is not None:
+            return found
+        if self._next < len(self._order) and self._order[self._next] == path:
+            names = self._order[self._next : self._next + BLOCK]
+            self._block = self._had(names)
+            self._next += len(names)
+            if self._progress is not None:
+                self._progress(self._next, len(self._order))
+            return self._block[path]
+        # Another entry speaks of this one, out of turn.
+        return self._had([path])[path]
+
+    def _had(self, names: Sequence[str]) -> dict[str, bytes]:
+        try:
+            return dict(zip(names, self._read(names), strict=True))
+        except RegistryError as error:
+            if len(names) > 1:
+                return {name: self._had([name])[name] for name in names}
+            self.unreadable[names[0]] = str(error)
+            return {names[0]: b""}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._order)
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+
+def _in_git(repo: Repository, listed: Mapping[str, str]) -> Callable[[Sequence[str]], Iterable[bytes]]:
+    return lambda names: repo.read_many([listed[name] for name in names])
+
+
+def _entries(count: int) -> str:
+    return "1 entry" if count == 1 else f"{count} entries"
+
+
+def _completed(report: CheckReport, files: _Files, paths: Iterable[str]) -> CheckReport:
+    """With files that could not be read, and those that no registry could have written.
+
+    A name may be one that some disk or git would stumble over, whatever is in the file.
+    """
+    told = [finding for finding in report.findings if finding.place not in files.unreadable]
+    told += [_error(path, "entry", message) for path, message in files.unreadable.items()]
+    for path in paths:
+        try:
+            check_path(path)
+        except RegistryError as error:
+            told.append(_error(path, "place", f"{error}; move it"))
+    told.sort(key=lambda finding: (finding.place or "", finding.rule, finding.message))
+    return CheckReport(entries=report.entries, findings=tuple(told))
+
+
+def _error(path: str, rule: str, message: str) -> Finding:
+    said = message.removeprefix(f"{path}: ")
+    return Finding(rule=rule, severity=Severity.ERROR, place=path, message=said)
+
+
+def _met(repo: Repository, listed: Mapping[str, str], touched: Collection[str]) -> set[str]:
+    """The changed entries of a state, and every other that one of them may meet."""
+    models = {_model(path) for path in touched}
+    met = {path for path in listed if path in touched or _model(path) in models}
+    rest = sorted(listed.keys() - met)
+    ids = [id_of(path).encode() for path in touched]
+    for path, data in zip(rest, repo.read_many([listed[path] for path in rest]), strict=True):
+        aliases, supersedes = (word in data for word in MENTIONS)
+        if aliases or (supersedes and any(name in data for name in ids)):
+            met.add(path)
+    own = {path for path in touched if path in listed}
+    for path, data in zip(sorted(own), repo.read_many([listed[path] for path in sorted(own)]), strict=True):
+        met |= _spoken_of(path, data, listed)
+    return met
+
+
+def _spoken_of(path: str, data: bytes, listed: Mapping[str, str]) -> set[str]:
+    """The entries that a changed one names: that it supersedes, or whose name it claims."""
+    try:
+        entry = parse_entry(data, path, require_digest=False)
+    except InputError:
+        return set()
+    folders = tuple(folder_of(alias.make, alias.model) for alias in entry.aliases)
+    found = {other for other in listed if folders and other.startswith(folders)}
+    if entry.supersedes is not None and (there := f"{ROOT}{entry.supersedes}{SUFFIX}") in listed:
+        found.add(there)
+    return found
+
+
+def _model(path: str) -> str:
+    return "/".join(path.split("/")[:3])

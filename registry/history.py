@@ -1,0 +1,284 @@
+"""The history of an entry: its revisions, the commit that each field is from, and who recorded its calibration."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import pairwise
+from typing import Final
+
+from calibrary.errors import InputError, RegistryError, UnknownCameraError
+from calibrary.records import Json
+from calibrary.registry.entry import ROOT, SUFFIX, Entry
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.fields import K_NAMES, Field, entry_fields
+from calibrary.registry.git import history as git_history
+from calibrary.registry.git.history import Revision
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.keys import find_path
+from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.writing import SOURCE_FILE, SOURCE_SHA256
+
+__all__ = [
+    "EntryRevision",
+    "FieldOrigin",
+    "Recorded",
+    "blame",
+    "blame_json",
+    "history",
+    "history_json",
+    "of_path",
+    "recorded",
+    "recorded_json",
+]
+
+DIGEST: Final = re.compile(rb"^digest: (.+?)\s*$", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EntryRevision:
+    """One commit that changed an entry.
+
+    Attributes:
+        revision: by whom and when.
+        entry: as it left the entry; None where it removed it, wrote none that can be read, or is of several.
+        before: as the entry was before it.
+    """
+
+    revision: Revision
+    entry: Entry | None = None
+    before: Entry | None = None
+
+    @property
+    def reason(self) -> str | None:
+        """Why, as the commit says."""
+        return next((value for key, value in self.revision.trailers if key == "Reason"), None)
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Whose entries the commit names."""
+        return tuple(value for key, value in self.revision.trailers if key == "Camera")
+
+    @property
+    def firmware(self) -> str | None:
+        """Of the camera when the calibration was made, else of the range that the entry is of."""
+        if self.entry is None:
+            return None
+        ranged = self.entry.firmware
+        return self.entry.calibration.provenance.firmware or (str(ranged) if ranged is not None else None)
+
+    @property
+    def delta(self) -> dict[str, float] | None:
+        """How much each number of K is more than before; None where there is nothing to compare with."""
+        if self.entry is None or self.before is None:
+            return None
+        one, other = self.before.calibration.intrinsics, self.entry.calibration.intrinsics
+        if one.image_size != other.image_size:
+            return None
+        return {name: float(getattr(other, name) - getattr(one, name)) for name in K_NAMES}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldOrigin:
+    """One field of an entry and the commit that last changed it."""
+
+    field: str
+    value: Field
+    since: EntryRevision
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """Who put a calibration into the registry, and when.
+
+    Attributes:
+        by: the commit's author.
+        date: of the commit.
+        commit: 40 hexadecimal digits.
+        file: name of the file that the calibration was read from; None where the commit does not say it.
+    """
+
+    by: str
+    date: datetime
+    commit: str
+    file: str | None
+
+
+def history(
+    snapshot: Snapshot, key: str | None = None, *, most: int | None = None
+) -> tuple[EntryRevision, ...]:
+    """Every revision of an entry, or of the whole registry, newest first.
+
+    Args:
+        snapshot: of a registry in git.
+        key: of an entry; one that was removed by its whole id. None is the registry.
+        most: at most so many.
+
+    Raises:
+        UnknownCameraError: there is no such entry and never was.
+        RegistryError: the registry is a plain folder.
+    """
+    repo, commit = snapshot.require_git("has no history")
+    if key is None:
+        return tuple(
+            EntryRevision(revision=one) for one in git_history.history(repo, None, commit, most=most)
+        )
+    return of_path(repo, commit, _path(snapshot, key), most=most)
+
+
+def of_path(repo: Repository, at: str, path: str, *, most: int | None = None) -> tuple[EntryRevision, ...]:
+    """Every revision of the entry at a path up to a commit, newest first."""
+    # One more than asked for, since the oldest of them is compared with the one before it.
+    revisions = git_history.history(repo, path, at, most=most + 1 if most is not None else None)
+    entries = [_entry(repo, revision) for revision in revisions]
+    found = zip(revisions, pairwise([*entries, None]), strict=True)
+    return tuple(EntryRevision(revision=one, entry=entry, before=before) for one, (entry, before) in found)[
+        :most
+    ]
+
+
+def blame(snapshot: Snapshot, key: str) -> tuple[FieldOrigin, ...]:
+    """Each field of an entry as it is, with the commit that last changed it.
+
+    Raises:
+        UnknownCameraError: there is no such entry.
+        RegistryError: it cannot be read.
+    """
+    if "@" in key:
+        raise RegistryError(f"{key}: it is told of the entry as it is; name it without @REV")
+    stored = snapshot.get(key)
+    revisions = history(snapshot, stored.id)
+    # Each revision's fields are asked for once, and not once for every field.
+    told = [entry_fields(one.entry) if one.entry is not None else None for one in revisions]
+    return tuple(
+        FieldOrigin(field=name, value=value, since=revisions[_unchanged_for(told, name, value)])
+        for name, value in entry_fields(stored.entry).items()
+    )
+
+
+def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
+    """Who put an entry's calibration into the registry: the oldest commit since which its digest is the same.
+
+    Raises:
+        RegistryError: the history cannot be read.
+    """
+    if stored.commit is None:
+        return None
+    found, digest = None, None
+    for revision in git_history.history(repo, stored.path, stored.commit):
+        line = DIGEST.search(repo.blob(revision.oid)) if revision.oid is not None else None
+        if line is None or (digest is not None and line[1] != digest):
+            break
+        found, digest = revision, line[1]
+    if found is None:
+        return None
+    return Recorded(
+        by=found.author.name,
+        date=found.authored,
+        commit=found.commit,
+        file=_source_file(found, stored.entry.calibration.provenance.sha256),
+    )
+
+
+def recorded_json(found: Recorded | None) -> dict[str, Json] | None:
+    """The JSON form of who recorded a calibration."""
+    if found is None:
+        return None
+    return {"by": found.by, "date": found.date.isoformat(), "commit": found.commit, "file": found.file}
+
+
+def history_json(told: Sequence[EntryRevision], key: str | None) -> dict[str, Json]:
+    """The JSON form of a history (schemas/registry-log-1.schema.json)."""
+    return {"schema": "calibrary/registry-log-1", "key": key, "revisions": [_revision(one) for one in told]}
+
+
+def blame_json(origins: Sequence[FieldOrigin], key: str) -> dict[str, Json]:
+    """The JSON form of a blame (schemas/registry-blame-1.schema.json)."""
+    return {
+        "schema": "calibrary/registry-blame-1",
+        "id": key,
+        "fields": [
+            {
+                "field": one.field,
+                "value": one.value,
+                **_commit(one.since),
+            }
+            for one in origins
+        ],
+    }
+
+
+def _path(snapshot: Snapshot, key: str) -> str:
+    try:
+        return find_path(snapshot.paths, key)
+    except UnknownCameraError:
+        repo, commit = snapshot.require_git("has no history")
+        gone = f"{ROOT}{key.strip('/')}{SUFFIX}"
+        if git_history.history(repo, gone, commit, most=1):
+            return gone
+        raise
+
+
+def _entry(repo: Repository, revision: Revision) -> Entry | None:
+    """As a commit left it; None where it removed it, or what it wrote is not an entry."""
+    if revision.oid is None:
+        return None
+    try:
+        return parse_entry(repo.blob(revision.oid), revision.path)
+    except InputError:
+        return None
+
+
+def _unchanged_for(told: Sequence[dict[str, Field] | None], name: str, value: Field) -> int:
+    """Place of the oldest revision, from the newest on without a gap, that has a field's value."""
+    oldest = 0
+    for at, fields in enumerate(told):
+        if fields is None or fields.get(name) != value:
+            break
+        oldest = at
+    return oldest
+
+
+def _source_file(revision: Revision, sha256: str | None) -> str | None:
+    """Name of a source by its sha256, as the commit's trailers pair them; of the only one without a sha256."""
+    names: dict[str, str | None] = {}
+    name = None
+    for key, value in revision.trailers:
+        if key == SOURCE_FILE:
+            name = value
+        elif key == SOURCE_SHA256:
+            names[value], name = name, None
+    return names.get(sha256) if sha256 is not None else None
+
+
+def _commit(one: EntryRevision) -> dict[str, Json]:
+    revision = one.revision
+    return {
+        "commit": revision.commit,
+        "date": revision.authored.isoformat(),
+        "author": revision.author.name,
+        "subject": revision.subject,
+        "reason": one.reason,
+    }
+
+
+def _revision(one: EntryRevision) -> dict[str, Json]:
+    entry, delta = one.entry, one.delta
+    K = entry.calibration.intrinsics if entry is not None else None
+    changed: dict[str, Json] | None = dict(delta) if delta is not None else None
+    numbers: dict[str, Json] | None = (
+        {name: float(getattr(K, name)) for name in K_NAMES} if K is not None else None
+    )
+    cameras: list[Json] = list(one.cameras)
+    return {
+        **_commit(one),
+        "cameras": cameras,
+        "path": one.revision.path or None,
+        "status": entry.status.value if entry is not None else None,
+        "grade": entry.calibration.grade.value if entry is not None else None,
+        "firmware": one.firmware,
+        "K": numbers,
+        "delta_K": changed,
+    }

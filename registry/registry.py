@@ -1,0 +1,394 @@
+"""A fleet's registry in git: its states, its entries, and changes of them with a reason."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+from calibrary.errors import InputError, RegistryError, UnknownCameraError
+from calibrary.registry import history as entry_history
+from calibrary.registry import proposals as proposing
+from calibrary.registry import status as statuses
+from calibrary.registry import sync
+from calibrary.registry.charter import CHARTER, Charter, parse_charter
+from calibrary.registry.entry import ROOT, Entry, Status
+from calibrary.registry.entry_yaml import entry_yaml, parse_entry
+from calibrary.registry.firmware import compare
+from calibrary.registry.folder import read_entry_file
+from calibrary.registry.git import maintenance
+from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.history import ChangedFile, changed, newest_where
+from calibrary.registry.git.remotes import Pulled, clone, push
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.revisions import Firmware, commit_at, parse_rev
+from calibrary.registry.git.writing import Change, Written
+from calibrary.registry.history import EntryRevision, FieldOrigin
+from calibrary.registry.keys import find_path, id_of
+from calibrary.registry.layout import CAMERAS, check_path
+from calibrary.registry.proposals import Proposals
+from calibrary.registry.snapshot import Snapshot, StoredEntry, in_its_place
+from calibrary.registry.sync import Choice
+from calibrary.registry.writing import Note, note_of, parsed, write_changes
+
+__all__ = ["Registry", "open_snapshot"]
+
+KEPT_SNAPSHOTS: Final = 4
+PATCHED_FROM: Final = 1000
+"""Entries from which a new state is found by what differs from the last one, not listed anew."""
+
+
+class Registry:
+    """A fleet's calibrations in git. Safe to share between threads and to carry over a fork.
+
+    Attributes:
+        repo: the repository.
+        configuration: what ``registry.yaml`` says, with the policy that entries are held to.
+    """
+
+    def __init__(self, repo: Repository) -> None:
+        """A registry in a repository that is open.
+
+        Raises:
+            RegistryError: the repository holds something else, or a registry of a newer layout.
+        """
+        self.repo: Final = repo
+        self.configuration: Final = _configuration_of(repo)
+        self._snapshots: dict[str, Snapshot] = {}
+
+    @classmethod
+    def open(cls, place: Path, *, durable: bool = True) -> Registry:
+        """The registry in a folder, bare or checked out.
+
+        Raises:
+            RegistryError: there is none, or it is of a kind or layout that is not read.
+        """
+        return cls(Repository.open(place, durable=durable, check_path=check_path))
+
+    @classmethod
+    def clone(cls, url: str, place: Path, *, bare: bool = False, durable: bool = True) -> Registry:
+        """A copy of another registry, checked out unless it is bare.
+
+        Raises:
+            RegistryError: the address is none, cannot be reached, or the folder is taken.
+        """
+        repo = clone(url, place, bare=bare, durable=durable, check_path=check_path)
+        maintenance.index_paths(repo)
+        return cls(repo)
+
+    def commit(self, rev: str | None = None) -> str:
+        """The commit that a revision means; the newest if left out.
+
+        Raises:
+            RegistryError: there is none.
+        """
+        return commit_at(self.repo, parse_rev(rev) if rev is not None else None)
+
+    def snapshot(self, rev: str | None = None) -> Snapshot:
+        """The entries at a revision; a state that was seen before costs one look at the branch.
+
+        Raises:
+            RegistryError: there is no such revision.
+        """
+        commit = self.commit(rev)
+        known = self._snapshots.get(commit)
+        if known is None:
+            known = Snapshot(
+                place=self.repo.path,
+                configuration=self.configuration,
+                repo=self.repo,
+                commit=commit,
+                known_paths=self._patched_paths(commit),
+            )
+            kept = [*self._snapshots.items()][1 - KEPT_SNAPSHOTS :]
+            self._snapshots = {**dict(kept), commit: known}
+        return known
+
+    def _patched_paths(self, commit: str) -> Mapping[str, str | None] | None:
+        """The paths by what differs from the last state, where there are so many that this is quicker."""
+        last = next((one for one in reversed([*self._snapshots.values()]) if "paths" in one.__dict__), None)
+        if last is None or len(last.paths) < PATCHED_FROM:
+            return None
+        paths = dict(last.paths)
+        for file in changed(self.repo, last.commit, commit, CAMERAS):
+            if file.after is None:
+                paths.pop(file.path, None)
+            else:
+                paths[file.path] = file.after
+        return MappingProxyType(paths)
+
+    def get(self, key: str) -> StoredEntry:
+        """The entry that ``KEY`` or ``KEY@REV`` means.
+
+        Args:
+            key: see :func:`calibrary.registry.keys.find_path`, and :mod:`calibrary.registry.git.revisions` for REV.
+
+        Raises:
+            UnknownCameraError: no such camera, or not at that revision.
+            RegistryError: several, or the entry cannot be read, or is of another camera than its path says.
+        """
+        name, at, rev = key.partition("@")
+        if at and isinstance(meant := parse_rev(rev), Firmware):
+            return self._of_firmware(name, meant.version)
+        return self.snapshot(rev if at else None).get(name)
+
+    def _of_firmware(self, name: str, version: str) -> StoredEntry:
+        snapshot = self.snapshot()
+        path = find_path(snapshot.paths, name)
+        found = newest_where(self.repo, path, self.commit(), partial(_is_of_firmware, path, version))
+        if found is None:
+            raise UnknownCameraError(
+                f"{id_of(path)}: no revision of it was made for firmware {version}; "
+                f"'calibrary registry log {id_of(path)}' lists what there is"
+            )
+        revision, blob = found
+        entry = parsed(blob.data, revision.path)
+        return in_its_place(
+            StoredEntry(entry=entry, path=revision.path, oid=blob.oid, commit=revision.commit)
+        )
+
+    def propose(
+        self,
+        entries: Sequence[Entry],
+        *,
+        approve: bool = False,
+        reason: str | None = None,
+        override_held: bool = False,
+        edited: bool = False,
+    ) -> Proposals:
+        """Entries beside the current ones, checked; nothing is written. See :func:`proposals.propose`.
+
+        Raises:
+            RegistryError: a current entry is held and ``override_held`` is false.
+        """
+        return proposing.propose(
+            self.snapshot(),
+            entries,
+            approve=approve,
+            reason=reason,
+            override_held=override_held,
+            edited=edited,
+        )
+
+    def save(
+        self,
+        proposals: Proposals,
+        *,
+        subject: str | None = None,
+        reason: str | None = None,
+        author: Person | None = None,
+    ) -> Written:
+        """Write what was proposed as one commit.
+
+        Args:
+            proposals: as they were shown.
+            subject: of the commit; by what changes if left out.
+            reason: why, for the history.
+            author: whose work it is; git's own user if left out.
+
+        Raises:
+            FileConflictError: an entry was changed since it was proposed; nothing was written.
+            RegistryError: a check failed, there is nothing to write, or it cannot be written.
+        """
+        due = proposals.due
+        if proposals.errors:
+            raise RegistryError(f"nothing was written: {proposals.errors[0]}")
+        changes = [Change(path=one.entry.path, data=one.data, base=one.base) for one in due]
+        note = note_of(subject or proposals.subject, [one.entry for one in due], reason)
+        return write_changes(self.repo, changes, note, author=author, is_checked=True)
+
+    def write(
+        self,
+        entries: Sequence[tuple[Entry, str | None]],
+        note: Note,
+        *,
+        author: Person | None = None,
+        branch: str | None = None,
+    ) -> Written:
+        """Write entries as one commit, without holding them against others.
+
+        Args:
+            entries: each with the blob id of the content it started from, None for a new one.
+            note: what the history says of it.
+            author: None for git's own user.
+            branch: None for the one that is checked out.
+
+        Raises:
+            FileConflictError: one was changed since; nothing was written.
+            RegistryError: one cannot be written.
+        """
+        changes = [Change(path=entry.path, data=entry_yaml(entry), base=base) for entry, base in entries]
+        return write_changes(self.repo, changes, note, author=author, branch=branch)
+
+    def propose_status(
+        self,
+        keys: Sequence[str],
+        status: Status,
+        reason: str | None = None,
+        *,
+        branch: str | None = None,
+        successor: str | None = None,
+    ) -> Proposals:
+        """Entries approved, held or retired, checked; nothing is written. See :mod:`calibrary.registry.status`.
+
+        Args:
+            keys: of the entries, without a revision.
+            status: that they shall have.
+            reason: why.
+            branch: the branch on which they are proposed; None for the current ones.
+            successor: KEY of the entry that takes the place of a retired one, and will say so.
+
+        Raises:
+            UnknownCameraError: there is no such entry.
+            RegistryError: a key means several or names a revision, the current entry is held, or the successor
+                supersedes another already.
+        """
+        if branch is not None:
+            return statuses.from_branch(self.snapshot(), self.snapshot(branch), keys, status, reason)
+        return statuses.of_current(self.snapshot(), keys, status, reason, successor)
+
+    def history(self, key: str | None = None, *, most: int | None = None) -> tuple[EntryRevision, ...]:
+        """Every revision of an entry, or of the whole registry, newest first; the entry's own if KEY is given.
+
+        Raises:
+            UnknownCameraError: there is no such entry and never was.
+        """
+        return entry_history.history(self.snapshot(), key, most=most)
+
+    def blame(self, key: str) -> tuple[FieldOrigin, ...]:
+        """Each field of an entry as it is, with the commit that last changed it.
+
+        Raises:
+            UnknownCameraError: there is no such entry.
+            RegistryError: it cannot be read.
+        """
+        return entry_history.blame(self.snapshot(), key)
+
+    def revisions(self, path: str) -> Iterator[EntryRevision]:
+        """Every revision of the file at a path, newest first."""
+        return iter(entry_history.of_path(self.repo, self.commit(), path))
+
+    def changed(self, before: str | None, after: str | None = None) -> tuple[ChangedFile, ...]:
+        """The entries that differ between two revisions; from nothing if the first is left out."""
+        start = self.commit(before) if before is not None else None
+        return changed(self.repo, start, self.commit(after), CAMERAS)
+
+    def pull(self, remote: str = sync.DEFAULT, choice: Choice | None = None) -> Pulled:
+        """Bring what others have written, with our commits again on top. See :func:`calibrary.registry.sync.pull`.
+
+        Raises:
+            FileConflictError: both sides changed an entry and no side was chosen.
+            RegistryError: the remote cannot be reached.
+        """
+        return sync.pull(self.repo, remote, choice)
+
+    def push(self, remote: str = sync.DEFAULT) -> str:
+        """Push; the commit that both sides stand at now.
+
+        Raises:
+            ConflictError: the remote has moved on; pull first.
+            RegistryError: it cannot be reached, or does not take it.
+        """
+        return push(self.repo, remote)
+
+    def uncommitted(self) -> tuple[str, ...]:
+        """Entries that differ in the work tree from what is committed; no snapshot holds them."""
+        return uncommitted(self.repo)
+
+
+def uncommitted(repo: Repository) -> tuple[str, ...]:
+    """As :meth:`Registry.uncommitted`."""
+    if repo.work_tree is None:
+        return ()
+    options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all")
+    listed = repo.run("status", *options, "--", ROOT).out
+    return tuple(os.fsdecode(line[3:]) for line in listed.split(b"\0") if line)
+
+
+def open_snapshot(place: Path, rev: str | None = None) -> Snapshot:
+    """The entries of the registry in a folder.
+
+    Args:
+        place: a bare repository, a checkout, or a plain folder of files.
+        rev: which state of a git registry; the one that is checked out when left out.
+
+    Raises:
+        RegistryError: there is none, no such revision, or a revision was asked of a folder without git.
+    """
+    registry = _in_git(place)
+    if registry is not None:
+        return registry.snapshot(rev)
+    if rev is not None:
+        raise RegistryError(f"{place}: a plain folder has no revisions; wanted a registry in git for {rev!r}")
+    if not (place / ROOT).is_dir():
+        raise RegistryError(
+            f"{place}: no registry here: wanted one in git (calibrary registry init makes it), or a folder "
+            "'cameras' with one YAML file a camera"
+        )
+    return Snapshot(place=place, configuration=_configuration_in(place))
+
+
+def _in_git(place: Path) -> Registry | None:
+    """The registry that a repository holds; None where there is no repository, or one of something else."""
+    is_checkout = (place / ".git").exists()
+    is_bare = not is_checkout and (place / "HEAD").is_file() and (place / "objects").is_dir()
+    if not (is_checkout or is_bare):
+        return None
+    repo = Repository.open(place, check_path=check_path)
+    if is_checkout:
+        # A folder of entries in a repository of scripts is not a registry in git.
+        tip = repo.tip()
+        if tip is None or repo.read(tip, CHARTER) is None:
+            return None
+    return Registry(repo)
+
+
+def _configuration_in(place: Path) -> Charter:
+    if not (place / CHARTER).is_file():
+        return Charter()
+    try:
+        return parse_charter(read_entry_file(place, CHARTER))
+    except InputError as error:
+        raise RegistryError(str(error)) from None
+
+
+def _configuration_of(repo: Repository) -> Charter:
+    """What a registry says of itself; one that was made by hand, of entries alone, has the common configuration."""
+    tip = repo.tip()
+    if tip is None:
+        return Charter()
+    blob = repo.read(tip, CHARTER)
+    if blob is None:
+        if repo.listing(tip, CAMERAS):
+            return Charter()
+        raise RegistryError(
+            f"{repo.path}: a git repository, but no registry: it has neither {CHARTER} nor entries in cameras/; "
+            "'calibrary registry init FOLDER' makes one of its own"
+        )
+    try:
+        return parse_charter(blob.data)
+    except InputError as error:
+        raise RegistryError(f"{repo.path}: {error}") from None
+
+
+def _is_of_firmware(path: str, version: str, data: bytes) -> bool:
+    try:
+        entry = parse_entry(data, path)
+    except InputError:
+        return False
+    made_with = entry.calibration.provenance.firmware
+    if made_with == version:
+        return True
+    if made_with is not None:
+        # What is no version number, such as an editor's name, leaves it to the range.
+        with suppress(InputError):
+            if compare(made_with, version) == 0:
+                return True
+    try:
+        return entry.firmware is not None and entry.firmware.holds(version)
+    except InputError:
+        return False

@@ -1,0 +1,241 @@
+"""The entries of a registry at one state: a commit in git, or a plain folder of files.
+
+A git repository that holds a registry is read at its commits, never in its work tree: a run rests on what was
+committed, and can say which commit that was. A folder without git, or whose git knows nothing of the registry
+in it, is read as the files that lie there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+
+from calibrary.calibration import CameraKey
+from calibrary.errors import RegistryError
+from calibrary.registry.alias_cache import names_at, names_kept
+from calibrary.registry.charter import Charter
+from calibrary.registry.entry import USABLE, Entry, Status, folder_of
+from calibrary.registry.folder import entry_paths, read_entry_file
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.keys import find_path, id_of
+from calibrary.registry.layout import CAMERAS
+from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
+from calibrary.registry.slug import match_key
+from calibrary.registry.writing import parsed
+
+__all__ = ["Snapshot", "StoredEntry"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredEntry:
+    """An entry as it is stored at one state of a registry.
+
+    Attributes:
+        entry: what the file says.
+        path: of the file.
+        oid: blob id of the content, from which a change of it starts; None in a plain folder.
+        commit: where it was read, 40 hexadecimal digits; None in a plain folder.
+    """
+
+    entry: Entry
+    path: str
+    oid: str | None
+    commit: str | None
+
+    @property
+    def id(self) -> str:
+        """The entry's longest KEY."""
+        return id_of(self.path)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Snapshot:
+    """A registry's entries at one state, which never changes; files are read when they are asked for.
+
+    Attributes:
+        place: the registry's folder.
+        configuration: of the registry, with the policy its entries are held to.
+        repo: the repository; None for a plain folder.
+        commit: 40 hexadecimal digits; None for a plain folder.
+        known_paths: the paths, where they were listed already.
+    """
+
+    place: Path
+    configuration: Charter
+    repo: Repository | None = None
+    commit: str | None = None
+    known_paths: Mapping[str, str | None] | None = None
+
+    @cached_property
+    def paths(self) -> Mapping[str, str | None]:
+        """The blob id of every file below ``cameras/``, by path; None in a plain folder.
+
+        Raises:
+            RegistryError: there is no registry in the folder, or it cannot be listed.
+        """
+        if self.known_paths is not None:
+            return self.known_paths
+        if self.repo is None or self.commit is None:
+            return MappingProxyType(dict.fromkeys(entry_paths(self.place)))
+        return MappingProxyType(self.repo.listing(self.commit, CAMERAS))
+
+    def require_git(self, why: str) -> tuple[Repository, str]:
+        """The repository and the commit.
+
+        Raises:
+            RegistryError: the registry is a plain folder, which ``why`` completes.
+        """
+        if self.repo is None or self.commit is None:
+            raise RegistryError(f"{self.place}: a plain folder {why}")
+        return self.repo, self.commit
+
+    def read(self, path: str) -> bytes:
+        """One entry's bytes.
+
+        Raises:
+            RegistryError: it is not there, or cannot be read.
+        """
+        if self.repo is None or self.commit is None:
+            return read_entry_file(self.place, path)
+        # Once the paths are listed, an id is the shorter way than the trees down to the file.
+        listed = self.__dict__.get("paths")
+        if listed is not None and (oid := listed.get(path)) is not None:
+            return self.repo.blob(oid)
+        blob = self.repo.read(self.commit, path)
+        if blob is None:
+            raise RegistryError(f"{path}: not at {self.commit[:12]}")
+        return blob.data
+
+    def read_many(self, paths: Sequence[str]) -> Iterator[bytes]:
+        """The bytes of many entries, in their order, by few processes.
+
+        Raises:
+            RegistryError: one is not there, or cannot be read.
+        """
+        if self.repo is None:
+            return (self.read(path) for path in paths)
+        oids = [oid for path in paths if (oid := self.paths.get(path)) is not None]
+        if len(oids) < len(paths):
+            missing = next(path for path in paths if path not in self.paths)
+            raise RegistryError(f"{missing}: not at {(self.commit or '')[:12]}")
+        return self.repo.read_many(oids)
+
+    def files(self) -> Iterator[tuple[str, bytes]]:
+        """Every entry's path and bytes, in the order of the paths.
+
+        Raises:
+            RegistryError: one cannot be read.
+        """
+        paths = sorted(self.paths)
+        return zip(paths, self.read_many(paths), strict=True)
+
+    def entries(self, *, unreadable: Callable[[RegistryError], None] | None = None) -> Iterator[StoredEntry]:
+        """Every entry, in the order of their paths.
+
+        Args:
+            unreadable: called with the error of each entry that cannot be read, which then does not end the others.
+
+        Raises:
+            RegistryError: an entry cannot be read and ``unreadable`` was left out.
+        """
+        for path, data in self.files():
+            try:
+                entry = self._parsed(path, data)
+            except RegistryError as error:
+                if unreadable is None:
+                    raise
+                unreadable(error)
+                continue
+            yield StoredEntry(entry=entry, path=path, oid=self.paths[path], commit=self.commit)
+
+    def at(self, path: str) -> StoredEntry | None:
+        """The entry at a path; None where there is none.
+
+        Raises:
+            RegistryError: the entry cannot be read.
+        """
+        if path not in self.paths:
+            return None
+        entry = self._parsed(path, self.read(path))
+        return StoredEntry(entry=entry, path=path, oid=self.paths[path], commit=self.commit)
+
+    def get(self, key: str) -> StoredEntry:
+        """The entry that a KEY means.
+
+        Args:
+            key: see :func:`calibrary.registry.keys.find_path`.
+
+        Raises:
+            UnknownCameraError: no such camera.
+            RegistryError: several, or the entry cannot be read, or is of another camera than its path says.
+        """
+        path = find_path(self.paths, key)
+        return in_its_place(
+            StoredEntry(
+                entry=self._parsed(path, self.read(path)),
+                path=path,
+                oid=self.paths[path],
+                commit=self.commit,
+            )
+        )
+
+    def index(self) -> RegistryIndex:
+        """All entries, for callers that resolve many cameras.
+
+        Raises:
+            RegistryError: the registry cannot be listed.
+        """
+        repo, commit = self.repo, self.commit
+        if repo is None or commit is None:
+            # An entry written by hand needs no digest in a folder; one that is there must fit.
+            return RegistryIndex(self.paths, self.read, require_digest=False)
+        return RegistryIndex(self.paths, self.read, aliases=lambda: names_at(repo, commit).alias_map)
+
+    def index_for(self, key: CameraKey) -> RegistryIndex:
+        """The entries that one camera may meet, without listing all others where the alias cache is warm.
+
+        Raises:
+            RegistryError: as of :meth:`index`.
+        """
+        if self.repo is None or self.commit is None or not key.make or not key.model:
+            return self.index()
+        names = names_kept(self.repo, self.commit)
+        if names is None:
+            return self.index()
+        aliases = names.alias_map
+        others = aliases.get((match_key(key.make), match_key(key.model)), frozenset())
+        paths = list(names.irregular)
+        for folder in sorted({folder_of(key.make, key.model), *others}):
+            paths += self.repo.listing(self.commit, folder)
+        return RegistryIndex(paths, self.read, aliases=lambda: aliases)
+
+    def resolve(
+        self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
+    ) -> Resolution | None:
+        """The entry that answers for a camera; see :func:`calibrary.registry.resolution.resolve`.
+
+        Raises:
+            RegistryError: two entries fit equally well, or a candidate cannot be read.
+        """
+        return self.index_for(key).resolve(key, on=on, statuses=statuses)
+
+    def _parsed(self, path: str, data: bytes) -> Entry:
+        return parsed(data, path, require_digest=self.repo is not None)
+
+
+def in_its_place(stored: StoredEntry) -> StoredEntry:
+    """The same, if it lies where its camera belongs.
+
+    Raises:
+        RegistryError: the file of one camera lies where another's belongs.
+    """
+    if stored.entry.path != stored.path and is_keyed(stored.path):
+        raise RegistryError(
+            f"{stored.path}: the camera in it belongs at {stored.entry.path}, so this is not the K of {stored.id}; "
+            f"'calibrary registry log {stored.id}' tells who put it there"
+        )
+    return stored

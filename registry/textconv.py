@@ -1,0 +1,58 @@
+"""An entry's file as lines for ``git diff``: one field a line, every digit, and the uncertainty beside its number."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from calibrary.errors import InputError
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
+from calibrary.registry.fields import Field, entry_fields, std_of
+
+__all__ = ["entry_text"]
+
+WIDTH: Final = 24
+"""The same in every file, or a longer name would make a difference of every line."""
+
+
+def entry_text(path: Path) -> str:
+    """The lines; of a file that is no entry its own text, below what is wrong with it. It never fails."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST_ENTRY + 1)
+    except OSError as error:
+        return f"cannot be read: {error.strerror}\n"
+    try:
+        entry = parse_entry(data, "this file", require_digest=False)
+    except InputError as error:
+        return f"{error}\n{_printable(data)}"
+    warning = "" if b"\ndigest:" in data else "no digest: changed by hand\n"
+    return warning + "".join(f"{line}\n" for line in _lines(entry))
+
+
+def _lines(entry: Entry) -> list[str]:
+    return [
+        f"{name:<{WIDTH}}  {_text(value)}{_spread(entry, name)}"
+        for name, value in entry_fields(entry).items()
+    ]
+
+
+def _spread(entry: Entry, name: str) -> str:
+    """The uncertainty of a number of K or the distortion, and its unit."""
+    block, _, parameter = name.partition(".")
+    std = std_of(entry, parameter) if block in {"intrinsics", "distortion"} else None
+    return (f" ± {std!r}" if std is not None else "") + (" px" if block == "intrinsics" else "")
+
+
+def _text(value: Field) -> str:
+    return repr(value) if isinstance(value, float) else _clean(str(value))
+
+
+def _clean(text: str) -> str:
+    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+
+
+def _printable(data: bytes) -> str:
+    lines = data.decode("utf-8", "replace").split("\n")
+    return "\n".join(map(_clean, lines))

@@ -1,0 +1,128 @@
+"""Changes of a registry's files as commits: each checked before it is written, each with what history says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+from calibrary.errors import InputError, RegistryError
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git import maintenance
+from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.history import MOVED_FROM
+from calibrary.registry.git.messages import compose
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import ANY, Change, Written, write
+from calibrary.registry.layout import CAMERAS
+
+__all__ = ["SOURCE_FILE", "SOURCE_SHA256", "Note", "note_of", "parsed", "write_changes"]
+
+SOURCE_FILE: Final = "Source-File"
+SOURCE_SHA256: Final = "Source-Sha256"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Note:
+    """What the history says of a change.
+
+    Attributes:
+        subject: one line for people.
+        reason: why.
+        cameras: whose entries they are, as keys.
+        sources: name and sha256 of each file that the numbers came from; a name may be missing.
+        moved: (old, new) paths, across which the history of an entry goes on.
+    """
+
+    subject: str
+    reason: str | None = None
+    cameras: Sequence[str] = ()
+    firmware: str | None = None
+    grade: str | None = None
+    sources: Sequence[tuple[str | None, str]] = ()
+    moved: Sequence[tuple[str, str]] = ()
+
+    @property
+    def message(self) -> str:
+        """As a commit message."""
+        trailers = [("Camera", camera) for camera in self.cameras]
+        trailers += [("Firmware", self.firmware or ""), ("Grade", self.grade or "")]
+        for name, sha256 in self.sources:
+            trailers += [(SOURCE_FILE, name or ""), (SOURCE_SHA256, sha256)]
+        trailers += [("Reason", self.reason or "")]
+        trailers += [(MOVED_FROM, f"{old} => {new}") for old, new in self.moved]
+        return compose(self.subject, trailers=trailers)
+
+
+def note_of(subject: str, entries: Sequence[Entry], reason: str | None = None) -> Note:
+    """The note of a change of entries, with a trailer for each thing that a program looks for."""
+    calibrations = [entry.calibration for entry in entries]
+    grades = {calibration.grade.value for calibration in calibrations}
+    firmware = {calibration.provenance.firmware for calibration in calibrations}
+    made = [calibration.provenance for calibration in calibrations]
+    sources = {one.sha256: (one.source, one.sha256) for one in made if one.sha256 is not None}
+    return Note(
+        subject=subject,
+        reason=reason,
+        cameras=[entry.id for entry in entries],
+        firmware=firmware.pop() if len(firmware) == 1 else None,
+        grade=grades.pop() if len(grades) == 1 else None,
+        sources=[*sources.values()],
+    )
+
+
+def write_changes(
+    repo: Repository,
+    changes: Sequence[Change],
+    note: Note,
+    *,
+    author: Person | None = None,
+    branch: str | None = None,
+    is_checked: bool = False,
+) -> Written:
+    """Write several files as one commit: all of them or none.
+
+    Args:
+        repo: the registry's repository.
+        changes: of its files; a change of an entry names the content it started from.
+        note: what the history says of it.
+        author: whose work it is, if not the committer's.
+        branch: where to; what is checked out if left out.
+        is_checked: whether each entry's content has been read back already.
+
+    Raises:
+        FileConflictError: an entry was changed since; nothing was written, all of them are named.
+        RegistryError: the content of an entry cannot be read or belongs elsewhere, or git cannot write it.
+    """
+    for change in changes:
+        if change.path.startswith(f"{CAMERAS}/"):
+            if change.base is ANY:
+                raise RegistryError(f"{change.path}: an entry is never overwritten blindly; name its base")
+            if change.data is not None and not is_checked:
+                _require_entry(change.path, change.data)
+    written = write(repo, changes, note.message, author=author, branch=branch)
+    if maintenance.is_due(repo):
+        # What was written is written, whatever becomes of the packing.
+        with suppress(RegistryError):
+            maintenance.maintain(repo, in_background=True)
+    return written
+
+
+def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
+    """The entry in a registry's file.
+
+    Raises:
+        RegistryError: it cannot be read; the message says where and why.
+    """
+    try:
+        return parse_entry(data, path, require_digest=require_digest)
+    except InputError as error:
+        raise RegistryError(str(error)) from None
+
+
+def _require_entry(path: str, data: bytes) -> None:
+    entry = parsed(data, path)
+    if entry.path != path:
+        raise RegistryError(f"{path}: the camera in it belongs at {entry.path}")

@@ -1,0 +1,36 @@
+"""The flags that say of a calibration's making what its source does not."""
+
+from __future__ import annotations
+
+import argparse
+from datetime import date
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calibrary.jobs.exchange.add import Stated
+
+__all__ = ["add_stated_flags", "stated_of"]
+
+
+def add_stated_flags(parser: argparse.ArgumentParser) -> None:
+    """Add ``--date --tool --operator``."""
+    group = parser.add_argument_group(
+        "how it was calibrated", "what the source does not say; left out, it stays unknown"
+    )
+    group.add_argument("--date", type=_day, metavar="YYYY-MM-DD", help="day of the calibration")
+    group.add_argument("--tool", metavar="NAME", help="program that made the calibration")
+    group.add_argument("--operator", metavar="NAME", help="person who made the calibration")
+
+
+def stated_of(arguments: argparse.Namespace) -> Stated:
+    """What the user states, out of the flags that :func:`add_stated_flags` added."""
+    from calibrary.jobs.exchange.add import Stated
+
+    return Stated(date=arguments.date, tool=arguments.tool, operator=arguments.operator)
+
+
+def _day(text: str) -> str:
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: wanted a day such as 2019-03-05") from None

@@ -1,0 +1,314 @@
+"""Adding files to a registry: a calibration of any format, an image by its metadata, or an entry's own YAML."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from calibrary import parsers
+from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
+from calibrary.errors import InputError, MissingTagError
+from calibrary.jobs.exchange.argument import Reading, entry_file
+from calibrary.parsers.image_names import is_image
+from calibrary.parsers.imagery import hash_serial, read_metadata
+from calibrary.parsers.imagery.identity import SERIAL_HASH_DIGITS
+from calibrary.records import replace
+from calibrary.registry.entry import UNSTATED, Entry
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.git.writing import Written
+from calibrary.registry.proposals import Proposals
+from calibrary.registry.registry import Registry
+
+__all__ = ["AddRequest", "Stated", "propose_file", "save_file"]
+
+OPTIONAL_TEXTS: Final = ("sub_camera", "lens", "capture_mode", "firmware")
+OF_THE_MODEL: Final = {Grade.DESIGN, Grade.DERIVED}
+HEX: Final = frozenset("0123456789abcdef")
+SERIAL_IN_NAME: Final = re.compile(r"(?i)\b(SN|serial)(?:[-_ ][0-9A-Z]*\d{3}|\d{4})[0-9A-Z]*")
+"""ZED names its files ``SN12345678.conf``, and so do people."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stated:
+    """What the user states of a calibration's making; None leaves it to the source.
+
+    Attributes:
+        date: when it was made, 2019-03-05.
+        tool: which program made it.
+        operator: who made it.
+    """
+
+    date: str | None = None
+    tool: str | None = None
+    operator: str | None = None
+
+    def of(self, made: Provenance) -> Provenance:
+        """The provenance with what is stated in the place of what the source says."""
+        names = ("date", "tool", "operator")
+        stated = {name: value for name in names if (value := getattr(self, name)) is not None}
+        return replace(made, **stated) if stated else made
+
+    def warnings(self, made: Provenance) -> Iterator[str]:
+        """Where the source says something else."""
+        for name in ("date", "tool", "operator"):
+            said, found = getattr(self, name), getattr(made, name)
+            if said is not None and found is not None and said != found:
+                yield f"the source states the {name} {found!r:.80}, and --{name} replaces it"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AddRequest:
+    """What the user says of the entries to be.
+
+    Attributes:
+        key: puts what was said of the camera in the place of what the file says.
+        stated: of the calibration's making.
+        firmware: of which firmware the entry shall be.
+        notes: added to the file's own.
+        reason: for the history, and for the approval.
+        approve: whether it shall be used at once.
+        override_held: whether it may replace an entry that is held.
+    """
+
+    key: Callable[[CameraKey], CameraKey] = lambda known: known
+    stated: Stated = field(default_factory=Stated)
+    firmware: FirmwareRange | None = None
+    notes: tuple[str, ...] = ()
+    reason: str | None = None
+    approve: bool = False
+    override_held: bool = False
+
+
+def propose_file(registry: Registry, path: Path, reading: Reading, request: AddRequest) -> Proposals:
+    """The entries that a file would become, beside the current ones and checked; nothing is written.
+
+    Args:
+        registry: to add to.
+        path: a calibration file of any format, an image, or an entry's YAML, with or without a digest.
+        reading: answers to what the file leaves open, and which camera of several.
+        request: what the user said besides.
+
+    Raises:
+        InputError: it cannot be read, its camera is not known, or K is a guess.
+        RegistryError: the current entry is held and ``override_held`` is false.
+    """
+    if not path.exists():
+        raise InputError("no such file", source=str(path))
+    if not path.is_file():
+        raise InputError("is no regular file, wanted one calibration file or image", source=str(path))
+    data = entry_file(path) if reading.format is None else None
+    if data is not None:
+        found = [_from_entry(parse_entry(data, path.name, require_digest=False), request)]
+    else:
+        source = _Source.of(path)
+        calibrations = _chosen(_read(path, reading), reading.camera, path.name)
+        found = [_from_calibration(one, source, request) for one in calibrations]
+    _refuse_same_path([entry for entry, _ in found], path.name)
+    proposals = registry.propose(
+        [entry for entry, _ in found],
+        approve=request.approve,
+        reason=request.reason,
+        override_held=request.override_held,
+        edited=data is not None and b"\ndigest:" not in data,
+    )
+    items = [
+        replace(one, warnings=(*warnings, *one.warnings)) if warnings else one
+        for one, (_, warnings) in zip(proposals.items, found, strict=True)
+    ]
+    return replace(proposals, items=tuple(items))
+
+
+def save_file(registry: Registry, proposals: Proposals, path: Path, *, reason: str | None = None) -> Written:
+    """Write what a file became as one commit.
+
+    Where the file is the entry in the registry's work tree, edited by hand, the commit takes its place.
+
+    Raises:
+        FileConflictError: an entry was changed since it was shown; nothing was written.
+        RegistryError: a check failed, or it cannot be written.
+    """
+    with _restore_on_failure(registry, path, proposals):
+        return registry.save(proposals, reason=reason)
+
+
+def _read(path: Path, reading: Reading) -> Sequence[Calibration]:
+    try:
+        return parsers.read(
+            path, format=reading.format, image_size=reading.image_size, options=reading.options
+        )
+    except MissingTagError as error:
+        wants_size = reading.image_size is None and not is_image(path) and "size" in error.message
+        if wants_size and "--image-size" not in error.message:
+            raise MissingTagError(
+                f"{error.message}; say --image-size WxH", source=error.source, place=error.place
+            ) from None
+        raise
+
+
+def _chosen(calibrations: Sequence[Calibration], camera: int | None, source: str) -> Sequence[Calibration]:
+    if camera is None:
+        return calibrations
+    if not 1 <= camera <= len(calibrations):
+        raise InputError(f"has no camera {camera}, it holds {len(calibrations)}", source=source)
+    return calibrations[camera - 1 : camera]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Source:
+    """A file that calibrations are read from."""
+
+    name: str
+    sha256: str
+    is_image: bool
+    software: str | None
+
+    @classmethod
+    def of(cls, path: Path) -> _Source:
+        with path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        image = is_image(path)
+        software = read_metadata(path).software if image else None
+        return cls(name=path.name, sha256=sha256, is_image=image, software=software)
+
+
+def _from_calibration(
+    calibration: Calibration, source: _Source, request: AddRequest
+) -> tuple[Entry, tuple[str, ...]]:
+    """An entry of what another program wrote; what only that program needs stays behind.
+
+    A file's extras may hold anything: serial numbers, names of people and folders. None of them enters.
+    """
+    warnings = []
+    if calibration.extras:
+        names = ", ".join(sorted({name for name, _ in calibration.extras})[:6])
+        warnings.append(f"not added, since it was not reviewed: {names}")
+    camera = calibration.camera
+    if source.is_image:
+        if camera.serial is not None and calibration.grade in OF_THE_MODEL:
+            warnings.append(f"a K of grade {calibration.grade.value} is the model's, so no unit is named")
+            camera = replace(camera, serial=None)
+        if camera.firmware is None and source.software is not None:
+            camera = replace(camera, firmware=source.software)
+    camera = _said(request.key(camera))
+    _require_key(camera, source.name)
+    if camera.sub_camera and camera.sub_camera == calibration.camera.sub_camera and not source.is_image:
+        warnings.append(
+            f"the file calls it {camera.sub_camera!r:.80}, a part of its key from now on; where images do not say so, "
+            "or a serial number is in it, say --sub-camera NAME, or --sub-camera '' for none"
+        )
+    made = calibration.provenance
+    warnings += request.stated.warnings(made)
+    named = replace(
+        made,
+        source=SERIAL_IN_NAME.sub(r"\1…", made.source or source.name),
+        sha256=made.sha256 or source.sha256,
+        firmware=camera.firmware or made.firmware,
+        **{
+            name: getattr(request.stated, name) or getattr(made, name)
+            for name in ("date", "tool", "operator")
+        },
+    )
+    size = calibration.intrinsics.image_size
+    try:
+        return Entry(
+            calibration=replace(
+                calibration,
+                camera=replace(camera, firmware=None, image_size=size),
+                provenance=named,
+                notes=_notes(calibration, request),
+                extras=(),
+            ),
+            firmware=request.firmware,
+        ), tuple(warnings)
+    except InputError as error:
+        raise type(error)(error.message, source=source.name, place=error.place) from None
+
+
+def _from_entry(entry: Entry, request: AddRequest) -> tuple[Entry, tuple[str, ...]]:
+    """An entry's own file, perhaps edited by hand."""
+    camera = _said(request.key(entry.calibration.camera))
+    if camera.serial is not None and not _is_hash(camera.serial):
+        camera = replace(camera, serial=hash_serial(camera.make, camera.serial))
+    made = entry.calibration.provenance
+    warnings = tuple(request.stated.warnings(made))
+    if made == UNSTATED:
+        made = replace(made, kind="by-hand")
+    made = request.stated.of(made)
+    if camera.firmware is not None:
+        made = replace(made, firmware=camera.firmware)
+    calibration = replace(
+        entry.calibration,
+        camera=replace(camera, firmware=None),
+        provenance=made,
+        notes=_notes(entry.calibration, request),
+    )
+    return replace(entry, calibration=calibration, firmware=request.firmware or entry.firmware), warnings
+
+
+def _notes(calibration: Calibration, request: AddRequest) -> tuple[str, ...]:
+    return tuple(dict.fromkeys([*calibration.notes, *request.notes]))
+
+
+def _said(camera: CameraKey) -> CameraKey:
+    """The same, where an empty text takes out what a file says and no image will."""
+    empty = {name: None for name in OPTIONAL_TEXTS if getattr(camera, name) == ""}
+    return replace(camera, **empty) if empty else camera
+
+
+def _is_hash(serial: str) -> bool:
+    return len(serial) == SERIAL_HASH_DIGITS and set(serial) <= HEX
+
+
+def _require_key(camera: CameraKey, source: str) -> None:
+    missing = [name for name in ("make", "model") if not (getattr(camera, name) or "").strip()]
+    if missing:
+        flags = " ".join(f"--{name} NAME" for name in missing)
+        raise InputError(
+            f"does not say the camera's {' and '.join(missing)}, by which an entry is found; say {flags}",
+            source=source,
+        )
+
+
+def _refuse_same_path(entries: Sequence[Entry], source: str) -> None:
+    seen: set[str] = set()
+    for entry in entries:
+        if entry.path in seen:
+            raise InputError(
+                f"holds several cameras that would all be {entry.id}; choose one with --camera N and say what "
+                "tells it from the others: --sub-camera, --lens or --serial",
+                source=source,
+            )
+        seen.add(entry.path)
+
+
+@contextmanager
+def _restore_on_failure(registry: Registry, source: Path, proposals: Proposals) -> Iterator[None]:
+    """Put the current entry in the place of the file that was edited, for the commit to replace it."""
+    repo = registry.repo
+    own = next((one for one in proposals.due if source.resolve() == repo.path / one.entry.path), None)
+    if own is None or repo.work_tree is None:
+        yield
+        return
+    # After a kill in between, what was edited is found in git's own folder.
+    edited, kept = source.read_bytes(), repo.git_dir / "calibrary-edited.yaml"
+    kept.unlink(missing_ok=True)
+    with kept.open("xb") as file:
+        file.write(edited)
+    if own.base is not None:
+        source.write_bytes(repo.blob(own.base))
+    else:
+        source.unlink()
+    try:
+        yield
+    except BaseException:
+        source.write_bytes(edited)
+        raise
+    finally:
+        with suppress(OSError):
+            kept.unlink()

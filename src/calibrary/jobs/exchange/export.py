@@ -1,0 +1,332 @@
+"""A whole registry for other programs: one file of theirs, a file for each entry, a table, or one YAML.
+
+Calibration formats are written by their own writers, which read back what they wrote: what a format cannot hold is
+left out and told, and so is how exactly it holds the rest.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from calibrary import parsers
+from calibrary.atomic import write_files
+from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.parsers.discovery import format_named
+from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
+from calibrary.records import Json
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.snapshot import StoredEntry
+
+__all__ = ["TABLES", "Export", "Exported", "NotExported", "export", "exported_json"]
+
+SHORT: Final[Mapping[str, str]] = {"odm": "odm_cameras", "opensfm": "opensfm", "colmap": "colmap_text"}
+"""Names that people use for formats, beside the formats' own."""
+
+TABLES: Final = ("csv", "yaml")
+
+COLUMNS: Final = (
+    "id",
+    "status",
+    "grade",
+    "make",
+    "model",
+    "sub_camera",
+    "lens",
+    "focal_mm",
+    "capture_mode",
+    "width_px",
+    "height_px",
+    "serial_hash",
+    "firmware_min",
+    "firmware_max",
+    "fx",
+    "fy",
+    "cx",
+    "cy",
+    "skew",
+    "pixel_origin",
+    "distortion",
+    "coefficients",
+    "rms_px",
+    "source",
+    "sha256",
+    "date",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exported:
+    """One entry that was written.
+
+    Attributes:
+        entry_id: of the entry.
+        file: its name, below the folder where there are several.
+        fit: how exactly the file holds it; None of a table, which holds the numbers themselves.
+    """
+
+    entry_id: str
+    file: str
+    fit: Fit | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotExported:
+    """One entry that was not written, and why."""
+
+    entry_id: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """What an export came to.
+
+    Attributes:
+        format: the format's own name.
+        written: the entries that were written.
+        left_out: those that the format cannot hold, or not beside the others.
+        dropped: what the format has no place for, in words.
+    """
+
+    format: str
+    written: tuple[Exported, ...]
+    left_out: tuple[NotExported, ...] = ()
+    dropped: tuple[str, ...] = ()
+
+
+def export(
+    stored: Sequence[StoredEntry], form: str, out: Path, *, max_error_px: float | None = None
+) -> Export:
+    """Write entries in a format.
+
+    Args:
+        stored: the entries, in the order they are to be written.
+        form: csv, yaml, odm, opensfm, colmap, or the name of any format that is written.
+        out: the file to make; the folder for a file each, where the name has no ending or the format
+            holds one camera.
+        max_error_px: the largest error that may come from models the format lacks; 0.05 px when left out.
+
+    Raises:
+        InputError: there is nothing to write, or it cannot be written.
+        UnknownFormatError: there is no such format.
+        UnsupportedModelError: the format is not written, or holds none of the entries.
+    """
+    if not stored:
+        raise InputError("no entry to export; 'calibrary registry list' shows what there is")
+    if form in TABLES:
+        if out.is_dir():
+            raise InputError("is a folder, wanted the name of a file", source=str(out))
+        data = _csv(stored) if form == "csv" else _yaml(stored)
+        write_files({out: data})
+        written = tuple(Exported(entry_id=one.id, file=out.name, fit=None) for one in stored)
+        return Export(format=form, written=written)
+    record = format_named(SHORT.get(form, form))
+    if record.write is None or record.capacity is None:
+        raise UnsupportedModelError(
+            f"format {record.name} is read but not written; 'calibrary formats' lists both"
+        )
+    if record.capacity.several_cameras and out.suffix and not out.is_dir():
+        return _one_file(stored, record, out, max_error_px)
+    return _folder(stored, record, out, max_error_px)
+
+
+def exported_json(done: Export, commit: str | None) -> dict[str, Json]:
+    """The JSON form of an export (schemas/registry-export-1.schema.json)."""
+    entries: list[Json] = [
+        {
+            "entry": one.entry_id,
+            "file": one.file,
+            "verdict": _outcome(one.fit),
+            "rms_px": one.fit.rms_px if one.fit is not None else 0.0,
+            "max_px": one.fit.max_px if one.fit is not None else 0.0,
+        }
+        for one in done.written
+    ]
+    left: list[Json] = [{"entry": one.entry_id, "why": one.why} for one in done.left_out]
+    return {
+        "schema": "calibrary/registry-export-1",
+        "commit": commit,
+        "format": done.format,
+        "written": entries,
+        "left_out": left,
+        "dropped": [*done.dropped],
+    }
+
+
+def _outcome(fit: Fit | None) -> str:
+    return (Fidelity.EXACT if fit is None or fit.exact else Fidelity.REFITTED).value
+
+
+def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> Export:
+    """All that the format holds in one file; of those that it calls by one name, the one that states the least."""
+    left = _namesakes(stored, record, out, limit)
+    stored = [one for one in stored if one.id not in left]
+    try:
+        data, verdict = _encoded(stored, record, out, limit)
+    except UnsupportedModelError:
+        # One that does not fit keeps all from being written: find out which.
+        left |= _refused(stored, record, out, limit)
+        stored = [one for one in stored if one.id not in left]
+        if not stored:
+            raise UnsupportedModelError(
+                f"{record.name} holds none of the {len(left)} entries: {next(iter(left.values()))}"
+            ) from None
+        data, verdict = _encoded(stored, record, out, limit)
+    write_files({out: data})
+    return Export(
+        format=record.name,
+        written=tuple(
+            Exported(entry_id=one.id, file=out.name, fit=fit)
+            for one, fit in zip(stored, verdict.fits, strict=True)
+        ),
+        left_out=tuple(NotExported(entry_id=name, why=why) for name, why in sorted(left.items())),
+        dropped=verdict.dropped,
+    )
+
+
+def _encoded(
+    stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None
+) -> tuple[bytes, WriteVerdict]:
+    calibrations = [one.entry.calibration for one in stored]
+    return parsers.encode(calibrations, record, name=out.name, max_error_px=limit)
+
+
+def _refused(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> dict[str, str]:
+    """The entries that do not fit the format, and why."""
+    left = {}
+    for one in stored:
+        try:
+            _encoded([one], record, out, limit)
+        except InputError as error:
+            left[one.id] = error.message
+    return left
+
+
+def _namesakes(
+    stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None
+) -> dict[str, str]:
+    """Entries under whose name in the file another one stands: a program would never find the second."""
+    models: dict[tuple[object, ...], list[StoredEntry]] = {}
+    for one in stored:
+        camera = one.entry.calibration.camera
+        models.setdefault((camera.make, camera.model, camera.image_size), []).append(one)
+    left: dict[str, str] = {}
+    for alike in models.values():
+        names: dict[str, str] = {}
+        for one in sorted(alike, key=_stated) if len(alike) > 1 else ():
+            try:
+                name = _name_in(_encoded([one], record, out, limit)[0])
+            except InputError:
+                continue
+            if name is not None and (other := names.setdefault(name, one.id)) != one.id:
+                left[one.id] = f"{record.name} calls it {name!r}, as it does {other}"
+    return left
+
+
+def _stated(one: StoredEntry) -> tuple[bool | str, ...]:
+    camera = one.entry.calibration.camera
+    said = (camera.serial, one.entry.firmware, camera.capture_mode, camera.lens, camera.focal_mm)
+    return (*(value is not None for value in said), one.path)
+
+
+def _name_in(data: bytes) -> str | None:
+    """What the format calls a camera in its own file, where cameras are found by name there."""
+    try:
+        document = json.loads(data)
+    except ValueError:
+        return None
+    return next(iter(document), None) if isinstance(document, dict) and len(document) == 1 else None
+
+
+def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> Export:
+    """A file for each entry, named as the entry is."""
+    files: dict[Path, bytes] = {}
+    written, left, dropped = [], [], dict[str, None]()
+    for one in stored:
+        name = f"{one.id.replace('/', '__')}{record.suffixes[0]}"
+        try:
+            data, verdict = parsers.encode([one.entry.calibration], record, name=name, max_error_px=limit)
+        except InputError as error:
+            left.append(NotExported(entry_id=one.id, why=error.message))
+            continue
+        files[out / name] = data
+        dropped |= dict.fromkeys(verdict.dropped)
+        written.append(Exported(entry_id=one.id, file=name, fit=verdict.fits[0]))
+    if not files:
+        raise UnsupportedModelError(f"{record.name} holds none of the {len(left)} entries: {left[0].why}")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be made: {error.strerror}", source=str(out)) from None
+    write_files(files)
+    return Export(format=record.name, written=tuple(written), left_out=tuple(left), dropped=tuple(dropped))
+
+
+def _csv(stored: Sequence[StoredEntry]) -> bytes:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    for one in stored:
+        writer.writerow({name: _cell(value) for name, value in _row(one).items()})
+    return text.getvalue().encode()
+
+
+def _row(one: StoredEntry) -> dict[str, str | float | None]:
+    entry, calibration = one.entry, one.entry.calibration
+    camera, K, lens, made = (
+        calibration.camera,
+        calibration.intrinsics,
+        calibration.distortion,
+        calibration.provenance,
+    )
+    return {
+        "id": one.id,
+        "status": entry.status.value,
+        "grade": calibration.grade.value,
+        "make": camera.make,
+        "model": camera.model,
+        "sub_camera": camera.sub_camera,
+        "lens": camera.lens,
+        "focal_mm": camera.focal_mm,
+        "capture_mode": camera.capture_mode,
+        "width_px": K.image_size[0],
+        "height_px": K.image_size[1],
+        "serial_hash": camera.serial,
+        "firmware_min": entry.firmware.min if entry.firmware is not None else None,
+        "firmware_max": entry.firmware.max if entry.firmware is not None else None,
+        "fx": K.fx,
+        "fy": K.fy,
+        "cx": K.cx,
+        "cy": K.cy,
+        "skew": K.skew,
+        "pixel_origin": "corner",
+        "distortion": lens.model if lens is not None else "unknown",
+        "coefficients": " ".join(f"{name}={value!r}" for name, value in lens.coefficients.items())
+        if lens
+        else "",
+        "rms_px": calibration.quality.rms_px if calibration.quality is not None else None,
+        "source": made.source or made.kind,
+        "sha256": made.sha256,
+        "date": made.date,
+    }
+
+
+def _cell(value: str | float | None) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, str):
+        # A spreadsheet takes text that begins so for a formula, and a camera's name is anybody's text.
+        return f"'{value}" if value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
+    return repr(value)
+
+
+def _yaml(stored: Sequence[StoredEntry]) -> bytes:
+    """The entries' own files one after the other, as the documents of one YAML stream."""
+    parts = [b"---\n# " + one.path.encode() + b"\n" + entry_yaml(one.entry) for one in stored]
+    return b"".join(parts)

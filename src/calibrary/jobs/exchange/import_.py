@@ -1,0 +1,266 @@
+"""Bringing many calibrations into a registry as one commit: a folder of files of any format, or the catalogue.
+
+Nothing that stands is lost: what is there already stays as it is, and a file that cannot be taken is told and holds
+up no other.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+from calibrary.errors import CalibraryError, RegistryError
+from calibrary.jobs.exchange.add import AddRequest, propose_file
+from calibrary.jobs.exchange.argument import Reading
+from calibrary.jobs.exchange.catalogue_entries import KIND, catalogue_entries
+from calibrary.parsers.image_names import is_image
+from calibrary.records import Json, replace, to_json
+from calibrary.registry.digest import digest
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git.writing import Written
+from calibrary.registry.proposals import Proposal, Proposals, checked, proposal_of
+from calibrary.registry.registry import Registry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.validation import Severity
+
+__all__ = ["Fate", "Import", "Item", "import_catalogue", "import_folder", "imported_json", "write_import"]
+
+SKIPPED_FOLDERS: Final = frozenset({".git"})
+
+
+class Fate(StrEnum):
+    """What becomes of one calibration."""
+
+    NEW = "new"
+    CHANGED = "changed"
+    SAME = "same"
+    LEFT = "left"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """One calibration on its way in.
+
+    Attributes:
+        source: the file's name below the folder, or the catalogue's title.
+        fate: what becomes of it.
+        entry_id: of the entry it is, where that is known.
+        reason: why it is left or failed, or what a person should know of it.
+    """
+
+    source: str
+    fate: Fate
+    entry_id: str | None = None
+    reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Import:
+    """What would be written.
+
+    Attributes:
+        what: is imported, in words for the history.
+        items: every calibration that was found.
+        due: the entries to write, none of which a check fails.
+        proposals: all that were proposed, with what the check says of them.
+    """
+
+    what: str
+    items: tuple[Item, ...]
+    due: Proposals
+    proposals: Proposals
+
+    def count(self, fate: Fate) -> int:
+        """How many calibrations have this fate."""
+        return sum(item.fate is fate for item in self.items)
+
+
+def import_folder(
+    registry: Registry,
+    folder: Path,
+    reading: Reading,
+    request: AddRequest,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Import:
+    """Every calibration file below a folder, as it would be written.
+
+    Args:
+        registry: to import to.
+        folder: is gone through to its bottom; links to folders are not followed, and images are left out, for a
+            folder of them is a flight and no set of calibrations.
+        reading: answers to what the files leave open.
+        request: what the user says of all of them.
+        progress: called with how many files are done, and of how many.
+
+    Raises:
+        RegistryError: the folder cannot be read.
+    """
+    files = list(_files(folder))
+    items: list[Item] = []
+    due: dict[str, tuple[Proposal, str]] = {}
+    for at, path in enumerate(files, start=1):
+        source = path.relative_to(folder).as_posix()
+        for item, proposal in _of_file(registry, path, source, reading, request):
+            items.append(item if proposal is None else _taken_in(due, item, proposal))
+        if progress is not None:
+            progress(at, len(files))
+    name = folder.resolve().name or "a folder"
+    proposed = [proposal for proposal, _ in due.values()]
+    return _judged(registry.snapshot(), f"the calibrations of {name}", items, proposed)
+
+
+def import_catalogue(registry: Registry) -> Import:
+    """Every camera of the built-in catalogue whose K can be derived, as drafts.
+
+    An entry that came from the catalogue before and is still a draft follows it; any other stays.
+    """
+    entries, left = catalogue_entries()
+    snapshot = registry.snapshot()
+    items = [Item(source=camera.title, fate=Fate.LEFT, reason=camera.reason) for camera in left]
+    due = []
+    for entry in entries:
+        base = snapshot.paths.get(entry.path)
+        current = _readable(snapshot, entry.path) if base is not None else None
+        fate, reason = _fate(entry, current) if base is not None else (Fate.NEW, None)
+        source = entry.calibration.provenance.tag or entry.id
+        items.append(Item(source=source, fate=fate, entry_id=entry.id, reason=reason))
+        if fate in {Fate.NEW, Fate.CHANGED}:
+            due.append(proposal_of(entry, current, base))
+    return _judged(snapshot, "the catalogue of known cameras", items, due)
+
+
+def write_import(registry: Registry, found: Import, *, reason: str | None = None) -> Written | None:
+    """Write them as one commit; None where nothing is due.
+
+    Raises:
+        FileConflictError: an entry was changed meanwhile; nothing was written.
+        RegistryError: they cannot be written.
+    """
+    count = len(found.due.items)
+    if not count:
+        return None
+    whose = "entry" if count == 1 else "entries"
+    return registry.save(found.due, subject=f"Import {found.what}: {count} {whose}", reason=reason)
+
+
+def imported_json(found: Import, commit: str | None) -> dict[str, Json]:
+    """The JSON form of an import (schemas/registry-import-1.schema.json)."""
+    items: list[Json] = [
+        {"source": item.source, "fate": item.fate.value, "entry": item.entry_id, "why": item.reason}
+        for item in found.items
+    ]
+    findings: list[Json] = [to_json(finding) for finding in found.proposals.findings]
+    return {
+        "schema": "calibrary/registry-import-1",
+        "commit": commit,
+        "due": len(found.due.items),
+        "items": items,
+        "findings": findings,
+    }
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    if not folder.is_dir():
+        raise RegistryError(
+            f"{folder}: no such folder; wanted one with calibration files, or the word 'catalogue'; 'calibrary "
+            "registry add' takes a single file"
+        )
+
+    def refuse(error: OSError) -> None:
+        raise RegistryError(f"{error.filename}: cannot be read: {error.strerror}") from None
+
+    for here, folders, names in os.walk(folder, onerror=refuse):
+        folders[:] = sorted(name for name in folders if name not in SKIPPED_FOLDERS)
+        for name in sorted(names):
+            path = Path(here, name)
+            if not name.startswith(".") and not is_image(path) and path.is_file():
+                yield path
+
+
+def _of_file(
+    registry: Registry, path: Path, source: str, reading: Reading, request: AddRequest
+) -> Iterator[tuple[Item, Proposal | None]]:
+    try:
+        proposals = propose_file(registry, path, reading, request)
+    except CalibraryError as error:
+        told = str(error).removeprefix(f"{path.name}: ").removeprefix(f"{path}: ")
+        yield Item(source=source, fate=Fate.FAILED, reason=told), None
+        return
+    for proposal in proposals.items:
+        fate = Fate.SAME if not proposal.changes else Fate.NEW if proposal.is_new else Fate.CHANGED
+        reason = "; ".join(proposal.warnings) or None
+        yield Item(source=source, fate=fate, entry_id=proposal.entry.id, reason=reason), proposal
+
+
+def _taken_in(due: dict[str, tuple[Proposal, str]], item: Item, proposal: Proposal) -> Item:
+    """Two files of one camera: alike they are one, otherwise the first is taken and the other fails."""
+    if item.fate is Fate.SAME:
+        return item
+    first, source = due.setdefault(proposal.entry.path, (proposal, item.source))
+    if first is proposal:
+        return item
+    if _numbers(first.entry) == _numbers(proposal.entry):
+        return replace(item, fate=Fate.SAME, reason=f"the same numbers as in {source}")
+    reason = (
+        f"{source} holds other numbers of the same camera; 'calibrary registry add' takes the one that is right, "
+        "or flags (--lens, --sub-camera, --serial) that tell the two cameras apart"
+    )
+    return replace(item, fate=Fate.FAILED, reason=reason)
+
+
+def _readable(snapshot: Snapshot, path: str) -> Entry | None:
+    try:
+        return parse_entry(snapshot.read(path), path)
+    except CalibraryError:
+        return None
+
+
+def _fate(entry: Entry, current: Entry | None) -> tuple[Fate, str | None]:
+    if current is None:
+        return Fate.LEFT, "the current entry cannot be read: 'calibrary registry check' says why"
+    made = current.calibration.provenance
+    if made.kind != KIND:
+        grade = current.calibration.grade.value
+        return Fate.LEFT, f"an entry of grade {grade}, {made.kind}, is there already"
+    if _said(entry) == _said(current):
+        return Fate.SAME, None
+    if current.status is not Status.DRAFT:
+        return Fate.LEFT, f"it is {current.status.value}; the catalogue says something else by now"
+    return Fate.CHANGED, None
+
+
+def _numbers(entry: Entry) -> str:
+    return digest(entry.calibration, entry.sensor)
+
+
+def _said(entry: Entry) -> tuple[object, ...]:
+    """What the catalogue says of a camera, whichever version of the program wrote it down."""
+    return _numbers(entry), entry.aliases, entry.tolerance, entry.notes
+
+
+def _judged(snapshot: Snapshot, what: str, items: Sequence[Item], proposed: Sequence[Proposal]) -> Import:
+    """With entries that fail a check taken out of what is due: one bad file holds up no other."""
+    proposals = checked(snapshot, proposed)
+    errors: dict[str, str] = {}
+    for finding in proposals.findings:
+        if finding.severity is Severity.ERROR:
+            errors.setdefault(finding.place or "", finding.message)
+    bad = {one.entry.id: errors[one.entry.path] for one in proposed if one.entry.path in errors}
+    return Import(
+        what=what,
+        items=tuple(
+            replace(item, fate=Fate.FAILED, reason=bad[item.entry_id])
+            if item.entry_id in bad and item.fate in {Fate.NEW, Fate.CHANGED}
+            else item
+            for item in items
+        ),
+        due=Proposals(items=tuple(one for one in proposed if one.entry.path not in errors)),
+        proposals=proposals,
+    )

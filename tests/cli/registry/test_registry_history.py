@@ -1,0 +1,213 @@
+"""``registry log``, ``blame``, ``show`` and ``list``: what there is, and what became of it."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from calibrary.calibration import Quality
+from calibrary.cli.main import main
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.scaffold import DRIVER, DRIVER_COMMAND
+from tests.cli.registry.fleets import P4R, add, held, printed, run, xml
+from tests.registry.entries import an_entry, covariance
+from tests.registry.git.repositories import git
+
+
+@pytest.fixture
+def kept(fleet: Path, tmp_path: Path) -> Path:
+    """An entry that was added, approved, and measured again."""
+    add(xml(tmp_path / "a.xml"), "--reason", "first flight", "--firmware", "01.08")
+    assert main(["registry", "approve", P4R, "--reason", "checked"]) == 0
+    add(xml(tmp_path / "b.xml", 3663.0), "--reason", "new firmware", "--firmware", "01.09", "--approve")
+    return fleet
+
+
+def test_a_log_tells_what_every_commit_changed_in_k(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    revisions = printed(capsys, "registry-log-1", "log", "fc6310r")["revisions"]
+    assert [one["reason"] for one in revisions] == ["new firmware", "checked", "first flight"]
+    assert [one["status"] for one in revisions] == ["approved", "approved", "draft"]
+    assert [one["firmware"] for one in revisions] == ["01.09", "01.08", "01.08"]
+    assert [one["delta_K"]["fx"] if one["delta_K"] else None for one in revisions] == [2.5, 0.0, None]
+    assert [one["commit"] for one in revisions] == git(kept, "log", "--format=%H", "-3").splitlines()
+
+
+@pytest.mark.usefixtures("kept")
+def test_a_log_is_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "log", "fc6310r")
+    assert code == 0
+    assert "3663.00 (+2.50)" in out
+    assert "Ada Keeper" in out
+
+
+def test_a_log_of_the_registry_tells_every_commit(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    revisions = printed(capsys, "registry-log-1", "log")["revisions"]
+    assert [one["commit"] for one in revisions] == git(kept, "log", "--format=%H").splitlines()
+    assert revisions[0]["cameras"] == [P4R]
+    assert "first flight" in run(capsys, "log")[1]
+
+
+@pytest.mark.usefixtures("kept")
+def test_the_newest_of_a_log_still_knows_what_was_before(capsys: pytest.CaptureFixture[str]) -> None:
+    [one] = printed(capsys, "registry-log-1", "log", "fc6310r", "-n", "1")["revisions"]
+    assert one["delta_K"]["fx"] == 2.5
+
+
+def test_a_removed_entry_is_told_by_its_whole_id(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    git(kept, "rm", "--quiet", f"cameras/{P4R}.yaml")
+    git(kept, "commit", "--quiet", "-m", "Remove it")
+    revisions = printed(capsys, "registry-log-1", "log", P4R)["revisions"]
+    assert (revisions[0]["K"], revisions[0]["subject"]) == (None, "Remove it")
+    assert "removed" in run(capsys, "log", P4R)[1]
+    assert run(capsys, "log", "dji/fc9999/1x1")[0] == 4
+
+
+def test_blame_tells_since_when_each_field_says_what_it_says(
+    kept: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fields = {one["field"]: one for one in printed(capsys, "registry-blame-1", "blame", "fc6310r")["fields"]}
+    commits = git(kept, "log", "--format=%H", "-3").splitlines()
+    assert fields["intrinsics.fx"]["commit"] == commits[0]
+    assert fields["intrinsics.fx"]["reason"] == "new firmware"
+    assert fields["status"]["commit"] == commits[1]
+    assert fields["distortion.k1"]["commit"] == commits[2]
+
+
+def test_blame_agrees_with_gits_own_of_the_file(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fields = {one["field"]: one for one in printed(capsys, "registry-blame-1", "blame", "fc6310r")["fields"]}
+    lines = git(kept, "blame", "-l", "-s", "--root", f"cameras/{P4R}.yaml").splitlines()
+    by_git = {line.partition(")")[2].partition(":")[0].strip(): line[:40] for line in lines if ":" in line}
+    for field in ("status", "reason", "intrinsics.fx", "intrinsics.cx", "distortion.k1", "provenance.sha256"):
+        assert fields[field]["commit"] == by_git[field.rpartition(".")[2]]
+
+
+def test_blame_of_a_field_that_came_back_names_its_return(
+    kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"), "--firmware", "01.08")
+    [fx] = printed(capsys, "registry-blame-1", "blame", "fc6310r", "intrinsics.fx")["fields"]
+    assert (fx["value"], fx["commit"]) == (3660.5, git(kept, "rev-parse", "HEAD"))
+
+
+@pytest.mark.usefixtures("kept")
+def test_blame_knows_its_fields(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "blame", "fc6310r", "intrinsics")
+    assert (code, len(out.splitlines())) == (0, 6)
+    with pytest.raises(SystemExit) as ended:
+        main(["registry", "blame", "fc6310r", "colour"])
+    assert ended.value.code == 2
+    assert "it has status" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("kept")
+def test_show_tells_what_an_entry_is_and_was(capsys: pytest.CaptureFixture[str]) -> None:
+    document = printed(capsys, "entry-listing-1", "show", "fc6310r@firmware:01.08")
+    assert document["calibration"]["intrinsics"]["fx"] == 3660.5
+    assert document["status"] == "approved"
+    assert ["fx", "3663.0000", "px"] in [
+        line.split() for line in run(capsys, "show", "fc6310r")[1].splitlines()
+    ]
+
+
+@pytest.mark.usefixtures("kept")
+def test_show_holds_an_entry_against_another_revision(capsys: pytest.CaptureFixture[str]) -> None:
+    document = printed(capsys, "entry-listing-1", "show", "fc6310r", "--diff", "firmware:01.08")
+    changes = {one["field"]: one for one in document["changes"]}
+    assert changes["intrinsics.fx"]["delta"] == 2.5
+    assert "distortion.k1" not in changes
+    assert "+2.5" in run(capsys, "show", "fc6310r", "--diff", "HEAD~1")[1]
+    assert "says what" in run(capsys, "show", "fc6310r", "--diff", "HEAD")[1]
+
+
+def test_show_prints_the_file_as_it_stands(kept: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> None:
+    assert main(["registry", "show", "fc6310r", "--yaml"]) == 0
+    assert capfdbinary.readouterr().out == (kept / f"cameras/{P4R}.yaml").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "arguments", [(), ("fc6310r", "--textconv", "x.yaml"), ("fc6310r", "--diff", "HEAD", "--yaml")]
+)
+@pytest.mark.usefixtures("kept")
+def test_show_wants_one_thing_to_show(arguments: tuple[str, ...]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["registry", "show", *arguments])
+    assert ended.value.code == 2
+
+
+@pytest.mark.usefixtures("fleet")
+def test_git_diff_can_show_an_entry_by_its_fields(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    quality = Quality(rms_px=0.3, covariance=covariance())
+    file = tmp_path / "entry.yaml"
+    file.write_bytes(entry_yaml(an_entry(fx=3661.123456789012, quality=quality)))
+    code, out, _ = run(capsys, "show", "--textconv", file)
+    lines = [line.split() for line in out.splitlines()]
+    assert code == 0
+    assert ["intrinsics.fx", "3661.123456789012", "±", repr(covariance().std["fx"]), "px"] in lines
+    assert ["distortion.k1", "-0.262", "±", repr(covariance().std["k1"])] in lines
+
+
+def test_git_diff_is_not_stopped_by_a_file_that_is_no_entry(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "broken.yaml"
+    file.write_bytes(b"fx: [1,\n\x1b[31mred\n")
+    code, out, _ = run(capsys, "show", "--textconv", file)
+    assert code == 0
+    assert "fx: [1," in out
+    assert "\x1b" not in out
+    assert run(capsys, "show", "--textconv", tmp_path / "none.yaml")[0] == 0
+
+
+@pytest.mark.parametrize("at_hand", [True, False])
+def test_git_runs_the_driver_that_init_sets_up_or_shows_the_file(
+    kept: Path, at_hand: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if at_hand:
+        program = tmp_path / "calibrary"
+        program.write_text(f"#!/bin/sh\nexec '{sys.executable}' -m calibrary.cli.main \"$@\"\n")
+        program.chmod(0o755)
+    tools = Path(shutil.which("git") or "").parent
+    monkeypatch.setenv("PATH", f"{tmp_path}:{tools}:/usr/bin:/bin")
+    git(kept, "config", DRIVER, DRIVER_COMMAND)
+    lines = [line.split() for line in git(kept, "diff", "--unified=0", "HEAD~1").splitlines()]
+    if at_hand:
+        assert ["-intrinsics.fx", "3660.5", "px"] in lines
+        assert ["+intrinsics.fx", "3663.0", "px"] in lines
+    else:
+        assert ["+", "fx:", "3663.0"] in lines
+
+
+def test_list_and_show_print_one_form_of_an_entry(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    [listed] = printed(capsys, "entry-listing-1", "list")["entries"]
+    shown = printed(capsys, "entry-listing-1", "show", "fc6310r")
+    assert listed == {name: value for name, value in shown.items() if name != "schema"}
+    assert listed["blob"] == held(kept).oid
+
+
+@pytest.mark.usefixtures("kept")
+def test_a_list_is_narrowed_by_words_status_grade_and_date(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "c.xml", 3250.0, (4864, 3648)))
+
+    def ids(*arguments: str) -> list[str]:
+        return [one["id"] for one in printed(capsys, "entry-listing-1", "list", *arguments)["entries"]]
+
+    assert ids("fc6310", "4864") == ids("--status", "draft") == ["dji/fc6310r/4864x3648"]
+    assert ids("--status", "approved") == ids("--at", "HEAD~1") == [P4R]
+    assert len(ids("--grade", "adjusted", "--grade", "design")) == 2
+    assert ids("--grade", "calibrated") == ids("canon") == []
+
+
+def test_one_entry_that_cannot_be_read_does_not_hide_the_others(
+    kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "c.xml", 3250.0, (4864, 3648)))
+    file = kept / f"cameras/{P4R}.yaml"
+    file.write_text(file.read_text().replace("fx: 3663.0", "fx: 3999.5"))
+    git(kept, "commit", "--quiet", "-am", "Break the seal")
+    code, out, told = run(capsys, "list")
+    assert (code, "4864x3648" in out, "not listed" in told) == (1, True, True)

@@ -1,0 +1,196 @@
+"""A registry and its entries: KEY@REV is the K of that camera, at that state, or an error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from calibrary.calibration import Provenance
+from calibrary.errors import RegistryError, UnknownCameraError
+from calibrary.records import replace
+from calibrary.registry.charter import charter_yaml
+from calibrary.registry.entry import Alias, Entry, Status
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.git import maintenance
+from calibrary.registry.git.conflicts import FileConflictError
+from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.writing import ANY, Change, write
+from calibrary.registry.history import history, recorded
+from calibrary.registry.init import init
+from calibrary.registry.keys import find_path, find_paths
+from calibrary.registry.registry import Registry, open_snapshot
+from calibrary.registry.writing import Note, note_of, write_changes
+from tests.registry.entries import FILE, an_entry
+from tests.registry.git.repositories import git, nobodys_git
+
+__all__ = ["nobodys_git"]
+
+
+@pytest.fixture
+def registry(tmp_path: Path) -> Registry:
+    return init(tmp_path / "fleet").registry
+
+
+def put(registry: Registry, entry: Entry, base: str | None = None) -> str:
+    """Write an entry; its content's id."""
+    oid = registry.write([(entry, base)], note_of("Put", [entry])).paths[entry.path]
+    assert oid is not None
+    return oid
+
+
+def by_hand(registry: Registry, path: str, data: bytes) -> None:
+    """Commit a file as somebody does who knows only git."""
+    root = registry.repo.path
+    (root / path).parent.mkdir(parents=True, exist_ok=True)
+    (root / path).write_bytes(data)
+    git(root, "add", ".")
+    git(root, "commit", "-qm", "by hand")
+
+
+def test_one_cameras_file_in_anothers_place_is_nobodys_k(registry: Registry) -> None:
+    entry, other = an_entry(), an_entry(model="FC330")
+    put(registry, other)
+    good = registry.commit()
+    by_hand(registry, other.path, entry_yaml(entry))
+    for key in ("fc330", "fc330@HEAD", f"fc330@{registry.commit()}"):
+        with pytest.raises(RegistryError, match=f"belongs at {entry.path}".replace("+", r"\+")):
+            registry.get(key)
+    assert registry.get(f"fc330@{good}").entry == other
+
+
+def test_a_file_at_a_path_of_nobodys_is_found_by_it(registry: Registry) -> None:
+    by_hand(registry, "cameras/mine.yaml", entry_yaml(an_entry()))
+    assert registry.get("mine").entry == an_entry()
+
+
+def test_a_key_is_found_in_any_letter_case_even_where_longer_ones_begin_alike() -> None:
+    paths = [an_entry(focal_mm=None).path, an_entry().path]
+    assert find_path(paths, "DJI/FC6310R/5472X3648") == paths[0]
+    assert find_path(paths, "cameras/dji/fc6310r/5472x3648.yaml") == paths[0]
+    assert find_paths(paths, "fc6310r") == sorted(paths)
+
+
+def test_an_editors_name_does_not_hide_the_firmware_an_entry_is_of(registry: Registry) -> None:
+    edited = replace(FILE, firmware="Adobe Lightroom Classic")
+    put(registry, with_provenance(an_entry(firmware=FirmwareRange(min="01.00", max="01.10")), edited))
+    assert registry.get("fc6310r@firmware:01.09").entry.firmware is not None
+    with pytest.raises(UnknownCameraError, match="no revision"):
+        registry.get("fc6310r@firmware:02.00")
+
+
+def with_provenance(entry: Entry, provenance: Provenance) -> Entry:
+    return replace(entry, calibration=replace(entry.calibration, provenance=provenance))
+
+
+def test_what_was_written_is_told_as_written_whatever_becomes_of_the_packing(
+    registry: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(_: Repository, *, in_background: bool) -> None:
+        raise RegistryError(f"no space, in_background={in_background}")
+
+    monkeypatch.setattr(maintenance, "is_due", lambda _: True)
+    monkeypatch.setattr(maintenance, "maintain", fails)
+    entry = an_entry()
+    put(registry, entry)
+    assert registry.get("fc6310r").entry == entry
+
+
+ENTRY_PATH = an_entry().path
+
+
+def test_a_new_registry_is_clean_and_keeps_the_bytes_of_entries(registry: Registry) -> None:
+    folder = registry.repo.path
+    assert git(folder, "status", "--porcelain") == ""
+    assert git(folder, "check-attr", "eol", "text", "--", ENTRY_PATH).splitlines() == [
+        f"{ENTRY_PATH}: eol: lf",
+        f"{ENTRY_PATH}: text: set",
+    ]
+    with pytest.raises(RegistryError, match="a registry already"):
+        init(folder)
+
+
+def test_a_snapshot_follows_the_branch_and_old_ones_stay_as_they_were(registry: Registry) -> None:
+    empty = registry.snapshot()
+    assert dict(empty.paths) == {}
+    files = {f"cameras/m/m{i}/a.yaml": b"n: %d\n" % i for i in range(1200)}
+    write(registry.repo, [Change(path=path, data=data) for path, data in files.items()], "import\n")
+    full = registry.snapshot()
+    assert dict(full.files()) == files
+    assert registry.snapshot() is full
+    write(registry.repo, [Change(path="cameras/m/m7/a.yaml", data=None, base=blob_id(b"n: 7\n"))], "drop\n")
+    write(registry.repo, [Change(path=ENTRY_PATH, data=b"x\n")], "add\n")
+    patched = registry.snapshot()
+    assert patched.known_paths is not None
+    assert patched.paths == registry.repo.listing(patched.commit or "", "cameras")
+    assert (len(full.paths), len(patched.paths)) == (1200, 1200)
+    assert registry.snapshot(full.commit) is full
+    assert [file.path for file in registry.changed(full.commit)] == [ENTRY_PATH, "cameras/m/m7/a.yaml"]
+
+
+def test_an_entry_is_read_at_any_revision_or_named_as_missing(registry: Registry) -> None:
+    first = put(registry, an_entry())
+    commit = registry.commit()
+    put(registry, replace(an_entry(), tolerance=0.01), first)
+    assert registry.snapshot().read(ENTRY_PATH) == entry_yaml(replace(an_entry(), tolerance=0.01))
+    for listed in (False, True):
+        before = Registry.open(registry.repo.path).snapshot(commit)
+        assert not listed or before.paths
+        assert before.read(ENTRY_PATH) == entry_yaml(an_entry())
+        with pytest.raises(RegistryError, match=f"nothing.yaml: not at {commit[:12]}"):
+            before.read("cameras/nothing.yaml")
+
+
+def test_what_is_no_entry_or_of_another_camera_is_never_written(registry: Registry) -> None:
+    before = registry.commit()
+    good = Change(path=ENTRY_PATH, data=entry_yaml(an_entry()))
+    other = an_entry(model="FC330")
+    for data, message in ((b"oops\n", "schema"), (entry_yaml(an_entry()), "belongs at")):
+        with pytest.raises(RegistryError, match=message):
+            write_changes(registry.repo, [good, Change(path=other.path, data=data)], Note(subject="x"))
+    assert registry.commit() == before
+
+
+def test_an_entry_cannot_be_overwritten_blindly(registry: Registry) -> None:
+    data = entry_yaml(an_entry())
+    with pytest.raises(RegistryError, match="never overwritten blindly"):
+        write_changes(registry.repo, [Change(path=ENTRY_PATH, data=data, base=ANY)], Note(subject="x"))
+    put(registry, an_entry())
+    with pytest.raises(FileConflictError):
+        put(registry, replace(an_entry(), tolerance=0.01))
+
+
+def test_a_plain_folder_is_a_snapshot_by_its_own_configuration(tmp_path: Path) -> None:
+    entry = an_entry()
+    (tmp_path / entry.path).parent.mkdir(parents=True)
+    (tmp_path / entry.path).write_bytes(entry_yaml(entry))
+    (tmp_path / "registry.yaml").write_bytes(charter_yaml("source"))
+    snapshot = open_snapshot(tmp_path)
+    assert (snapshot.commit, snapshot.repo, snapshot.configuration.policy.name) == (None, None, "source")
+    assert snapshot.get("fc6310r").entry == entry
+    assert [one.entry for one in snapshot.entries()] == [entry]
+    with pytest.raises(RegistryError, match="a plain folder has no history"):
+        history(snapshot)
+
+
+def test_what_a_check_fails_is_not_saved(registry: Registry) -> None:
+    put(registry, an_entry(model="FC330"))
+    before = registry.commit()
+    proposals = registry.propose([an_entry(aliases=(Alias(make="DJI", model="FC330"),))], approve=True)
+    assert [finding.rule for finding in proposals.errors] == ["alias"]
+    with pytest.raises(RegistryError, match="nothing was written"):
+        registry.save(proposals)
+    assert registry.commit() == before
+
+
+def test_who_recorded_a_calibration_stays_whoever_approves_it(registry: Registry) -> None:
+    written = registry.save(registry.propose([an_entry(status=Status.DRAFT)]))
+    git(registry.repo.path, "config", "user.name", "Somebody Else")
+    again = Registry.open(registry.repo.path)
+    again.save(again.propose_status(["fc6310r"], Status.APPROVED, "checked"))
+    found = recorded(again.repo, again.get("fc6310r"))
+    assert found is not None
+    assert (found.commit, found.by, found.file) == (written.commit, "Ada Keeper", FILE.source)
+    assert again.commit() != written.commit
