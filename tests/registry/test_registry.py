@@ -147,7 +147,7 @@ def test_what_is_no_entry_or_of_another_camera_is_never_written(registry: Regist
     before = registry.commit()
     good = Change(path=ENTRY_PATH, data=entry_yaml(an_entry()))
     other = an_entry(model="FC330")
-    for data, message in ((b"oops\n", "schema"), (entry_yaml(an_entry()), "belongs at")):
+    for data, message in ((b"oops\n", "is no map"), (entry_yaml(an_entry()), "belongs at")):
         with pytest.raises(RegistryError, match=message):
             write_changes(registry.repo, [good, Change(path=other.path, data=data)], Note(subject="x"))
     assert registry.commit() == before

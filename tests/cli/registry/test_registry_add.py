@@ -35,12 +35,27 @@ def test_a_new_entry_is_a_draft_with_its_whole_provenance(fleet: Path, tmp_path:
     made = entry.calibration.provenance
     assert entry.status is Status.DRAFT
     assert (made.source, made.sha256) == ("a.xml", hashlib.sha256(file.read_bytes()).hexdigest())
-    assert made.operator == "Ada Keeper"
-    assert made.date
-    assert made.tool
+    # What the file does not state is not known; who added it, and when, is the commit's.
+    assert (made.operator, made.date, made.tool) == (None, None, None)
+    assert git(fleet, "log", "-1", "--format=%an") == "Ada Keeper"
+    assert git(fleet, "log", "-1", "--format=%(trailers:key=Source-File,valueonly)") == "a.xml"
     assert entry.notes == ("lens cap was scratched",)
     assert git(fleet, "log", "-1", "--format=%(trailers:key=Reason,valueonly)") == "first flight"
     assert git(fleet, "status", "--porcelain") == ""
+
+
+def test_flags_say_what_the_source_does_not_and_nothing_else_does(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"), "--date", "2019-03-05", "--tool", "lab 3.1", "--operator", "B. Solver")
+    made = held(fleet).entry.calibration.provenance
+    assert (made.date, made.tool, made.operator) == ("2019-03-05", "lab 3.1", "B. Solver")
+    file = fleet / f"cameras/{P4R}.yaml"
+    code, _, told = run(capsys, "add", file, "--date", "2020-01-02", "--yes")
+    assert (code, "the source states the date '2019-03-05', and --date replaces it" in told) == (0, True)
+    assert held(fleet).entry.calibration.provenance.date == "2020-01-02"
+    with pytest.raises(SystemExit):
+        run(capsys, "add", file, "--date", "05.03.2019")
 
 
 @pytest.mark.usefixtures("fleet")
@@ -97,7 +112,7 @@ def test_what_only_another_program_needs_stays_out(
     file = xml(tmp_path / "a.xml")
     file.write_text(file.read_text().replace("</calibration>", "<owner>Jane Doe</owner></calibration>"))
     code, _, told = run(capsys, "add", file, *CAMERA, "--yes")
-    assert (code, "left out" in told) == (0, True)
+    assert (code, "not added, since it was not reviewed" in told) == (0, True)
     assert held(fleet).entry.calibration.extras == ()
     assert b"Jane Doe" not in entry_yaml(held(fleet).entry)
 
@@ -182,9 +197,9 @@ def test_the_difference_is_shown_field_by_field_with_its_size(
 def test_the_same_file_again_changes_nothing_and_nobodys_approval(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    add(xml(tmp_path / "a.xml"), "--approve")
+    add(xml(tmp_path / "a.xml"), "--approve", "--date", "2019-03-05", "--operator", "Lab")
     before = commit_of(fleet)
-    code, _, told = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--operator", "Someone Else", "--yes")
+    code, _, told = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--yes")
     assert (code, "is there already" in told) == (0, True)
     assert commit_of(fleet) == before
     assert held(fleet).entry.status is Status.APPROVED
@@ -302,6 +317,7 @@ def test_an_entry_edited_by_hand_in_the_work_tree_is_sealed_and_says_so(fleet: P
     calibration = held(fleet).entry.calibration
     assert calibration.intrinsics.fx == 3661.5
     assert "numbers changed by hand" in calibration.provenance.assumptions
+    assert (calibration.provenance.date, calibration.provenance.operator) == (None, None)
     assert git(fleet, "status", "--porcelain") == ""
 
 

@@ -14,6 +14,7 @@ from tests.cli.registry.fleets import P4R, add, commit_of, held, printed, run, x
 from tests.jobs.extract.fleet import DEWARP, picture
 from tests.registry.git.repositories import git
 
+TODAY = date.today().isoformat()
 FLEW = "2026:03:05 09:30:00"
 PHANTOM: dict[str, Any] = {
     "make": "DJI",
@@ -22,6 +23,24 @@ PHANTOM: dict[str, Any] = {
     "software": "v01.09.1691",
     "date_time": FLEW,
 }
+OPENCV_2019 = """\
+%YAML:1.0
+---
+calibration_time: "Tue 05 Mar 2019 10:11:12 AM UTC"
+image_width: 5472
+image_height: 3648
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 3660.5, 0., 2731.5, 0., 3660.5, 1831.25, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -0.02, 0.01, 0.0008, -0.0001, -0.003 ]
+avg_reprojection_error: 0.31
+"""
 UNIT = "f41c07aa9e"
 STATUS = 'status: "approved"\n'
 
@@ -34,7 +53,7 @@ def phantom(path: Path, size: tuple[int, int] = (5472, 3648), **tags: Any) -> Pa
 
 def approved(fleet: Path, calibration: Path, *flags: str) -> None:
     """The entry of the Phantom, in use."""
-    add(calibration, "--approve", *flags)
+    add(calibration, "--approve", *(() if "--date" in flags else ("--date", TODAY)), *flags)
     assert held(fleet).entry.is_usable
 
 
@@ -140,7 +159,8 @@ def test_an_editors_name_is_no_firmware(
 def test_a_firmware_that_the_entry_is_stated_to_be_of_is_no_change(
     flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], fleet: Path
 ) -> None:
-    add(xml(tmp_path / "a.xml"), "--firmware", "01.08", "--firmware-range", "01.08..01.10", "--approve")
+    firmware = ("--firmware", "01.08", "--firmware-range", "01.08..01.10")
+    add(xml(tmp_path / "a.xml"), *firmware, "--date", TODAY, "--approve")
     assert audited(capsys, flight)["findings"] == []
     assert commit_of(fleet)
 
@@ -209,12 +229,40 @@ def test_units_that_measure_alike_are_one_camera(
 def test_an_old_calibration_is_told_of_what_flies(
     fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    approved(fleet, xml(tmp_path / "a.xml"))
-    today = held(fleet).entry.calibration.provenance.date
-    assert today is not None
-    restate(fleet, f"{today}", f"{date.fromisoformat(today).year - 1}-01-01")
+    approved(fleet, xml(tmp_path / "a.xml"), "--date", f"{date.today().year - 1}-01-01")
     assert rules(audited(capsys, flight)) == []
     assert rules(audited(capsys, flight, "--stale-after", "6"), "warning") == ["calibrated long ago"]
+
+
+@pytest.mark.usefixtures("fleet")
+def test_a_calibration_of_unknown_date_is_never_fresh(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"), "--approve")
+    document = audited(capsys, flight)
+    assert rules(document, "note") == ["calibration date unknown"]
+    phantom(tmp_path / "else" / "b.jpg", model="FC330", dewarp=None)
+    assert "calibration date unknown" in rules(audited(capsys, tmp_path / "else"), "note")
+
+
+def test_a_calibration_of_2019_is_of_2019_all_the_way(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "lab.yml"
+    file.write_text(OPENCV_2019)
+    add(file, "--approve")
+    shown = printed(capsys, "entry-listing-1", "show", "fc6310r")
+    assert shown["calibration"]["provenance"]["date"][:10] == "2019-03-05"
+    assert (shown["recorded"]["date"][:10], shown["recorded"]["file"]) == (TODAY, "lab.yml")
+    assert (shown["recorded"]["by"], shown["recorded"]["commit"]) == ("Ada Keeper", commit_of(fleet))
+    _, out, _ = run(capsys, "show", "fc6310r")
+    told = {line.partition("  ")[0]: line for line in out.splitlines()}
+    assert "2019-03-05" in told["made on"]
+    assert f"{TODAY} by Ada Keeper, from lab.yml, commit {commit_of(fleet)[:12]}" in " ".join(out.split())
+    document = audited(capsys, flight, "--stale-after", "24")
+    [stale] = [one for one in document["findings"] if one["rule"] == "calibrated long ago"]
+    assert "2019-03-05" in stale["message"]
+    assert stale["severity"] == "warning"
 
 
 def test_an_entry_that_did_not_fly_is_a_note(
@@ -224,6 +272,8 @@ def test_an_entry_that_did_not_fly_is_a_note(
     add(
         xml(tmp_path / "b.xml", 2900.0, (4000, 3000)),
         "--approve",
+        "--date",
+        TODAY,
         camera=("--make", "Example", "--model", "One"),
     )
     phantom(tmp_path / "flight" / "a.jpg")

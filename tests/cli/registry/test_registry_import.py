@@ -53,7 +53,7 @@ class TestCatalogue:
         put(fleet, an_entry(focal_mm=None))
         _, out, _ = run(capsys, "import", "catalogue", "--yes")
         assert held(fleet).entry.calibration.intrinsics.fx == 3661.25
-        assert f"{P4R}: an entry of grade calibrated, calibration-file, stands there already" in out
+        assert f"{P4R}: an entry of grade calibrated, calibration-file, is there already" in out
 
     def test_a_draft_of_an_older_catalogue_follows_and_an_approved_one_does_not(
         self, fleet: Path, capsys: pytest.CaptureFixture[str]

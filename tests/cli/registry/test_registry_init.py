@@ -105,7 +105,7 @@ def test_a_file_in_the_way_stays_as_it_is(tmp_path: Path, capsys: pytest.Capture
     (tmp_path / "README.md").write_text("mine\n")
     code, _, told = run(capsys, "init", tmp_path)
     assert code == 4
-    assert "README.md stands here already" in told
+    assert "README.md exists already" in told
     assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
     assert (tmp_path / "README.md").read_text() == "mine\n"
 

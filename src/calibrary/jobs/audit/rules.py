@@ -23,5 +23,7 @@ class Rule(StrEnum):
     UNITS = "units differ"
     OVER = "validity over"
     OLD = "calibrated long ago"
+    UNDATED = "calibration date unknown"
+    FUTURE = "calibration date in the future"
     TAGS = "tags disagree"
     NOT_FLOWN = "not flown"

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from calibrary.errors import InputError
-from calibrary.jobs.audit.agreement import MEASURED, disagreements, unit_findings
+from calibrary.jobs.audit.age import age_finding
+from calibrary.jobs.audit.agreement import disagreements, unit_findings
 from calibrary.jobs.audit.answers import Answer, answer_to
 from calibrary.jobs.audit.flights import Flights, Progress, flights
 from calibrary.jobs.audit.rules import Rule
@@ -128,7 +129,7 @@ def _of_entries(files: Mapping[str, bytes], flew: Collection[str], request: Requ
 
 
 def _stale(id_: str, entry: Entry, request: Request, *, has_flown: bool) -> Iterator[Finding]:
-    validity, made = entry.validity, _made_on(entry)
+    validity = entry.validity
     if validity is not None and validity.last is not None and validity.last < request.today and not has_flown:
         yield Finding(
             rule=Rule.OVER,
@@ -137,16 +138,9 @@ def _stale(id_: str, entry: Entry, request: Request, *, has_flown: bool) -> Iter
             message=f"it is {entry.status.value} and valid {validity}, which is over",
             remedy=f"calibrary registry retire {id_} --reason 'validity over'",
         )
-    months = _months(made, request.today) if made is not None else 0
-    if made is not None and months >= request.stale_months and entry.calibration.grade in MEASURED:
-        yield Finding(
-            rule=Rule.OLD,
-            severity=Severity.WARNING if has_flown else Severity.NOTE,
-            place=id_,
-            message=f"it was calibrated on {made}, {months} months ago, wanted less than {request.stale_months}"
-            + ("" if has_flown else "; it did not fly"),
-            remedy="calibrate it anew: calibrary calibrate FRAMES --as " + id_ if has_flown else None,
-        )
+    age = age_finding(entry, request.today, request.stale_months, has_flown=has_flown)
+    if age is not None:
+        yield age
     elif not has_flown:
         yield Finding(
             rule=Rule.NOT_FLOWN,
@@ -154,18 +148,6 @@ def _stale(id_: str, entry: Entry, request: Request, *, has_flown: bool) -> Iter
             place=id_,
             message="no image of its camera is among these flights",
         )
-
-
-def _made_on(entry: Entry) -> date | None:
-    try:
-        return date.fromisoformat((entry.calibration.provenance.date or "")[:10])
-    except ValueError:
-        return None
-
-
-def _months(first: date, last: date) -> int:
-    """Whole months from one day to another."""
-    return (last.year - first.year) * 12 + last.month - first.month - (last.day < first.day)
 
 
 def _gravest_first(finding: Finding) -> tuple[int, int, str, str]:
