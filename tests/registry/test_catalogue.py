@@ -272,3 +272,125 @@ def test_the_bands_of_a_sequoia_are_fisheye_and_its_rgb_camera_is_not() -> None:
 
 def test_only_the_skydio_2_writes_a_focal_length_that_is_wrong() -> None:
     assert [camera.models[0] for camera in CATALOGUE if not camera.exif_focal_trusted] == ["2"]
+
+
+@dataclass(frozen=True)
+class Tagged:
+    """What an image of a camera carries, and the entry and fx / W that its own numbers lead to."""
+
+    make: str
+    model: str
+    size: ImageSize
+    focal_mm: float | None
+    title: str
+    fx_over_w: float | None
+    focal_35mm: float | None = None
+    tag: str | None = None
+    sub_camera: str | None = None
+    lens: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.make} {self.model} {self.size[0]}×{self.size[1]}"
+
+    def camera(self) -> KnownCamera:
+        match = CATALOGUE.find(
+            self.make,
+            self.model,
+            sub_camera=self.tag,
+            size=self.size,
+            focal_mm=self.focal_mm,
+            focal_35mm=self.focal_35mm,
+            lens=self.lens,
+        )
+        assert match.camera is not None, match.reason
+        return match.camera
+
+
+FIXED = [
+    Tagged("DJI", "FC220", (4000, 2250), 4.73, "Mavic Pro", 0.767, 26),
+    Tagged("DJI", "FC300S", (4000, 2250), 3.61, "Phantom 3 Advanced", 0.586, 20),
+    Tagged("DJI", "FC8482", (4032, 3024), 6.72, "Mini 4 Pro", 0.693, 24),
+    Tagged("Hasselblad", "L2D-20c", (5280, 3956), 12.3, "Mavic 3 and Mavic 3 Cine, wide", 0.703, 24),
+    Tagged("DJI", "FLIR", (640, 512), 19, "Zenmuse XT2 and XT thermal, 19 mm", 1.746, sub_camera="thermal"),
+    Tagged("DJI", "XT2", (640, 512), 13, "Zenmuse XT2 and XT thermal, 13 mm", 1.195, sub_camera="thermal"),
+    Tagged("DJI", "XT2", (4000, 3000), 8, "Zenmuse XT2, visible", 1.076, sub_camera="rgb"),
+    Tagged("DJI", "M30T", (1280, 1024), 9.1, "Matrice 30T, thermal", 1.185, 40, None, "thermal"),
+    Tagged("DJI", "M3T", (640, 512), 9.1, "Mavic 3 Thermal, thermal", 1.185, 40, None, "thermal"),
+    Tagged("DJI", "M4T", (1280, 1024), 12, "Matrice 4T, thermal", 1.5625, 52, None, "thermal"),
+    Tagged("DJI", "M4T", (8064, 6048), 6.72, "Matrice 4T, wide", 0.693, 24, None, "wide"),
+    Tagged(
+        "Teledyne FLIR",
+        "Boson 640",
+        (640, 512),
+        13.6,
+        "Boson 640, 13.6 mm (Teal 2)",
+        1.771,
+        None,
+        "IR",
+        "thermal",
+    ),
+    Tagged("Parrot", "Chlorophyll", (1280, 964), 3.98, "Sequoia, bands, early firmware", 0.829, 30),
+    Tagged("Delair", "UX11-3B", (5048, 4228), 12, "UX11", 1.4235),
+    Tagged("Apple", "iPhone 6 Plus", (3264, 2448), 4.15, "iPhone 6 Plus", 0.8487, 29, None, "wide"),
+    Tagged("Apple", "iPhone 7", (4032, 3024), 3.99, "iPhone 7", 0.8159, 28, None, "wide"),
+    Tagged("Apple", "iPhone 8", (4032, 3024), 3.99, "iPhone 8", 0.8159, 28, None, "wide"),
+    Tagged("Apple", "iPhone 12 Pro", (4032, 3024), 4.2, "iPhone 12 Pro, main", 0.7304, 26, None, "wide"),
+    Tagged(
+        "Apple", "iPhone 13 Pro Max", (4032, 3024), 5.7, "iPhone 13 Pro Max, main", 0.7345, 26, None, "wide"
+    ),
+    Tagged("samsung", "SM-G935L", (4032, 3024), 4.2, "Galaxy S7 edge", 0.751, 26, None, "wide"),
+    Tagged("samsung", "SM-G965W", (4032, 3024), 4.3, "Galaxy S9+, main", 0.751, 26, None, "wide"),
+    Tagged("samsung", "SM-G975F", (4032, 3024), 4.32, "Galaxy S10+, main", 0.751, 26, None, "wide"),
+    Tagged("samsung", "SM-S906U", (4000, 3000), 5.4, "Galaxy S22+, main", 0.6645, 23, None, "wide"),
+]
+
+BODIES = [
+    Tagged("Canon", "Canon PowerShot S100", (4000, 3000), 5.2, "PowerShot S100", 0.699),
+    Tagged("Canon", "Canon IXUS 125 HS", (4608, 3456), 4.3, "IXUS 125 HS", 0.698),
+    Tagged("Canon", "Canon PowerShot A2500", (4608, 3456), 5, "PowerShot A2500", 0.8117),
+    Tagged("Canon", "Canon EOS 5D Mark III", (5760, 3840), 35, "EOS 5D Mark III", 0.972),
+    Tagged("NIKON CORPORATION", "NIKON D3100", (4608, 3072), 55, "D3100", 2.381),
+    Tagged("SONY", "ILCE-7M3", (6000, 4000), 24, "α7 III", 24 / 35.6),
+]
+
+
+@pytest.mark.parametrize("tagged", FIXED, ids=str)
+def test_a_real_images_tags_lead_to_its_camera_and_focal_length(tagged: Tagged) -> None:
+    camera = tagged.camera()
+    assert (camera.title, camera.sub_camera) == (tagged.title, tagged.sub_camera)
+    assert camera.fx_over_w == pytest.approx(tagged.fx_over_w, rel=max(camera.spread or 0.0, 0.005))
+
+
+@pytest.mark.parametrize("tagged", BODIES, ids=str)
+def test_where_the_lens_changes_the_pitch_makes_k_of_the_images_focal_length(tagged: Tagged) -> None:
+    camera = tagged.camera()
+    assert (camera.title, camera.fx_over_w) == (tagged.title, None)
+    assert tagged.focal_mm is not None
+    assert camera.pitch_um is not None
+    assert camera.native_size == tagged.size
+    fx_over_w = tagged.focal_mm * 1000 / camera.pitch_um / tagged.size[0]
+    assert fx_over_w == pytest.approx(tagged.fx_over_w, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("model", "focal_mm"), [("iPhone 12 Pro", 1.54), ("iPhone 12 Pro", 6.0), ("iPhone 7", 2.87)]
+)
+def test_a_phones_other_cameras_are_not_its_main_one(model: str, focal_mm: float) -> None:
+    assert CATALOGUE.find("Apple", model, size=(4032, 3024), focal_mm=focal_mm).camera is None
+
+
+@pytest.mark.parametrize(
+    ("model", "tag", "sub_camera"),
+    [
+        ("M3E", "ZoomCamera", "zoom"),
+        ("M3M", "RedEdge", "multispectral"),
+        ("M3M", "VisibleCamera", "rgb"),
+        ("M30T", "WideCamera", "wide"),
+        ("M4E", "MediumTeleCamera", "medium-tele"),
+        ("ZH20T", "ZoomCamera", "zoom"),
+    ],
+)
+def test_a_tag_finds_each_camera_of_a_payload(model: str, tag: str, sub_camera: str) -> None:
+    camera = CATALOGUE.find("DJI", model, sub_camera=tag).camera
+    assert camera is not None
+    assert camera.sub_camera == sub_camera
