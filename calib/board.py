@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
+from calibrary.records import Meta, Record, force_setattr
 
 __all__ = ["DICTIONARIES", "Board", "Pattern", "parse_board"]
 
 
 LARGEST = 200
 """Corners along a side; nobody prints more, and a typing error must not ask for a million."""
+Side: TypeAlias = Annotated[int, Meta(ge=2, le=LARGEST)]
+Length: TypeAlias = Annotated[float, Meta(gt=0)]
 
 
 DICTIONARIES: Mapping[str, int] = MappingProxyType(
@@ -44,8 +47,7 @@ class Pattern(StrEnum):
     CIRCLES = "circles"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Board:
+class Board(Record):
     """A flat pattern of points at known distances.
 
     Attributes:
@@ -64,11 +66,11 @@ class Board:
     """
 
     pattern: Pattern = Pattern.CHECKERBOARD
-    columns: int
-    rows: int
-    square_mm: float
-    dictionary: str | None = None
-    marker_mm: float | None = None
+    columns: Side
+    rows: Side
+    square_mm: Length
+    dictionary: Annotated[str, Meta(max_length=100)] | None = None
+    marker_mm: Length | None = None
 
     def __post_init__(self) -> None:
         if not (2 <= self.columns <= LARGEST and 2 <= self.rows <= LARGEST):
@@ -77,10 +79,10 @@ class Board:
             )
         if not (0 < self.square_mm < float("inf")):
             raise InputError(f"squares of {self.square_mm:g} mm: wanted a positive length")
-        object.__setattr__(self, "dictionary", self._dictionary())
+        force_setattr(self, "dictionary", self._dictionary())
         share = _MARKER_SHARE.get(self.pattern)
         if self.marker_mm is None:
-            object.__setattr__(self, "marker_mm", self.square_mm * share if share is not None else None)
+            force_setattr(self, "marker_mm", self.square_mm * share if share is not None else None)
         elif share is None or not (0 < self.marker_mm < self.square_mm):
             raise InputError(
                 f"{self}: a marker of {self.marker_mm:g} mm on squares of {self.square_mm:g} mm: wanted "

@@ -9,21 +9,18 @@ from __future__ import annotations
 import hashlib
 import json
 import stat
-from collections.abc import Mapping, Sequence
-from datetime import date
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final, Literal, TypeAlias, cast
 
 import numpy as np
 
-from calibrary.arrays import FloatArray
 from calibrary.atomic import write_files
-from calibrary.calib.board import Board, Pattern
+from calibrary.calib.board import Board
 from calibrary.calib.observations import ControlPoints, Days, Observations, View
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, ParseError
-from calibrary.records import Json, from_json, to_json
-from calibrary.schemas import require
+from calibrary.records import Json, Meta, Record, from_json, to_json
 
 __all__ = [
     "corners_sha256",
@@ -35,9 +32,74 @@ __all__ = [
 ]
 
 
-SCHEMA: Final = "corners-1"
 MAX_BYTES: Final = 64_000_000
-BOARD_FIELDS: Final = ("pattern", "columns", "rows", "square_mm", "dictionary", "marker_mm")
+MAX_POINTS: Final = 1_000_000
+Pixels: TypeAlias = Annotated[int, Meta(ge=1, le=200_000)]
+Words: TypeAlias = Annotated[str, Meta(max_length=200)]
+FileName: TypeAlias = Annotated[str, Meta(pattern=r"^[^/\\\u0000-\u001f\u007f]{1,255}$")]
+
+
+class ViewCorners(Record):
+    """The corners of one frame.
+
+    Attributes:
+        name: the frame's file name, without its folder.
+        sha256: of the frame's bytes.
+        sharpness_px: width of the edges around the corners.
+        spacing_px: smallest distance between neighbouring corners.
+        ids: which of the board's points, row by row from 0.
+        x: pixels to the right, as many as ids.
+        y: pixels down, as many as ids.
+    """
+
+    name: FileName
+    sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")] | None
+    sharpness_px: float | None
+    spacing_px: float | None
+    ids: tuple[Annotated[int, Meta(ge=0, lt=MAX_POINTS)], ...]
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
+        return _without_items(schema, "ids", "x", "y")
+
+
+class CornersFile(Record, tag_field="schema", tag="corners-1"):
+    """Corners of a board, by view: enough to solve a calibration again without its frames.
+
+    Attributes:
+        pixel_origin: the outer corner of the top-left pixel.
+        image_size: width and height in px of every frame.
+        camera: which camera, as its frames say.
+        focus: how the lens was focused, in words.
+        firmware: as the frames say it.
+        board: which board; None where the points are on none.
+        control_points_mm: [x, y, z] of points that are on no board; then board is None.
+        taken: the first and the last day of the frames by the camera's clock; None where they state none.
+        views: in the order of the frames.
+    """
+
+    pixel_origin: Literal["corner"]
+    image_size: tuple[Pixels, Pixels]
+    camera: CameraKey
+    focus: Words | None
+    firmware: Words | None
+    board: Board | None
+    control_points_mm: Annotated[tuple[tuple[float, float, float], ...], Meta(max_length=MAX_POINTS)] | None
+    taken: Days | None
+    views: Annotated[tuple[ViewCorners, ...], Meta(max_length=20_000)]
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
+        return _without_items(schema, "control_points_mm")
+
+
+def _without_items(schema: dict[str, Any], *lists: str) -> dict[str, Any]:
+    """A list may hold millions of numbers: reading checks them, a schema would take minutes."""
+    for name in lists:
+        del schema["properties"][name]["items"]
+    return schema
 
 
 def write_corners(observations: Observations, path: Path) -> None:
@@ -82,21 +144,21 @@ def read_table(path: Path) -> bytes:
 def encode_corners(observations: Observations) -> bytes:
     """The document's bytes: the same observations give the same bytes, one view a line."""
     board = observations.board
-    on_board = isinstance(board, Board)
-    head: dict[str, Json] = {
-        "schema": SCHEMA,
-        "pixel_origin": "corner",
-        "image_size": list(observations.image_size),
-        "camera": to_json(observations.camera),
-        "focus": observations.focus,
-        "firmware": observations.firmware,
-        "board": {name: getattr(board, name) for name in BOARD_FIELDS} if on_board else None,
-        "control_points_mm": None if isinstance(board, Board) else board.points.tolist(),
-    }
-    if observations.taken is not None:
-        head["taken"] = [day.isoformat() for day in observations.taken]
-    lines = [f"{_dump(key)}: {_dump(value)}" for key, value in head.items()]
-    views = ",\n  ".join(_dump(_view_json(view)) for view in observations.views)
+    document = to_json(
+        CornersFile(
+            pixel_origin="corner",
+            image_size=observations.image_size,
+            camera=observations.camera,
+            focus=observations.focus,
+            firmware=observations.firmware,
+            board=board if isinstance(board, Board) else None,
+            control_points_mm=board.points.tolist() if isinstance(board, ControlPoints) else None,
+            taken=observations.taken,
+            views=tuple(map(_corners_of, observations.views)),
+        )
+    )
+    views = ",\n  ".join(map(_dump, cast("list[Json]", document.pop("views"))))
+    lines = [f"{_dump(key)}: {_dump(value)}" for key, value in document.items()]
     return ("{\n" + ",\n".join([*lines, f'"views": [\n  {views}\n]']) + "\n}\n").encode()
 
 
@@ -106,7 +168,7 @@ def corners_sha256(observations: Observations) -> str:
 
 
 def decode_corners(content: bytes, *, source: str | None = None) -> Observations:
-    """The document from its bytes.
+    """What was seen, from the document's bytes.
 
     Args:
         content: at most 64 MB.
@@ -115,24 +177,18 @@ def decode_corners(content: bytes, *, source: str | None = None) -> Observations
     Raises:
         ParseError: it is broken or contradicts itself.
     """
-    document = _parsed(content, source)
-    # The numbers are many; the schema sees each list of them once, as what it is, and numpy looks inside.
-    require(document, SCHEMA, source=source)
+    document = from_json(CornersFile, _parsed(content, source), source=source)
     try:
         board = _board(document)
-        views = [
-            _view(view, len(board.points), source, f"views[{index}]")
-            for index, view in enumerate(document["views"])
-        ]
-        width, height = document["image_size"]
+        points = len(board.points)
         return Observations(
             board=board,
-            image_size=(width, height),
-            views=tuple(views),
-            camera=from_json(CameraKey, document["camera"], source=source),
-            focus=document["focus"],
-            firmware=document["firmware"],
-            taken=_days(document.get("taken")),
+            image_size=document.image_size,
+            views=tuple(_view(view, points, f"views[{index}]") for index, view in enumerate(document.views)),
+            camera=document.camera,
+            focus=document.focus,
+            firmware=document.firmware,
+            taken=document.taken,
         )
     except InputError as error:
         raise ParseError(error.message, source=source, place=error.place) from None
@@ -164,67 +220,46 @@ def _not_finite(text: str) -> float:
     raise ValueError(f"{text} is not a number")
 
 
-def _days(taken: Sequence[str] | None) -> Days | None:
-    if taken is None:
-        return None
-    try:
-        first, last = (date.fromisoformat(day) for day in taken)
-    except ValueError:
-        raise ParseError("expected the first and the last day, such as 2025-03-04", place="taken") from None
-    return first, last
+def _board(document: CornersFile) -> Board | ControlPoints:
+    board, points = document.board, document.control_points_mm
+    if board is not None and points is None:
+        return board
+    if points is not None and board is None:
+        return ControlPoints(points=np.array(points, dtype=np.float64).reshape(-1, 3))
+    raise InputError("expected either a board or control_points_mm, and null for the other", place="board")
 
 
-def _board(document: Mapping[str, Any]) -> Board | ControlPoints:
-    board, points = document["board"], document["control_points_mm"]
-    if (board is None) == (points is None):
-        raise ParseError("wanted either a board or control_points_mm, and null for the other", place="board")
-    if board is None:
-        return ControlPoints(points=_numbers(points, "control_points_mm"))
-    return Board(**{**board, "pattern": Pattern(board["pattern"])})
-
-
-def _view(view: Mapping[str, Any], points: int, source: str | None, place: str) -> View:
-    ids, x, y = (_numbers(view[key], f"{place}.{key}") for key in ("ids", "x", "y"))
-    if not len(ids) == len(x) == len(y) or ids.ndim != 1 or x.ndim != 1 or y.ndim != 1:
-        raise ParseError(
-            f"holds {len(ids)} ids, {len(x)} x and {len(y)} y: wanted as many", source=source, place=place
+def _view(view: ViewCorners, points: int, place: str) -> View:
+    if not len(view.ids) == len(view.x) == len(view.y):
+        raise InputError(
+            f"contains {len(view.ids)} ids, {len(view.x)} x and {len(view.y)} y: expected as many",
+            place=place,
         )
-    if (ids % 1 != 0).any() or len(np.unique(ids)) != len(ids) or ((ids < 0) | (ids >= points)).any():
-        raise ParseError(f"wanted whole ids below {points}, each once", source=source, place=f"{place}.ids")
+    if len(set(view.ids)) != len(view.ids) or max(view.ids, default=0) >= points:
+        raise InputError(f"expected ids below {points}, each once", place=f"{place}.ids")
     return View(
-        name=view["name"],
-        sha256=view["sha256"],
-        ids=ids.astype(np.intp),
-        image_points=np.column_stack([x, y]),
-        sharpness_px=view["sharpness_px"],
-        spacing_px=view["spacing_px"],
+        name=view.name,
+        sha256=view.sha256,
+        ids=np.array(view.ids, dtype=np.intp),
+        image_points=np.column_stack(
+            [np.array(view.x, dtype=np.float64), np.array(view.y, dtype=np.float64)]
+        ),
+        sharpness_px=view.sharpness_px,
+        spacing_px=view.spacing_px,
     )
 
 
-def _numbers(values: Sequence[object], place: str) -> FloatArray:
-    """A list, or a list of lists, of finite numbers; what JSON calls true is none."""
-    flat = [item for row in values for item in (row if isinstance(row, list) else [row])]
-    if any(type(item) not in {int, float} for item in flat):
-        raise ParseError("holds something that is not a number", place=place)
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (ValueError, OverflowError):
-        raise ParseError("holds rows of different lengths, or numbers too large", place=place) from None
-    if not np.isfinite(array).all():
-        raise ParseError("holds a number too large", place=place)
-    return array
-
-
-def _view_json(view: View) -> dict[str, Json]:
-    return {
-        "name": view.name,
-        "sha256": view.sha256,
-        "sharpness_px": view.sharpness_px,
-        "spacing_px": view.spacing_px,
-        "ids": view.ids.tolist(),
-        "x": view.image_points[:, 0].tolist(),
-        "y": view.image_points[:, 1].tolist(),
-    }
+def _corners_of(view: View) -> ViewCorners:
+    x, y = view.image_points.T.tolist()
+    return ViewCorners(
+        name=view.name,
+        sha256=view.sha256,
+        sharpness_px=view.sharpness_px,
+        spacing_px=view.spacing_px,
+        ids=tuple(view.ids.tolist()),
+        x=tuple(x),
+        y=tuple(y),
+    )
 
 
 def _dump(value: Json) -> str:

@@ -26,7 +26,7 @@ from calibrary.calib.projection_difference import (
     projection_uncertainty,
 )
 from calibrary.calib.rejection import Gate, residual_lengths, view_rms
-from calibrary.calib.result import CalibrationResult, ViewResult, Why, Without
+from calibrary.calib.result import CalibrationResult, Dismissal, ViewResult, Why
 from calibrary.calib.solve import Solution, solve
 from calibrary.calib.variance_factor import SplitHalf, split_half
 from calibrary.calib.verdict import LIMITS, BoardVerdict, Evidence, Limits, judge
@@ -170,17 +170,17 @@ def _check(observations: Observations, guess: Intrinsics | None) -> None:
             raise InputError("has corners far outside its frame, or none at all (NaN)", source=view.name)
 
 
-def _usable(observations: Observations) -> tuple[Observations, dict[int, Without]]:
+def _usable(observations: Observations) -> tuple[Observations, dict[int, Dismissal]]:
     """The views that can have a pose, and why the others cannot."""
-    dropped: dict[int, Without] = {}
+    dropped: dict[int, Dismissal] = {}
     for index, view in enumerate(observations.views):
         points = observations.object_points(view)
         if len(view.ids) < FEWEST_CORNERS:
-            dropped[index] = Without(
+            dropped[index] = Dismissal(
                 why=Why.TOO_FEW_CORNERS, message=f"{len(view.ids)} corners, need {FEWEST_CORNERS}"
             )
         elif _extent_ratio(points) < FLATTEST:
-            dropped[index] = Without(
+            dropped[index] = Dismissal(
                 why=Why.TOO_FEW_CORNERS, message="its corners lie on one line of the board"
             )
     views = tuple(view for index, view in enumerate(observations.views) if index not in dropped)
@@ -250,7 +250,7 @@ def _notes(findings: Sequence[Finding]) -> Iterator[str]:
 
 
 def _views(
-    observations: Observations, usable: Observations, solution: Solution, dropped: Mapping[int, Without]
+    observations: Observations, usable: Observations, solution: Solution, dropped: Mapping[int, Dismissal]
 ) -> tuple[ViewResult, ...]:
     """Every view that was given, in its order."""
     rows = iter(range(len(usable.views)))
@@ -269,7 +269,7 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
     if repeated is not None:
         of = usable.views[repeated].name
         return ViewResult(
-            name=view.name, without=Without(why=Why.DUPLICATE, message=f"shows the pose of {of}")
+            name=view.name, without=Dismissal(why=Why.DUPLICATE, message=f"shows the pose of {of}")
         )
     # A view rejected still has the pose it was judged by; what it misses by says why.
     alone = solution.at_its_pose(row)
@@ -280,7 +280,7 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
         rms = float(view_rms(alone)[0])
         message = f"rms {rms:.2f} px, the others {float(np.nanmedian(view_rms(adjusted))):.2f} px"
         return ViewResult(
-            name=view.name, rms_px=rms, without=Without(why=Why.MISFIT, message=message),
+            name=view.name, rms_px=rms, without=Dismissal(why=Why.MISFIT, message=message),
             rotation=pose[0], translation_mm=pose[1], residuals_px=residuals,
         )  # fmt: skip
     return ViewResult(

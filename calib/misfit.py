@@ -11,7 +11,6 @@ corners*, which is known without any camera model, is it named as the cause.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -25,7 +24,7 @@ from calibrary.calib.network import Linear
 from calibrary.calib.observations import Observations
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError
-from calibrary.records import replace
+from calibrary.records import Record, replace
 
 __all__ = ["Shutter", "Stretch", "corner_noise", "rolling_shutter", "stretch"]
 
@@ -38,8 +37,7 @@ LEFT_BY_MOTION: Final = 1.2
 """What is left when the cause is found is corner noise; its estimate from neighbours is this good."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stretch:
+class Stretch(Record):
     """Of the print, down against across.
 
     Attributes:
@@ -56,8 +54,7 @@ class Stretch:
         return self.value / self.std if self.std > 0 else 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shutter:
+class Shutter(Record):
     """Motion of each view while its rows were read.
 
     Attributes:

@@ -24,7 +24,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import State, linearise
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError
-from calibrary.records import replace
+from calibrary.records import Record, replace
 
 __all__ = ["Candidate", "WarpTest", "as_model", "best_model", "f_test", "has_sound_lens", "warp_test"]
 
@@ -41,22 +41,21 @@ FISHEYE_FROM_RAD: Final = math.radians(40)
 """Nearer the axis the perspective and the fisheye polynomials are series of one another: nothing to choose."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class Candidate(Record):
     """A model that was tried.
 
     Attributes:
         model: its name.
         rms_px: of its residuals.
         bic: Schwarz's criterion; only differences mean something.
-        condition: of the scaled normal matrix of the lens.
+        condition: of the scaled normal matrix of the lens; None where that is singular.
         refused: why it may not be chosen, None where it may.
     """
 
     model: Solvable
     rms_px: float
     bic: float
-    condition: float
+    condition: float | None
     refused: str | None = None
 
 
@@ -225,5 +224,9 @@ def _candidate(adjusted: Adjusted, image_size: ImageSize) -> Candidate:
     ):
         refused = "its distortion is not monotonic inside the image"
     return Candidate(
-        model=adjusted.state.model, rms_px=adjusted.rms_px, bic=bic, condition=cond, refused=refused
+        model=adjusted.state.model,
+        rms_px=adjusted.rms_px,
+        bic=bic,
+        condition=cond if math.isfinite(cond) else None,
+        refused=refused,
     )

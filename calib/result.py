@@ -1,10 +1,9 @@
-"""What a calibration from a board consists of, and its JSON (schemas/calibration-result-1.schema.json)."""
+"""What a calibration from a board consists of."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 
 from calibrary.arrays import FloatArray
@@ -15,10 +14,10 @@ from calibrary.calib.projection_difference import ProjectionDifference, Uncertai
 from calibrary.calib.variance_factor import SplitHalf
 from calibrary.calib.verdict import BoardVerdict, Evidence, Limits
 from calibrary.calibration import Calibration
-from calibrary.records import Json, to_json
+from calibrary.records import Record
 from calibrary.validation import Finding
 
-__all__ = ["CalibrationResult", "ViewResult", "Why", "Without", "result_json"]
+__all__ = ["CalibrationResult", "Dismissal", "ViewResult", "Why"]
 
 
 class Why(StrEnum):
@@ -29,9 +28,8 @@ class Why(StrEnum):
     MISFIT = "misfit"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Without:
-    """A view's dismissal.
+class Dismissal(Record):
+    """Why a view does not count.
 
     Attributes:
         why: by name.
@@ -58,7 +56,7 @@ class ViewResult:
 
     name: str
     rms_px: float | None = None
-    without: Without | None = None
+    without: Dismissal | None = None
     corners_out: tuple[tuple[int, float], ...] = ()
     rotation: FloatArray | None = None
     translation_mm: FloatArray | None = None
@@ -122,86 +120,3 @@ class CalibrationResult:
     def views_out(self) -> tuple[ViewResult, ...]:
         """The views that do not count."""
         return tuple(view for view in self.views if view.without is not None)
-
-
-def result_json(result: CalibrationResult) -> dict[str, Json]:
-    """One JSON object; what is not a finite number is null."""
-    evidence = result.evidence
-    seen = evidence.geometry
-    versions: dict[str, Json] = dict(result.versions)
-    limits: dict[str, Json] = asdict(result.limits)
-    return {
-        "schema": "calibration-result-1",
-        "verdict": result.verdict.value,
-        "findings": [to_json(finding) for finding in result.findings],
-        "calibration": to_json(result.calibration),
-        "model": result.model.value,
-        "candidates": [_candidate(candidate) for candidate in result.candidates],
-        "warp": _warp(result.warp, kept=evidence.is_warped),
-        "views": [_view(view) for view in result.views],
-        "geometry": {
-            "tilt_spread_deg": seen.tilt_spread_deg,
-            "roll_spread_deg": seen.roll_spread_deg,
-            "depth_ratio": _finite(seen.depth_ratio),
-            "distance_mm": seen.distance_mm,
-            "coverage": {
-                "cells": [[bool(cell) for cell in row] for row in seen.coverage.cells],
-                "fraction": seen.coverage.fraction,
-                "border": seen.coverage.border,
-                "reach": seen.coverage.reach,
-            },
-        },
-        "noise_px": evidence.noise_px,
-        "condition": _finite(evidence.condition),
-        "kappa2_by_split": list(result.halves.by_split) if result.halves is not None else [],
-        "stretch": asdict(evidence.stretch) if evidence.stretch is not None else None,
-        "shutter": asdict(evidence.shutter) if evidence.shutter is not None else None,
-        "uncertainty_px": _map(result.uncertainty.std_px) if result.uncertainty is not None else None,
-        "half_difference_px": _map(result.half_difference.vectors)
-        if result.half_difference is not None
-        else None,
-        "limits": limits,
-        "versions": versions,
-        "date_origin": result.date_origin,
-    }
-
-
-def _candidate(candidate: Candidate) -> dict[str, Json]:
-    return {
-        "model": candidate.model.value,
-        "rms_px": candidate.rms_px,
-        "bic": candidate.bic,
-        "condition": _finite(candidate.condition),
-        "refused": candidate.refused,
-    }
-
-
-def _warp(warp: WarpTest | None, *, kept: bool) -> Json:
-    if warp is None:
-        return None
-    return {"mm": list(warp.warp_mm), "f": _finite(warp.f), "p": warp.p, "kept": kept}
-
-
-def _view(view: ViewResult) -> dict[str, Json]:
-    return {
-        "name": view.name,
-        "rms_px": view.rms_px,
-        "without": {"why": view.without.why.value, "message": view.without.message} if view.without else None,
-        "corners_out": [{"id": at, "px": px} for at, px in view.corners_out],
-        "rotation": _map(view.rotation),
-        "translation_mm": _map(view.translation_mm),
-        "residuals_px": _map(view.residuals_px),
-    }
-
-
-def _map(values: FloatArray | None) -> Json:
-    """Nested lists, with null for what is not finite."""
-    if values is None:
-        return None
-    if values.ndim == 1:
-        return [_finite(value) for value in values.tolist()]
-    return [_map(row) for row in values]
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -12,6 +12,7 @@ from calibrary.calib.geometry import Geometry
 from calibrary.calib.misfit import Shutter, Stretch
 from calibrary.calib.model_choice import WarpTest
 from calibrary.calibration import ImageSize
+from calibrary.records import Record
 from calibrary.validation import Finding, Severity
 
 __all__ = ["LIMITS", "BoardVerdict", "Evidence", "Limits", "judge"]
@@ -33,8 +34,7 @@ class BoardVerdict(StrEnum):
         return cls.PROVISIONAL if Severity.UNPROVEN in severities else cls.PASS
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class Limits(Record):
     """Where PASS ends (``wanted``) and where REFUSE begins (``needed``); measured on rendered and real sets.
 
     Attributes:

@@ -19,6 +19,8 @@ PRINTED: Final[Mapping[str, str]] = {
     "report-1": "calibrary.jobs.extract.report:ExtractReport",
     "diff-1": "calibrary.jobs.diff.report:DiffReport",
     "fleet-diff-1": "calibrary.jobs.diff.report:FleetDiffReport",
+    "corners-1": "calibrary.calib.corners_file:CornersFile",
+    "calibration-result-1": "calibrary.jobs.calibrate_board.report:CalibrateReport",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its
 schema in the first, and the others refer to it there."""

@@ -13,12 +13,13 @@ from calibrary.calib.corners_file import decode_corners, encode_corners
 from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
-from calibrary.calib.result import CalibrationResult, Why, result_json
+from calibrary.calib.result import CalibrationResult, Why
 from calibrary.calib.synthesis import Shutter, observe, poses
 from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calibration import CameraKey, Grade, Intrinsics
 from calibrary.errors import CalibrationError, InputError
-from calibrary.records import replace
+from calibrary.jobs.calibrate_board.report import CalibrateReport, report_of
+from calibrary.records import from_json, replace, to_json
 from calibrary.schemas import require
 from calibrary.validation import Severity
 
@@ -69,9 +70,11 @@ def test_the_calibration_says_all_that_a_registry_wants_to_know(clean: Calibrati
 
 
 def test_the_result_prints_as_its_schema_says(clean: CalibrationResult) -> None:
-    document = json.loads(json.dumps(result_json(clean), allow_nan=False))
+    report = report_of(clean)
+    document = json.loads(json.dumps(to_json(report), allow_nan=False))
     require(document, "calibration-result-1")
     assert document["verdict"] == "pass"
+    assert from_json(CalibrateReport, document) == report
 
 
 def test_corners_solved_again_from_their_file_give_the_same_calibration(clean: CalibrationResult) -> None:

@@ -148,10 +148,11 @@ def _add_provenance_flags(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Find, solve, judge, tell, write."""
     from calibrary.atomic import write_files
-    from calibrary.calib.result import result_json
     from calibrary.calib.verdict import BoardVerdict
     from calibrary.cli.calibrate.solve_display import Display
+    from calibrary.jobs.calibrate_board.report import report_of
     from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, read_seed
+    from calibrary.records import to_json
 
     _check_usage(arguments)
     places = _places(arguments)
@@ -176,7 +177,7 @@ def run(arguments: argparse.Namespace) -> int:
     passed = result.verdict is BoardVerdict.PASS
     kept = registry is None or _keep(arguments, registry, result, request, display)
     if arguments.json:
-        sys.stdout.write(json.dumps(result_json(result), allow_nan=False) + "\n")
+        sys.stdout.write(json.dumps(to_json(report_of(result)), allow_nan=False) + "\n")
     return 0 if passed and kept else EXIT_NOT_PASSED
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Final
 
 from calibrary.calib.board import Board
@@ -11,7 +10,7 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, UnknownCameraError
 from calibrary.jobs.calibrate_board.run import SolveRequest
-from calibrary.records import replace
+from calibrary.records import replace, to_json
 from calibrary.registry.check import BOARD_BLOCK
 from calibrary.registry.entry import Entry
 from calibrary.registry.registry import Registry
@@ -102,6 +101,4 @@ def _board(result: CalibrationResult) -> YamlValue:
     board = result.observations.board
     if not isinstance(board, Board):
         return str(board)
-    return {name: value for name, value in asdict(board).items() if value is not None} | {
-        "pattern": board.pattern.value
-    }
+    return {name: value for name, value in to_json(board).items() if value is not None}
