@@ -36,7 +36,7 @@ from PIL import Image
 from calibrary.evidence.collect import collect
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Sensor, judge, sort_cameras
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Sensor, group_cameras, judge
 from calibrary.jobs.extract.gather import gather
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.parsers.imagery import read_metadata
@@ -118,7 +118,7 @@ def minimal(path: Path, sensor_mm: tuple[float, float]) -> tuple[float, float, f
 
 
 def full(path: Path, knowledge: Knowledge) -> float:
-    """Everything one image says: facts, the known camera, the key, every witness and what contradicts it."""
+    """Everything one image says: facts, the known camera, the key, every estimate and what contradicts it."""
     metadata = read_metadata(path)
     known = knowledge.of(metadata)
     camera_key(metadata, known.camera.sub_camera if known.camera is not None else None)
@@ -131,7 +131,7 @@ def as_the_gate(paths: Sequence[Path], folder: Path, knowledge: Knowledge) -> No
     """The same by the gate's own way, which hears images that say the same only once."""
     gathered = gather(paths, folder, workers=1)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
-    for key, states in sort_cameras(gathered.states, knowledge).items():
+    for key, states in group_cameras(gathered.states, knowledge).items():
         assert judge(key, states, policy=FLEET, sensor=sensor).calibration is not None
 
 
@@ -150,7 +150,7 @@ def cost_per_image(paths: Sequence[Path], folder: Path, repeats: int) -> None:
     each = {name: f"{median(seconds) / len(paths) * 1e3:.3f} ms" for name, seconds in times.items()}
     print(f"\nOne image, of {len(paths)}, by one process; median of {repeats} interleaved repetitions")
     row("minimal function: exifread, Pillow's size, arithmetic", each["minimal"])
-    row("full evidence: EXIF, XMP, catalogue, key, witnesses", each["full"])
+    row("full evidence: EXIF, XMP, catalogue, key, estimates", each["full"])
     row("  against the minimal function", *ratio(times["full"], times["minimal"]), at_most=1.5)
     row("the gate's way: equal images are heard once", each["gate"])
     row("  against the minimal function", *ratio(times["gate"], times["minimal"]), at_most=1.5)

@@ -23,8 +23,8 @@ class Policy:
         measured_over_width: the same for a calibration that was measured and handed over (fields of view of
             130 … 3 degrees: what a lens can be); None to hold it to ``focal_over_width`` as well.
         known_camera_tolerance: ± of a known camera's fx, None to hold known cameras to the band as well.
-        witnesses_settle: whether two independent focal lengths that agree stand in for the band.
-        witness_agreement: how near independent focal lengths must lie.
+        independent_sources_settle: whether two independent focal lengths that agree stand in for the band.
+        source_agreement: how near independent focal lengths must lie.
         skew_max: |skew| / fx; a bundle adjustment may leave a trace of it, metadata never does.
         group_spread_max: (max − min) / fx over the images of one camera.
         assumed_sensor_is_unproven: whether a K may rest on a sensor size nobody stated.
@@ -41,8 +41,8 @@ class Policy:
     focal_over_width: tuple[float, float] = (0.8, 1.5)
     measured_over_width: tuple[float, float] | None = (0.23, 19.0)
     known_camera_tolerance: float | None = 0.03
-    witnesses_settle: bool = True
-    witness_agreement: float = 0.05
+    independent_sources_settle: bool = True
+    source_agreement: float = 0.05
     skew_max: float = 0.001
     group_spread_max: float = 0.005
     assumed_sensor_is_unproven: bool = True
@@ -64,7 +64,7 @@ class Policy:
             "focal_symmetry_proven",
             "principal_point_drift_max",
             "known_camera_tolerance",
-            "witness_agreement",
+            "source_agreement",
             "skew_max",
             "group_spread_max",
             "drift_significance",
@@ -86,7 +86,7 @@ SOURCE = Policy(
     measured_over_width=None,
     known_camera_tolerance=None,
     skew_max=0.0,
-    witnesses_settle=False,
+    independent_sources_settle=False,
     assumed_sensor_is_unproven=False,
     distortion_monotonic=False,
 )

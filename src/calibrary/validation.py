@@ -251,9 +251,9 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
     measured = c.provenance.kind != "image-metadata" and c.grade.is_metric
     low, high = (policy.measured_over_width if measured else None) or policy.focal_over_width
     in_band = low <= fx_over_w <= high
-    # A witness's own rounding excuses it for disagreeing; it does not make it agree (a 35 mm equivalent of 1).
-    agreeing = [o for o in around.others if o.independent and _apart(c, o) <= policy.witness_agreement]
-    if policy.witnesses_settle and agreeing and not around.sensor_assumed:
+    # A estimate's own rounding excuses it for disagreeing; it does not make it agree (a 35 mm equivalent of 1).
+    agreeing = [o for o in around.others if o.independent and _apart(c, o) <= policy.source_agreement]
+    if policy.independent_sources_settle and agreeing and not around.sensor_assumed:
         message = f"fx = {fx_over_w:.3f} W, and {agreeing[0].name} says the same independently"
         yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
         return
@@ -309,7 +309,7 @@ def _leak_35mm(c: Calibration, policy: Policy, around: Circumstances) -> Iterato
     prior = next((o for o in around.others if o.name == "EXIF FocalLengthIn35mmFilm"), None)
     apart = _apart(c, prior) if prior is not None else 0.0
     leaked = abs(focal_mm / focal_35mm - 1.0) <= 0.01 and apart > max(
-        policy.witness_agreement, prior.tolerance if prior else 0.0
+        policy.source_agreement, prior.tolerance if prior else 0.0
     )
     message = f"FocalLength {focal_mm:g} mm beside a 35 mm equivalent of {focal_35mm:g} mm"
     if leaked:
@@ -322,19 +322,19 @@ def _leak_35mm(c: Calibration, policy: Policy, around: Circumstances) -> Iterato
     )
 
 
-def _witness_agreement(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+def _source_agreement(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
     for other in around.others:
         measured = _apart(c, other)
-        limit = max(policy.witness_agreement, other.tolerance)
+        limit = max(policy.source_agreement, other.tolerance)
         if measured <= limit:
             continue
-        # A known camera is judged by what is known of it; an unknown one is not proven while witnesses quarrel.
-        settled = around.expected is not None or not policy.witnesses_settle
+        # A known camera is judged by what is known of it; an unknown one is not proven while estimates quarrel.
+        settled = around.expected is not None or not policy.independent_sources_settle
         message = f"{other.name} says fx = {other.fx:.1f} px, {other.fx / c.intrinsics.fx - 1.0:+.1%}"
         if other.cause:
             message += f": {other.cause}"
         yield Finding(
-            rule="witness-agreement",
+            rule="source-agreement",
             severity=Severity.WARNING if settled else Severity.UNPROVEN,
             measured=measured,
             limit=limit,
@@ -428,7 +428,7 @@ RULES: tuple[Rule, ...] = (
     _principal_point,
     _focal_plausibility,
     _zero_skew,
-    _witness_agreement,
+    _source_agreement,
     _sensor_stated,
     _digital_zoom,
     _as_the_camera_wrote_it,

@@ -33,14 +33,18 @@ def test_every_limit_can_be_said(tmp_path: Path) -> None:
     text = (
         "focal_symmetry_max: 0.1\nfocal_symmetry_proven: null\nprincipal_point_drift_max: 0.02\n"
         "focal_over_width: [0.5, 2]\nmeasured_over_width: null\nknown_camera_tolerance: 0.01\n"
-        "witnesses_settle: false\nwitness_agreement: 0.02\nskew_max: 0\ngroup_spread_max: 0.001\n"
+        "independent_sources_settle: false\nsource_agreement: 0.02\nskew_max: 0\ngroup_spread_max: 0.001\n"
         "assumed_sensor_is_unproven: false\ndistortion_monotonic: false\n"
     )
     policy = read_policy(policy_file(tmp_path, text))
     assert policy.focal_over_width == (0.5, 2)
     assert (policy.focal_symmetry_proven, policy.measured_over_width) == (None, None)
     assert (policy.known_camera_tolerance, policy.group_spread_max) == (0.01, 0.001)
-    truths = (policy.witnesses_settle, policy.assumed_sensor_is_unproven, policy.distortion_monotonic)
+    truths = (
+        policy.independent_sources_settle,
+        policy.assumed_sensor_is_unproven,
+        policy.distortion_monotonic,
+    )
     assert truths == (False, False, False)
 
 
@@ -54,7 +58,7 @@ def test_every_limit_can_be_said(tmp_path: Path) -> None:
         ("focal_over_width: [1.5, 0.8]\n", "focal_over_width"),
         ("group_spread_max: .nan\n", "line 3: .nan is no finite number"),
         ("base: lenient\n", "'fleet' or 'source'"),
-        ("witnesses_settle: 1\n", "witnesses_settle"),
+        ("independent_sources_settle: 1\n", "independent_sources_settle"),
         ("skew_max: 0.1\nskew_max: 0.2\n", "skew_max"),
         ("skew_max: [\n", "line"),
         ("a: *b\n", "line"),

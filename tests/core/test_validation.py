@@ -100,19 +100,19 @@ def test_an_assumed_sensor_is_never_settled_and_never_proven_under_fleet() -> No
     assert validate(calibration(), SOURCE, around).verdict is Verdict.VALID
 
 
-def test_an_unknown_camera_is_unproven_while_its_witnesses_quarrel() -> None:
+def test_an_unknown_camera_is_unproven_while_its_sources_quarrel() -> None:
     around = Circumstances(others=(NamedFocal(name="EXIF FocalLengthIn35mmFilm", fx=9000.0),))
     assert validate(calibration(), FLEET, around).verdict is Verdict.UNPROVEN
 
 
-def test_a_known_camera_may_have_one_quarrelling_witness() -> None:
+def test_a_known_camera_may_have_one_quarrelling_source() -> None:
     around = Circumstances(
         expected=Expected(fx=5000.0, source="catalogue"),
         others=(NamedFocal(name="EXIF FocalLength × FocalPlaneResolution", fx=9000.0),),
     )
     report = validate(calibration(), FLEET, around)
     assert report.verdict is Verdict.VALID
-    assert severity(report, "witness-agreement") is Severity.WARNING
+    assert severity(report, "source-agreement") is Severity.WARNING
 
 
 def test_a_35_mm_equivalent_in_the_place_of_the_focal_length_is_an_error() -> None:
@@ -157,7 +157,7 @@ def test_a_measured_calibration_of_an_unknown_camera_is_held_to_what_a_lens_can_
 
 
 @pytest.mark.parametrize(
-    "over", [{"focal_symmetry_max": 1.5}, {"witness_agreement": -0.1}, {"focal_over_width": (1.5, 0.8)}]
+    "over", [{"focal_symmetry_max": 1.5}, {"source_agreement": -0.1}, {"focal_over_width": (1.5, 0.8)}]
 )
 def test_a_policy_with_a_limit_out_of_range_is_refused(over: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(over))):

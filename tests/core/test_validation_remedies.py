@@ -34,7 +34,7 @@ BROKEN = {
         calibration(9949.0, 9949.0),
         Circumstances(others=(PRIOR,), focal_mm=24.0, focal_35mm=24.0),
     ),
-    "witness-agreement": (calibration(), Circumstances(others=(NamedFocal(name="another", fx=9000.0),))),
+    "source-agreement": (calibration(), Circumstances(others=(NamedFocal(name="another", fx=9000.0),))),
     "sensor-stated": (calibration(), Circumstances(sensor_assumed=True)),
     "digital-zoom": (calibration(), Circumstances(zoomed=True)),
     "distortion-monotonic": (replace(calibration(3657.0, 3657.0), distortion=FOLDED), QUIET),

@@ -1,4 +1,4 @@
-"""Witnesses more than 5 % apart are a conflict, and the likely cause is named."""
+"""Estimates more than 5 % apart are a conflict, and the likely cause is named."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 from calibrary.evidence.collect import collect
 from calibrary.evidence.conflict import Cause, Conflict
 from calibrary.evidence.context import Scene
+from calibrary.evidence.estimate import Source
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.evidence.witness import Source
 from calibrary.records import replace
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, micasense, p4_rtk, xmp
 
@@ -20,7 +20,7 @@ def conflict(scene: Scene) -> Conflict:
     return found
 
 
-def test_witnesses_that_agree_within_five_per_cent_do_not_conflict() -> None:
+def test_sources_that_agree_within_five_per_cent_do_not_conflict() -> None:
     assert collect(Scene(metadata=p4_rtk(), known=P4_RTK)).conflicts == ()
 
 
@@ -34,7 +34,7 @@ def test_a_35_mm_equivalent_written_as_the_focal_length_is_a_leak() -> None:
     assert conflict(Scene(metadata=metadata, known=P4_RTK)).cause is Cause.LEAK_35MM
 
 
-def test_digital_zoom_that_one_witness_does_not_know_is_named() -> None:
+def test_digital_zoom_that_one_source_does_not_know_is_named() -> None:
     metadata = ImageMetadata(
         size=(5472, 3648),
         focal_mm=17.6,
@@ -73,7 +73,7 @@ def test_a_stale_exif_size_is_named() -> None:
     assert conflict(Scene(metadata=metadata)).cause is Cause.STALE_EXIF_SIZE
 
 
-def test_a_crop_one_witness_does_not_know_of_is_named() -> None:
+def test_a_crop_one_source_does_not_know_of_is_named() -> None:
     full_frames_angle = str(2 * math.degrees(math.atan(5472 / 2 / 3666.7)))
     metadata = ImageMetadata(
         size=(4864, 3648), focal_mm=8.8, xmp=xmp("exif", CameraHorizontalFOV=full_frames_angle)

@@ -272,7 +272,7 @@ def _show_fleet(console: Console, changes: Sequence[Change]) -> None:
         why = (
             ", ".join(one.kind.value for one in found.structural)
             if found is not None
-            else change.why_not or ""
+            else change.reason or ""
         )
         table.add_row(
             plain(change.id),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from calibrary.calib.board import Board
-    from calibrary.jobs.onboard.proposing import Serves
+    from calibrary.jobs.onboard.proposal import Serves
     from calibrary.jobs.onboard.records import CameraDecision, Onboarding, Questions
     from calibrary.registry.git.writing import Written
 
@@ -39,7 +39,7 @@ examples:
   calibrary onboard payload/                                 asks what it cannot know
   calibrary onboard payload/ --square-mm 40 --for unit --yes    for machines
   calibrary onboard payload/ --board charuco:8x5 --square-mm 30 --html report.html
-  calibrary onboard payload/ --trust file                    where witnesses disagree and you know who is right
+  calibrary onboard payload/ --trust file                    where sources disagree and you know which is right
 
 exit codes: 0 a draft waits, or nothing is new; 1 refused, and only the page is written; 2 something was not said that
 only a person knows; 3 the folder cannot be read; 4 the registry.
@@ -50,7 +50,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Register the command."""
     parser = subparsers.add_parser(
         "onboard",
-        help="take a new payload on board: sort, identify, hear every witness, propose an entry",
+        help="take a new payload on board: classify, identify, compare the sources, propose an entry",
         description=DESCRIPTION,
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -72,7 +72,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     asked.add_argument(
         "--trust",
         choices=("board", "file", "tags"),
-        help="whom to believe where witnesses disagree and nothing else decides",
+        help="the source to trust where sources disagree and nothing else decides",
     )
     board = parser.add_argument_group("the board")
     board.add_argument(
@@ -140,7 +140,7 @@ def _onboarded(arguments: argparse.Namespace, note: Console) -> Onboarding:
     from functools import partial
 
     from calibrary.cli.registry.progress import Bar
-    from calibrary.jobs.onboard.claims import Kind
+    from calibrary.jobs.onboard.estimates import Kind
     from calibrary.jobs.onboard.records import Request
     from calibrary.jobs.onboard.run import onboard
 
@@ -184,7 +184,7 @@ def _board(arguments: argparse.Namespace) -> Board | None:
 
 
 def _questions(arguments: argparse.Namespace) -> Questions:
-    from calibrary.jobs.onboard.proposing import Serves
+    from calibrary.jobs.onboard.proposal import Serves
     from calibrary.jobs.onboard.records import Questions
 
     def square_mm(frames: int) -> float:
@@ -223,7 +223,7 @@ def _asked(arguments: argparse.Namespace, question: str, flag: str) -> str:
 
 def _unknown(arguments: argparse.Namespace, done: Onboarding) -> None:
     """No camera: what names it is not in the payload, and only a person knows it."""
-    if done.subjects.nameless:
+    if done.cameras.nameless:
         arguments.parser.error(
             "nothing in it names make and model, by which an entry is found; say --make NAME --model NAME"
         )
@@ -232,22 +232,22 @@ def _unknown(arguments: argparse.Namespace, done: Onboarding) -> None:
 def _page_name(done: Onboarding) -> str:
     from calibrary.jobs.onboard.run import BRANCHES, branch_name
 
-    names = {branch_name(one.subject.key).removeprefix(BRANCHES) for one in done.outcomes}
+    names = {branch_name(one.camera.key).removeprefix(BRANCHES) for one in done.outcomes}
     return f"onboard-{names.pop() if len(names) == 1 else 'payload'}.html"
 
 
 def _show(console: Console, done: Onboarding) -> None:
-    payload, aside = done.payload, (*done.payload.others, *done.subjects.aside)
+    payload, skipped = done.payload, (*done.payload.others, *done.cameras.skipped)
     flown, frames, files = payload.images - len(payload.frames), len(payload.frames), len(payload.files)
     _say(
         console,
         f"{flown} image{'s' * (flown != 1)}, {frames} frame{'s' * (frames != 1)} of a board, "
-        f"{files} calibration file{'s' * (files != 1)}, {len(aside)} set aside",
+        f"{files} calibration file{'s' * (files != 1)}, {len(skipped)} skipped",
     )
-    for item in aside[:8]:
-        _say(console, f"  set aside {item.name}: {item.reason}", "dim")
-    if len(aside) > 8:
-        _say(console, f"  and {len(aside) - 8} more, listed in the report", "dim")
+    for item in skipped[:8]:
+        _say(console, f"  skipped {item.name}: {item.reason}", "dim")
+    if len(skipped) > 8:
+        _say(console, f"  and {len(skipped) - 8} more, listed in the report", "dim")
     for one in done.outcomes:
         _show_camera(console, one)
 
@@ -256,15 +256,15 @@ def _show_camera(console: Console, one: CameraDecision) -> None:
     from calibrary.cli.console import plain
 
     console.print()
-    console.print(f"[bold]{plain(str(one.subject.key))}[/]", highlight=False, soft_wrap=True)
-    if one.claims:
-        console.print(_witnesses(one))
-    if one.board is not None and one.board.why_not is not None:
-        _say(console, f"  the frames of a board give no K: {one.board.why_not}", "yellow")
+    console.print(f"[bold]{plain(str(one.camera.key))}[/]", highlight=False, soft_wrap=True)
+    if one.estimates:
+        console.print(_estimates(one))
+    if one.board is not None and one.board.reason is not None:
+        _say(console, f"  the frames of a board give no K: {one.board.reason}", "yellow")
     for relative in one.relatives:
         found = relative.comparison
         numbers = found.numbers if found is not None else None
-        told = found.verdict.value if found is not None else relative.why_not or ""
+        told = found.verdict.value if found is not None else relative.reason or ""
         if numbers is not None:
             told += f", Δf/f {numbers.focal_change:+.3%}"
         _say(console, f"  against {relative.id}: {told}", "dim")
@@ -276,37 +276,37 @@ def _show_camera(console: Console, one: CameraDecision) -> None:
         console.print(f"  [cyan]next[/] {plain(one.advice)}", highlight=False, soft_wrap=True)
 
 
-def _witnesses(one: CameraDecision) -> object:
+def _estimates(one: CameraDecision) -> object:
     from rich.table import Table
 
     from calibrary.cli.console import plain
 
     table = Table(box=None, padding=(0, 2, 0, 2))
-    table.add_column("witness", overflow="fold")
+    table.add_column("source", overflow="fold")
     table.add_column("grade")
     for name in ("fx", "fy", "cx", "cy", "difference"):
         table.add_column(name, justify="right")
     table.add_column("")
-    hearing = one.hearing
-    voices = hearing.voices if hearing is not None else ()
-    for claim in one.claims:
-        voice = next((voice for voice in voices if voice.claim is claim), None)
-        K, stands = claim.intrinsics, "[bold]proposed[/]"
-        if hearing is None:
+    comparison = one.comparison
+    others = comparison.others if comparison is not None else ()
+    for estimate in one.estimates:
+        compared = next((other for other in others if other.estimate is estimate), None)
+        K, stands = estimate.intrinsics, "[bold]proposed[/]"
+        if comparison is None:
             stands = "[dim]no K[/]"
-        elif voice is not None:
-            stands = "[green]agrees[/]" if voice.agrees else "[red]disagrees[/]"
-            stands = "[yellow]not believed[/]" if voice in hearing.overruled else stands
-        elif hearing.dispute is not None:
+        elif compared is not None:
+            stands = "[green]agrees[/]" if compared.agrees else "[red]disagrees[/]"
+            stands = "[yellow]not believed[/]" if compared in comparison.overruled else stands
+        elif comparison.dispute is not None:
             stands = "[yellow]in dispute[/]"
         table.add_row(
-            f"{claim.kind.value}: {plain(claim.name)}",
-            claim.grade.value if claim.grade is not None else "–",
+            f"{estimate.kind.value}: {plain(estimate.name)}",
+            estimate.grade.value if estimate.grade is not None else "–",
             f"{K.fx:.1f}",
             f"{K.fy:.1f}",
-            f"{K.cx:.1f}" if claim.measured_centre else "–",
-            f"{K.cy:.1f}" if claim.measured_centre else "–",
-            f"{voice.share:+.2%}" if voice is not None else "",
+            f"{K.cx:.1f}" if estimate.measured_centre else "–",
+            f"{K.cy:.1f}" if estimate.measured_centre else "–",
+            f"{compared.difference:+.2%}" if compared is not None else "",
             stands,
         )
     return table

@@ -1,1 +1,1 @@
-"""From what images say to witnesses of K, and from witnesses to one K with its grade."""
+"""From what images say to estimates of K, and from estimates to one K with its grade."""

@@ -20,11 +20,11 @@ from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion
 from calibrary.errors import InputError
 from calibrary.evidence.context import Finding, Scene, numbers
+from calibrary.evidence.estimate import Dropped, Source
 from calibrary.evidence.frame import files_frame
-from calibrary.evidence.witness import Dropped, Source
 from calibrary.records import replace
 
-__all__ = ["witnesses"]
+__all__ = ["estimates"]
 
 SCHEMA = "Camera"
 FOCAL_TAG = "Camera:PerspectiveFocalLength"
@@ -38,7 +38,7 @@ MILLIMETRE_UNITS = frozenset({"mm", "millimeter", "millimeters", "millimetre", "
 PIXEL_UNITS = frozenset({"px", "pixel", "pixels"})
 
 
-def witnesses(scene: Scene) -> Iterator[Finding]:
+def estimates(scene: Scene) -> Iterator[Finding]:
     """The perspective or the fisheye calibration."""
     if scene.metadata.xmp_text(SCHEMA, "PerspectiveFocalLength") is not None:
         yield _perspective(scene)
@@ -65,7 +65,7 @@ def _perspective(scene: Scene) -> Finding:
     foreign = scene.is_foreign(intrinsics)
     if foreign is not None:
         return Dropped(source=source, tag=FOCAL_TAG, reason=foreign)
-    heard = scene.hear(
+    estimate = scene.estimate(
         source,
         FOCAL_TAG,
         Grade.CALIBRATED,
@@ -74,9 +74,9 @@ def _perspective(scene: Scene) -> Finding:
         measured_centre=centre is not None,
         assumptions=tuple(note for note in (how, centre_note) if note),
     )
-    if isinstance(heard, Dropped) or focal_px[0] == values[0]:
-        return heard
-    return replace(heard, by_focal_plane=scene.focal_plane_px_per_mm() is not None)
+    if isinstance(estimate, Dropped) or focal_px[0] == values[0]:
+        return estimate
+    return replace(estimate, by_focal_plane=scene.focal_plane_px_per_mm() is not None)
 
 
 def _focal_px(scene: Scene, value: float, size: ImageSize) -> tuple[tuple[float, float] | None, str]:
@@ -159,7 +159,7 @@ def _fisheye(scene: Scene) -> Finding:
     intrinsics = Intrinsics(
         fx=values[0] / (math.pi / 2), fy=values[3] / (math.pi / 2), cx=cx, cy=cy, image_size=size
     )
-    return scene.hear(
+    return scene.estimate(
         Source.CAMERA_FISHEYE,
         FISHEYE_TAG,
         Grade.CALIBRATED,

@@ -1,4 +1,4 @@
-"""Witnesses that disagree, and what most likely went wrong."""
+"""Estimates that disagree, and what most likely went wrong."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from calibrary.evidence.context import Scene
+from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.evidence.frame import files_frame
-from calibrary.evidence.witness import Source, Witness
 
 __all__ = ["AGREEMENT", "Cause", "Conflict", "conflicts", "disagreement"]
 
@@ -24,7 +24,7 @@ WIDE_ASPECT = 1.7
 
 
 class Cause(StrEnum):
-    """What most likely made two witnesses disagree; the value is the sentence for people."""
+    """What most likely made two estimates disagree; the value is the sentence for people."""
 
     WRONG_EXIF_FOCAL = "this camera is known to write a wrong EXIF FocalLength"
     LEAK_35MM = "a 35 mm equivalent stands where the focal length in millimetres belongs"
@@ -39,7 +39,7 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conflict:
-    """Two witnesses further apart than they may be.
+    """Two estimates further apart than they may be.
 
     Attributes:
         chosen: the better one.
@@ -48,20 +48,20 @@ class Conflict:
         cause: the likeliest reason.
     """
 
-    chosen: Witness
-    other: Witness
+    chosen: SourceEstimate
+    other: SourceEstimate
     difference: float
     cause: Cause
 
 
-def disagreement(a: Witness, b: Witness) -> float:
+def disagreement(a: SourceEstimate, b: SourceEstimate) -> float:
     """(b − a) / a of the focal lengths, 0.0 when they agree within 5 % and what rounding explains."""
     difference = b.intrinsics.fx / a.intrinsics.fx - 1.0
     return difference if abs(difference) > max(AGREEMENT, a.tolerance, b.tolerance) else 0.0
 
 
-def conflicts(scene: Scene, chosen: Witness, others: Sequence[Witness]) -> Iterator[Conflict]:
-    """Every other witness that disagrees with the chosen one."""
+def conflicts(scene: Scene, chosen: SourceEstimate, others: Sequence[SourceEstimate]) -> Iterator[Conflict]:
+    """Every other estimate that disagrees with the chosen one."""
     for other in others:
         difference = disagreement(chosen, other)
         if difference:
@@ -70,7 +70,7 @@ def conflicts(scene: Scene, chosen: Witness, others: Sequence[Witness]) -> Itera
             )
 
 
-def _cause(scene: Scene, chosen: Witness, other: Witness) -> Cause:
+def _cause(scene: Scene, chosen: SourceEstimate, other: SourceEstimate) -> Cause:
     ratio = other.intrinsics.fx / chosen.intrinsics.fx
     metadata = scene.metadata
     focal_mm, focal_35mm = metadata.focal_mm, metadata.focal_35mm
@@ -79,7 +79,7 @@ def _cause(scene: Scene, chosen: Witness, other: Witness) -> Cause:
     zoom = metadata.digital_zoom or 1.0
     if zoom > 1.0 and _near_either(ratio, zoom):
         return Cause.DIGITAL_ZOOM
-    if any(_is_sibling(scene, witness) for witness in (other, chosen)):
+    if any(_is_sibling(scene, estimate) for estimate in (other, chosen)):
         return Cause.OTHER_SUB_CAMERA
     sources = {chosen.source, other.source}
     wide = Source.FOCAL_35MM in sources and _is_wide_crop(scene, ratio)
@@ -110,14 +110,14 @@ def _is_wide_crop(scene: Scene, ratio: float) -> bool:
     return any(_near_either(ratio, factor) for factor in shrunk)
 
 
-def _is_sibling(scene: Scene, witness: Witness) -> bool:
-    """Whether a witness tells the focal length of another camera that shares the Model."""
+def _is_sibling(scene: Scene, estimate: SourceEstimate) -> bool:
+    """Whether a estimate tells the focal length of another camera that shares the Model."""
     own = scene.known.fx_over_w_at(scene.focal_mm) if scene.known is not None else None
-    over_width = witness.intrinsics.fx / witness.intrinsics.image_size[0]
+    over_width = estimate.intrinsics.fx / estimate.intrinsics.image_size[0]
     if own is not None and _near(over_width / own, 1.0):
         return False
     focal_mm = scene.metadata.focal_mm
-    rests_on_focal = witness.tag.startswith("EXIF FocalLength ")
+    rests_on_focal = estimate.tag.startswith("EXIF FocalLength ")
     for sibling in scene.siblings:
         if sibling.fx_over_w is not None and _near(over_width / sibling.fx_over_w, 1.0):
             return True

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import Distortion
 from calibrary.errors import FrameError, InputError
+from calibrary.evidence.estimate import Dropped, Source, SourceEstimate
 from calibrary.evidence.frame import adapt, files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.evidence.witness import Dropped, Source, Witness
 from calibrary.known_camera import KnownCamera, Projection
 
 __all__ = ["Finding", "Scene", "numbers"]
 
-Finding = Witness | Dropped
+Finding = SourceEstimate | Dropped
 
 FOREIGN_TAG = 0.20
 """A calibration further than this from FocalLength ÷ pitch is another camera's (X2's thermal frames carry the
@@ -128,7 +128,7 @@ class Scene:
             return model_type.lower() == "fisheye"
         return self.metadata.xmp_text("Camera", "FisheyeAffineMatrix") is not None
 
-    def hear(
+    def estimate(
         self,
         source: Source,
         tag: str,
@@ -151,7 +151,7 @@ class Scene:
             found = " and ".join(f"{value:.3g}" for value in over_width)
             reason = f"fx and fy are {found} W, and no lens lies outside {low:g} … {high:g} W"
             return Dropped(source=source, tag=tag, reason=reason)
-        return Witness(
+        return SourceEstimate(
             source=source,
             tag=tag,
             grade=grade,

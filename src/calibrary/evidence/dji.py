@@ -16,11 +16,11 @@ from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational
 from calibrary.errors import InputError
 from calibrary.evidence.context import Finding, Scene, numbers
+from calibrary.evidence.estimate import Dropped, Source, SourceEstimate
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.witness import Dropped, Source, Witness
 from calibrary.records import replace
 
-__all__ = ["is_dewarped", "witnesses"]
+__all__ = ["estimates", "is_dewarped"]
 
 SCHEMA = "drone-dji"
 
@@ -33,7 +33,7 @@ def is_dewarped(metadata: ImageMetadata) -> bool:
     return metadata.xmp_text(SCHEMA, "DewarpFlag") == "1"
 
 
-def witnesses(scene: Scene) -> Iterator[Finding]:
+def estimates(scene: Scene) -> Iterator[Finding]:
     """DewarpDataK6, DewarpData and the design values."""
     for name, source, count in (
         ("DewarpDataK6", Source.DJI_DEWARP_K6, 12),
@@ -67,7 +67,7 @@ def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Fi
             return Dropped(source=source, tag=tag, reason=error.message)
         foreign = scene.is_foreign(intrinsics)
         if foreign is None:
-            heard = scene.hear(
+            estimate = scene.estimate(
                 source,
                 tag,
                 Grade.CALIBRATED,
@@ -75,7 +75,11 @@ def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Fi
                 distortion=_distortion(scene.metadata, tuple(rest)),
                 measured_centre=True,
             )
-            return replace(heard, date=made.strip() or None) if isinstance(heard, Witness) else heard
+            return (
+                replace(estimate, date=made.strip() or None)
+                if isinstance(estimate, SourceEstimate)
+                else estimate
+            )
         reason = foreign
     return Dropped(source=source, tag=tag, reason=reason)
 
@@ -106,7 +110,7 @@ def _design(scene: Scene) -> Iterator[Finding]:
         intrinsics = Intrinsics(fx=values[0], fy=values[0], cx=cx, cy=cy, image_size=size)
         foreign = scene.is_foreign(intrinsics)
         if foreign is None:
-            yield scene.hear(Source.DJI_DESIGN, tag, Grade.DESIGN, intrinsics)
+            yield scene.estimate(Source.DJI_DESIGN, tag, Grade.DESIGN, intrinsics)
             return
         reason = foreign
     yield Dropped(source=Source.DJI_DESIGN, tag=tag, reason=reason)

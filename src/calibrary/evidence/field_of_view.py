@@ -7,17 +7,17 @@ from collections.abc import Iterator
 
 from calibrary.calibration import Grade, Intrinsics
 from calibrary.evidence.context import Finding, Scene, numbers
+from calibrary.evidence.estimate import Dropped, Source
 from calibrary.evidence.frame import files_frame
-from calibrary.evidence.witness import Dropped, Source
 
-__all__ = ["witnesses"]
+__all__ = ["estimates"]
 
 TAG = "exif:CameraHorizontalFOV"
 
 PLAUSIBLE_DEG = (3.0, 130.0)
 
 
-def witnesses(scene: Scene) -> Iterator[Finding]:
+def estimates(scene: Scene) -> Iterator[Finding]:
     """The focal length that the camera's stated field of view implies."""
     text = scene.metadata.xmp_text("exif", "CameraHorizontalFOV")
     if text is None:
@@ -37,4 +37,4 @@ def witnesses(scene: Scene) -> Iterator[Finding]:
     width, height = files_frame(scene.metadata)
     focal = width / 2 / math.tan(math.radians(horizontal[0]) / 2)
     intrinsics = Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=(width, height))
-    yield scene.hear(Source.FIELD_OF_VIEW, TAG, Grade.DESIGN, intrinsics)
+    yield scene.estimate(Source.FIELD_OF_VIEW, TAG, Grade.DESIGN, intrinsics)

@@ -12,16 +12,16 @@ from collections.abc import Iterator
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.evidence.context import Finding, Scene
+from calibrary.evidence.estimate import Dropped, Source
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
-from calibrary.evidence.witness import Dropped, Source
 
-__all__ = ["witnesses"]
+__all__ = ["estimates"]
 
 DIAGONAL_35MM = math.hypot(36.0, 24.0)
 
 
-def witnesses(scene: Scene) -> Iterator[Finding]:
+def estimates(scene: Scene) -> Iterator[Finding]:
     """Given sensor, catalogue pitch, focal plane resolution, assumed sensor, 35 mm equivalent."""
     yield from _metric(scene)
     yield from _prior(scene)
@@ -66,13 +66,15 @@ def _by_sensor(scene: Scene, focal_mm: float, sensor_mm: tuple[float, float], so
     if source is Source.ASSUMED_SENSOR:
         assumptions = (f"the sensor is {sensor_mm[0]:g} × {sensor_mm[1]:g} mm",)
     tag = f"EXIF FocalLength ÷ {how} sensor"
-    return scene.hear(source, tag, Grade.DERIVED, intrinsics, assumptions=assumptions)
+    return scene.estimate(source, tag, Grade.DERIVED, intrinsics, assumptions=assumptions)
 
 
 def _by_pitch(scene: Scene, focal_mm: float, pitch_um: float, native_size: ImageSize) -> Finding:
     focal = focal_mm * 1000.0 / pitch_um
     intrinsics = _centred(focal, focal, native_size)
-    return scene.hear(Source.CATALOGUE_PITCH, "EXIF FocalLength ÷ catalogue pitch", Grade.DERIVED, intrinsics)
+    return scene.estimate(
+        Source.CATALOGUE_PITCH, "EXIF FocalLength ÷ catalogue pitch", Grade.DERIVED, intrinsics
+    )
 
 
 def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
@@ -95,7 +97,7 @@ def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
     if foreign is not None:
         yield Dropped(source=Source.FOCAL_PLANE, tag=tag, reason=foreign)
         return
-    yield scene.hear(Source.FOCAL_PLANE, tag, Grade.DERIVED, intrinsics, assumptions=assumptions)
+    yield scene.estimate(Source.FOCAL_PLANE, tag, Grade.DERIVED, intrinsics, assumptions=assumptions)
 
 
 def _prior(scene: Scene) -> Iterator[Finding]:
@@ -105,7 +107,7 @@ def _prior(scene: Scene) -> Iterator[Finding]:
     size = scene.native_size or files_frame(scene.metadata)
     focal = focal_35mm / DIAGONAL_35MM * math.hypot(*size)
     assumptions = () if scene.native_size else ("the file shows the native frame's diagonal",)
-    yield scene.hear(
+    yield scene.estimate(
         Source.FOCAL_35MM,
         "EXIF FocalLengthIn35mmFilm",
         Grade.PRIOR,

@@ -13,9 +13,9 @@ from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.conventions import Origin, canonical_from_file
 from calibrary.errors import InputError
 from calibrary.evidence.context import Finding, Scene, numbers
-from calibrary.evidence.witness import Dropped, Source
+from calibrary.evidence.estimate import Dropped, Source
 
-__all__ = ["witnesses"]
+__all__ = ["estimates"]
 
 SCHEMA = "drone-skydio"
 TAG = "drone-skydio:CalibratedFocalLength"
@@ -24,7 +24,7 @@ CENTRE_SLACK = 0.06
 """A real principal point is within this of the middle of its frame (2.5 % is the largest seen)."""
 
 
-def witnesses(scene: Scene) -> Iterator[Finding]:
+def estimates(scene: Scene) -> Iterator[Finding]:
     """The calibrated focal length with its optical centre."""
     focal = _pair(scene, "CalibratedFocalLength")
     centre = _pair(scene, "CalibratedOpticalCenter")
@@ -47,7 +47,7 @@ def witnesses(scene: Scene) -> Iterator[Finding]:
             continue
         foreign = scene.is_foreign(intrinsics)
         if foreign is None:
-            yield scene.hear(
+            yield scene.estimate(
                 Source.SKYDIO_CALIBRATED,
                 TAG,
                 Grade.CALIBRATED,

@@ -105,8 +105,8 @@ def test_a_fleet_is_a_table_that_leads_to_each_comparison() -> None:
         Change(
             id="dji/x", before=before, after=after, comparison=compare(before.calibration, after.calibration)
         ),
-        Change(id="dji/broken", before=before, after=after, why_not="the frames were turned"),
-        Change(id="dji/new", before=None, after=after, why_not="new"),
+        Change(id="dji/broken", before=before, after=after, reason="the frames were turned"),
+        Change(id="dji/new", before=None, after=after, reason="new"),
     )
     page = fleet_page(changes, "The fleet since v1", 100.0)
     raw, told = render_page(page), text(page)

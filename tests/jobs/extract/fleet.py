@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, judge, sort_cameras
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras, judge
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.run import Request, run
@@ -55,7 +55,7 @@ def judged(
     states: Mapping[ImageMetadata, Sequence[str]], *, policy: Policy = FLEET, sensor: Sensor = ASSUMED
 ) -> list[Camera]:
     """Cameras of images that need no file."""
-    groups = sort_cameras(states, KNOWLEDGE)
+    groups = group_cameras(states, KNOWLEDGE)
     return [judge(key, group, policy=policy, sensor=sensor) for key, group in groups.items()]
 
 

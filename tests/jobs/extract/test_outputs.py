@@ -184,10 +184,10 @@ class TestTheReport:
         assert "4377.6,4377.6,2736.0,1824.0" in seed["colmap"]
         assert cameras["valid"]["seed"] is None
 
-    def test_exactly_one_witness_is_the_chosen_one(self, cameras: dict[str, Any]) -> None:
-        witnesses = cameras["valid"]["witnesses"]
-        assert [w["source"] for w in witnesses if w["chosen"]] == ["dji-dewarp"]
-        assert {w["grade"] for w in witnesses} == {"calibrated", "derived", "prior"}
+    def test_exactly_one_source_is_the_chosen_one(self, cameras: dict[str, Any]) -> None:
+        estimates = cameras["valid"]["sources"]
+        assert [w["source"] for w in estimates if w["chosen"]] == ["dji-dewarp"]
+        assert {w["grade"] for w in estimates} == {"calibrated", "derived", "prior"}
 
     def test_images_are_counted_with_those_set_aside(self, report: dict[str, Any]) -> None:
         assert report["images"] == 6

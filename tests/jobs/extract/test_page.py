@@ -95,8 +95,8 @@ def test_the_evidence_is_shown_side_by_side(outcome: Extraction, page: Page) -> 
     [plots] = [block for block in section(page, "FC6310R").blocks if isinstance(block, SideBySide)]
     evidence = plots.blocks[0]
     assert isinstance(evidence, Figure)
-    for witness in camera.camera.evidence.witnesses:
-        assert f"{witness.tag} {witness.intrinsics.fx:.1f} px" in evidence.alt
+    for estimate in camera.camera.evidence.estimates:
+        assert f"{estimate.tag} {estimate.intrinsics.fx:.1f} px" in evidence.alt
     assert "DewarpData 3660.5 px, used" in evidence.alt
     assert "Expected by the catalogue" in evidence.alt
 

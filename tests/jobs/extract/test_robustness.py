@@ -251,14 +251,12 @@ class TestVerdicts:
         assert code == 1
         assert report["cameras"][0]["verdict"] == "rejected"
 
-    def test_an_assumed_sensor_is_no_witness_beside_a_real_one(
-        self, tmp_path: Path, extract: Extract
-    ) -> None:
+    def test_an_assumed_sensor_is_no_source_beside_a_real_one(self, tmp_path: Path, extract: Extract) -> None:
         xmp = packet(DJI, DewarpData=dewarp("5000"))
         picture(tmp_path / "im" / "a.jpg", model="Unheard-of", focal_35mm=None, xmp=xmp)
         code, report, _ = extract()
         [camera] = report["cameras"]
-        assert [witness["source"] for witness in camera["witnesses"]] == ["dji-dewarp"]
+        assert [estimate["source"] for estimate in camera["sources"]] == ["dji-dewarp"]
         assert (code, camera["verdict"]) == (0, "valid")
 
     def test_a_bare_k_is_no_k_of_a_fisheye(self, tmp_path: Path, extract: Extract) -> None:

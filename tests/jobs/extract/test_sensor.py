@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.evidence.witness import Source
+from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.policy import SOURCE
 from calibrary.validation import Verdict
@@ -94,7 +94,7 @@ def test_under_source_an_assumed_sensor_is_judged_by_the_numbers_alone(tmp_path:
 def test_a_known_camera_never_gets_the_default_sensor(tmp_path: Path) -> None:
     picture(tmp_path / "a.jpg", (4000, 3000), make="DJI", model="FC330", focal_mm=(361, 100))
     camera = only(gate(tmp_path, policy=SOURCE))
-    assert all(w.source is not Source.ASSUMED_SENSOR for w in camera.camera.evidence.witnesses)
+    assert all(w.source is not Source.ASSUMED_SENSOR for w in camera.camera.evidence.estimates)
 
 
 def test_no_sensor_makes_a_k_without_a_focal_length(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def test_a_folder_is_sorted_whatever_lies_where(
 ) -> None:
     found = document(capsys, payload, *UNIT)["sorted"]
     assert (found["images"], found["board_frames"], found["calibration_files"]) == (2, 0, 1)
-    assert [one["file"] for one in found["aside"]] == ["papers/invoice.txt"]
+    assert [one["file"] for one in found["skipped"]] == ["papers/invoice.txt"]
     assert fleet.exists()
 
 
@@ -49,7 +49,7 @@ def test_the_best_grade_is_proposed_and_everybody_is_shown_beside_it(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     [camera] = document(capsys, payload, *UNIT)["cameras"]
-    told = {one["name"]: (one["who"], one["chosen"], one["agrees"]) for one in camera["witnesses"]}
+    told = {one["name"]: (one["kind"], one["chosen"], one["agrees"]) for one in camera["estimates"]}
     assert told == {
         "papers/camera.xml": ("file", True, None),
         "EXIF FocalLength × FocalPlaneResolution": ("tags", False, True),
@@ -137,7 +137,7 @@ def test_the_hash_of_every_source_is_in_the_entry_and_in_the_commit(
     assert str(entry.calibration.provenance.sha256) in told
 
 
-def test_witnesses_that_disagree_with_nothing_to_decide_are_refused(
+def test_sources_that_disagree_with_nothing_to_decide_are_refused(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, page = survey(tmp_path / "payload", 1300.0), tmp_path / "page.html"
@@ -267,7 +267,7 @@ def test_entries_of_the_same_model_are_held_beside_it(
     [relative] = camera["relatives"]
     assert (relative["id"], relative["own"]) == (f"{ENTRY}/1280x960", False)
     assert relative["focal_change"] == pytest.approx(968 / 960 - 1)
-    registry = [one for one in camera["witnesses"] if one["who"] == "registry"]
+    registry = [one for one in camera["estimates"] if one["kind"] == "registry"]
     assert [one["agrees"] for one in registry] == [True]
     assert fleet.exists()
 
@@ -297,5 +297,5 @@ def test_the_page_lies_beside_under_the_cameras_name(
     monkeypatch.chdir(tmp_path)
     assert main(["onboard", str(payload), *UNIT, "--yes"]) == 0
     page = (tmp_path / "onboard-example-survey_one.html").read_text()
-    assert "fx by every witness" in page
+    assert "fx by every estimate" in page
     assert fleet.exists()

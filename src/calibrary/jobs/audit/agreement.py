@@ -9,7 +9,7 @@ from typing import Final
 from calibrary.calibration import Calibration, CameraKey, Grade, same_aspect
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.conflict import disagreement
-from calibrary.evidence.witness import Source, Witness
+from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.jobs.audit.answers import Answer, Use, named
 from calibrary.jobs.audit.rules import Rule
 from calibrary.jobs.diff.comparison import compare
@@ -31,14 +31,14 @@ class Gap:
     """How far one source in the images lies from the entry.
 
     Attributes:
-        witness: the source.
+        estimate: the source.
         share: the largest difference of fx and fy as a share of fx, and of cx and cy where it measured them as a
             share of the width; signed.
         of: which number that is.
         limit: what it may be.
     """
 
-    witness: Witness
+    estimate: SourceEstimate
     share: float
     of: str
     limit: float
@@ -61,16 +61,16 @@ def gaps(answer: Answer, policy: Policy) -> tuple[Gap, ...]:
     K, entry = answer.resolution.calibration.intrinsics, answer.resolution.entry
     tolerance = tolerance_of(entry, policy)
     found = []
-    for witness in answer.flown.camera.evidence.witnesses:
-        if witness.source is Source.ASSUMED_SENSOR:
+    for estimate in answer.flown.camera.evidence.estimates:
+        if estimate.source is Source.ASSUMED_SENSOR:
             continue
-        seen, (width, _) = witness.intrinsics, witness.intrinsics.image_size
+        seen, (width, _) = estimate.intrinsics, estimate.intrinsics.image_size
         apart = {"fx": seen.fx / K.fx - 1.0, "fy": seen.fy / K.fy - 1.0}
-        if witness.measured_centre:
+        if estimate.measured_centre:
             apart |= {"cx": (seen.cx - K.cx) / width, "cy": (seen.cy - K.cy) / width}
         of = max(apart, key=lambda name: abs(apart[name]))
-        limit = max(tolerance, witness.tolerance)
-        found.append(Gap(witness=witness, share=apart[of], of=of, limit=limit))
+        limit = max(tolerance, estimate.tolerance)
+        found.append(Gap(estimate=estimate, share=apart[of], of=of, limit=limit))
     return tuple(found)
 
 
@@ -129,33 +129,33 @@ def _size(answer: Answer) -> Iterator[Finding]:
 
 def _numbers(answer: Answer, found: Sequence[Gap]) -> Iterator[Finding]:
     chosen = answer.flown.camera.evidence.chosen
-    own = next((gap for gap in found if gap.witness is chosen), None)
-    beyond = [gap for gap in found if gap.is_beyond and gap.witness is not chosen]
+    own = next((gap for gap in found if gap.estimate is chosen), None)
+    beyond = [gap for gap in found if gap.is_beyond and gap.estimate is not chosen]
     if own is not None and own.is_beyond:
         yield Finding(
             rule=Rule.DRIFT,
             severity=Severity.ERROR,
             camera=named(answer.flown),
             place=answer.entry_id,
-            message=f"{own.witness.tag} of its images says {_told(own)} from the entry, which may be off by "
+            message=f"{own.estimate.tag} of its images says {_told(own)} from the entry, which may be off by "
             f"{own.limit:.1%}",
             remedy=f"calibrary diff {answer.entry_id} {answer.flown.example}",
         )
         return
     causes = {conflict.other: conflict.cause.value for conflict in answer.flown.camera.evidence.conflicts}
     for gap in beyond:
-        if chosen is not None and not disagreement(chosen, gap.witness) and own is not None:
+        if chosen is not None and not disagreement(chosen, gap.estimate) and own is not None:
             continue
-        cause = causes.get(gap.witness)
+        cause = causes.get(gap.estimate)
         yield Finding(
             rule=Rule.TAGS,
             severity=Severity.NOTE if own is not None else Severity.WARNING,
             camera=named(answer.flown),
             place=answer.entry_id,
-            message=f"{gap.witness.tag} says {_told(gap)} from the entry"
+            message=f"{gap.estimate.tag} says {_told(gap)} from the entry"
             + (f": {cause}" if cause else "")
             + (
-                f"; {own.witness.tag} confirms the entry, whose K stays as it is"
+                f"; {own.estimate.tag} confirms the entry, whose K stays as it is"
                 if own is not None
                 else "; nothing else in the images tells which is right"
             ),
@@ -220,7 +220,7 @@ def _told_apart(one: Calibration, other: Calibration, policy: Policy) -> str | N
 
 
 def _told(gap: Gap) -> str:
-    K = gap.witness.intrinsics
+    K = gap.estimate.intrinsics
     return f"{gap.of} = {getattr(K, gap.of):.1f} px, {gap.share:+.1%}" + (
         " of the width" if gap.of in {"cx", "cy"} else ""
     )

@@ -49,13 +49,13 @@ def _camera(answer: Answer, policy: Policy) -> dict[str, Json]:
         "fx": resolution.calibration.intrinsics.fx if resolution is not None else None,
         "sources": [
             {
-                "tag": gap.witness.tag,
-                "grade": gap.witness.grade.value,
-                "fx": gap.witness.intrinsics.fx,
+                "tag": gap.estimate.tag,
+                "grade": gap.estimate.grade.value,
+                "fx": gap.estimate.intrinsics.fx,
                 "difference": gap.share,
                 "of": gap.of,
                 "limit": gap.limit,
-                "chosen": gap.witness is flown.camera.evidence.chosen,
+                "chosen": gap.estimate is flown.camera.evidence.chosen,
             }
             for gap in gaps(answer, policy)
         ],

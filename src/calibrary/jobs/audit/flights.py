@@ -13,7 +13,7 @@ from calibrary.errors import InputError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.exchange.identity import identified
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras, judge
 from calibrary.jobs.extract.gather import SkippedFile, find_images, gather
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.parsers.imagery.taken import taken_on
@@ -165,7 +165,7 @@ def _flown(states: dict[ImageMetadata, list[str]], images: _Found, policy: Polic
     # What the registry says is asked apart: here only the images and the catalogue are heard.
     knowledge = Knowledge.load(None)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
-    for key, group in sort_cameras(states, knowledge).items():
+    for key, group in group_cameras(states, knowledge).items():
         for same in _by_firmware(group):
             camera = judge(key, same, policy=policy, sensor=sensor)
             days = [day for name in camera.names if (day := images.days[name]) is not None]

@@ -112,12 +112,12 @@ def _flown(done: Audit) -> Iterator[Block]:
 def _row(answer: Answer, policy: Policy) -> tuple[Cell, ...]:
     flown = answer.flown
     chosen = flown.camera.evidence.chosen
-    own = next((gap for gap in gaps(answer, policy) if gap.witness is chosen), None)
+    own = next((gap for gap in gaps(answer, policy) if gap.estimate is chosen), None)
     apart = "–"
     if own is not None and answer.resolution is not None:
         K = answer.resolution.calibration.intrinsics
         # + 0.0 takes the sign off a zero.
-        apart = f"{round(own.witness.intrinsics.fx / K.fx - 1.0, 4) + 0.0:+.2%}".replace("-", "−")
+        apart = f"{round(own.estimate.intrinsics.fx / K.fx - 1.0, 4) + 0.0:+.2%}".replace("-", "−")
     return (
         named(flown),
         answer.entry_id or "–",
@@ -147,9 +147,9 @@ def _chart(answer: Answer, policy: Policy) -> Figure | None:
     rows = [Interval(name=f"entry {answer.entry_id}", value=K.fx, role=Role.CHOSEN)]
     rows += [
         Interval(
-            name=gap.witness.tag,
-            value=gap.witness.intrinsics.fx,
-            half_width=gap.witness.intrinsics.fx * gap.witness.tolerance,
+            name=gap.estimate.tag,
+            value=gap.estimate.intrinsics.fx,
+            half_width=gap.estimate.intrinsics.fx * gap.estimate.tolerance,
             role=Role.DISAGREES if gap.is_beyond else Role.AGREES,
         )
         for gap in found

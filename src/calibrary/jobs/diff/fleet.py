@@ -39,14 +39,14 @@ class Change:
         id: of its entry.
         before, after: what it was and is; None where there was or is none.
         comparison: of the two, None where one is missing or they cannot be compared.
-        why_not: why there is no comparison, in words.
+        reason: why there is no comparison, in words.
     """
 
     id: str
     before: Entry | None
     after: Entry | None
     comparison: Comparison | None = None
-    why_not: str | None = None
+    reason: str | None = None
 
     @property
     def alarm(self) -> bool:
@@ -108,14 +108,14 @@ def _change(id_: str, before: Entry | str | None, after: Entry | str | None, pol
             id=id_,
             before=None if isinstance(before, str) else before,
             after=None if isinstance(after, str) else after,
-            why_not=why,
+            reason=why,
         )
     if before is None or after is None:
-        return Change(id=id_, before=before, after=after, why_not="new" if before is None else "removed")
+        return Change(id=id_, before=before, after=after, reason="new" if before is None else "removed")
     try:
         comparison = compare(before.calibration, after.calibration, policy)
     except CalibraryError as error:
-        return Change(id=id_, before=before, after=after, why_not=str(error))
+        return Change(id=id_, before=before, after=after, reason=str(error))
     return Change(id=id_, before=before, after=after, comparison=comparison)
 
 

@@ -320,7 +320,7 @@ def _overview(changes: Sequence[Change]) -> Iterator[Block]:
 def _row(n: int, change: Change) -> tuple[Cell, ...]:
     found = change.comparison
     numbers = found.numbers if found is not None else None
-    kinds = ", ".join(one.kind.value for one in found.structural) if found is not None else change.why_not
+    kinds = ", ".join(one.kind.value for one in found.structural) if found is not None else change.reason
     return (
         Link(change.id, f"#entry-{n}") if n < MOST_SECTIONS else change.id,
         _badge(change),
@@ -339,7 +339,7 @@ def _badge(change: Change) -> Badge:
 
 def _change(change: Change, altitude_m: float) -> Iterator[Block]:
     if change.comparison is None:
-        yield Note(text=_sentence(change.why_not or ""), tone=_badge(change).tone)
+        yield Note(text=_sentence(change.reason or ""), tone=_badge(change).tone)
         return
     labels = (f"{change.id} before", f"{change.id} after")
     yield from comparison_sections(change.comparison, labels, altitude_m)

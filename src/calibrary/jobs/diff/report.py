@@ -213,7 +213,7 @@ def _entry_change(change: Change) -> EntryChange:
         id=change.id,
         verdict=found.verdict if found is not None else None,
         alarm=change.alarm,
-        reasons=found.reasons if found is not None else (change.why_not or "",),
+        reasons=found.reasons if found is not None else (change.reason or "",),
         structural=tuple(one.kind for one in found.structural) if found is not None else (),
         focal_change=numbers.focal_change if numbers is not None else None,
         rms_px=numbers.difference.rms_px if numbers is not None else None,

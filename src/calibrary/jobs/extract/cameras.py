@@ -11,16 +11,16 @@ from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.conflict import disagreement
 from calibrary.evidence.context import Scene
 from calibrary.evidence.edits import edits
+from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.evidence.frame import adapt
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.witness import Source, Witness
 from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Verdict, validate
 
-__all__ = ["DEFAULT_SENSOR_MM", "Camera", "Sensor", "State", "circumstances", "judge", "sort_cameras"]
+__all__ = ["DEFAULT_SENSOR_MM", "Camera", "Sensor", "State", "circumstances", "group_cameras", "judge"]
 
 DEFAULT_SENSOR_MM = (13.2, 8.8)
 """The nominal 1-inch sensor, what the source document takes when nobody says otherwise."""
@@ -68,8 +68,8 @@ class Camera:
         calibration: the K to use, None when there is none.
         report: the calibration against the policy, None without one.
         spread: how far K's numbers spread over the states, as a share of fx; None with one state.
-        why_not: in one line, when there is no K at all.
-        way_out: what to do about that.
+        no_k_reason: in one line, when there is no K at all.
+        no_k_remedy: what to do about that.
     """
 
     key: CameraKey
@@ -78,8 +78,8 @@ class Camera:
     calibration: Calibration | None
     report: Report | None
     spread: float | None = None
-    why_not: str | None = None
-    way_out: str | None = None
+    no_k_reason: str | None = None
+    no_k_remedy: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -95,16 +95,16 @@ class Camera:
     def reason(self) -> str | None:
         """Why the K is not valid, in one line; None for a valid one."""
         if self.report is None:
-            return self.why_not
+            return self.no_k_reason
         return self.report.failures[0].message if self.report.failures else None
 
     @property
     def remedy(self) -> str | None:
         """What to do about that, None for a valid K."""
-        return self.report.remedy if self.report is not None else self.way_out
+        return self.report.remedy if self.report is not None else self.no_k_remedy
 
 
-def sort_cameras(
+def group_cameras(
     states: Mapping[ImageMetadata, Sequence[str]], knowledge: Knowledge
 ) -> dict[CameraKey, tuple[State, ...]]:
     """Put camera states together that are one camera, the commonest state first."""
@@ -127,22 +127,22 @@ def judge(
 ) -> Camera:
     """Choose one camera's K and hold it against the policy.
 
-    The K is one that an image carries, never an average: of the states with the best-graded witness, the one
+    The K is one that an image carries, never an average: of the states with the best-graded estimate, the one
     with most images. The others are measured against it.
     """
     heard = [(state, collect(_scene(state, sensor))) for state in states]
     with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
     if not with_k:
         state, evidence = heard[0]
-        why_not, way_out = _why_not(state, evidence)
+        reason, remedy = _no_k(state, evidence)
         return Camera(
             key=key,
             states=tuple(states),
             evidence=evidence,
             calibration=None,
             report=None,
-            why_not=why_not,
-            way_out=way_out,
+            no_k_reason=reason,
+            no_k_remedy=remedy,
         )
     best_grade = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
     state, evidence = next((s, e) for s, e in with_k if e.chosen and e.chosen.rank[0] == best_grade)
@@ -161,7 +161,7 @@ def judge(
 
 
 def circumstances(evidence: Evidence, known: Known, *, spread: float | None = None) -> Circumstances:
-    """What is known around the chosen witness of one image."""
+    """What is known around the chosen estimate of one image."""
     chosen = evidence.chosen
     metadata = evidence.scene.metadata
     causes = {conflict.other: conflict.cause.value for conflict in evidence.conflicts}
@@ -169,14 +169,14 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
         expected=_expected(metadata, known),
         others=tuple(
             NamedFocal(
-                name=witness.tag,
-                fx=witness.intrinsics.fx,
-                tolerance=witness.tolerance,
-                cause=causes.get(witness),
-                independent=chosen is None or witness.is_independent_of(chosen),
+                name=estimate.tag,
+                fx=estimate.intrinsics.fx,
+                tolerance=estimate.tolerance,
+                cause=causes.get(estimate),
+                independent=chosen is None or estimate.is_independent_of(chosen),
             )
-            for witness in evidence.witnesses
-            if witness is not chosen
+            for estimate in evidence.estimates
+            if estimate is not chosen
         ),
         focal_mm=metadata.focal_mm,
         focal_35mm=metadata.focal_35mm,
@@ -221,16 +221,16 @@ def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
     return Expected(fx=fx, spread=camera.spread, source="catalogue")
 
 
-def _spread(witnesses: Sequence[Witness], evidence: Evidence) -> float | None:
+def _spread(estimates: Sequence[SourceEstimate], evidence: Evidence) -> float | None:
     """The largest (max − min) of fx, fy, cx, cy over the states as a share of fx, None with one state.
 
     A state whose calibration tags were lost says less, not something else: it counts only where its focal
     length is another camera's.
     """
     chosen = evidence.chosen
-    if chosen is None or len(witnesses) < 2:
+    if chosen is None or len(estimates) < 2:
         return None
-    equals = [w.intrinsics for w in witnesses if w.rank[0] == chosen.rank[0] or disagreement(chosen, w)]
+    equals = [w.intrinsics for w in estimates if w.rank[0] == chosen.rank[0] or disagreement(chosen, w)]
     ranges = (
         max(getattr(K, name) for K in equals) - min(getattr(K, name) for K in equals)
         for name in ("fx", "fy", "cx", "cy")
@@ -247,13 +247,13 @@ def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
 GIVE_K = "register the camera (--registry), or give its K (--fallback-k)"
 
 
-def _why_not(state: State, evidence: Evidence) -> tuple[str, str]:
+def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
     """Why there is no K at all, and what to do about that."""
     metadata = state.metadata
     # A registry knows cameras by their Model: one that names none can only be given its K.
     give_k = GIVE_K if metadata.model is not None else "or give their K (--fallback-k)"
     own_files = f"give the files as the camera wrote them, {give_k}"
-    fisheye = next((w for w in evidence.witnesses if not w.pinhole), None)
+    fisheye = next((w for w in evidence.estimates if not w.pinhole), None)
     if fisheye is not None or evidence.scene.is_fisheye:
         why = "a fisheye lens, which no pinhole K describes"
         return why, "calibrate it as a fisheye; put that file beside the images, or register it (--registry)"

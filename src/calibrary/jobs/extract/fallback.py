@@ -278,7 +278,7 @@ def _judged(
     """Hold a fallback against the same policy; one that fails it is refused, not used."""
     around = circumstances(camera.evidence, camera.states[0].known)
     # The images' own K failed and is no measure of what replaces it; their 35 mm equivalent still is.
-    prior = {w.tag for w in camera.evidence.witnesses if w.grade is Grade.PRIOR}
+    prior = {w.tag for w in camera.evidence.estimates if w.grade is Grade.PRIOR}
     others = tuple(other for other in around.others if other.name in prior)
     around = replace(
         around, others=others, sensor_assumed=False, zoomed=False, edits=(), focal_mm=None, spread=None

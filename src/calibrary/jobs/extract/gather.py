@@ -79,15 +79,15 @@ def _entries(directory: Path) -> list[os.DirEntry[str]]:
         with os.scandir(directory) as entries:
             seen = [entry for entry in entries if not entry.name.startswith(".")]
     except OSError as error:
-        reason, way_out = "is not a directory", "give the folder that holds the images"
+        reason, remedy = "is not a directory", "give the folder that holds the images"
         if isinstance(error, FileNotFoundError):
             reason = "does not exist"
         elif not isinstance(error, NotADirectoryError):
-            reason, way_out = (
+            reason, remedy = (
                 f"cannot be read: {error.strerror or error}",
                 "make it readable, or move it away",
             )
-        raise InputError(f"{reason}; {way_out}", source=str(directory)) from None
+        raise InputError(f"{reason}; {remedy}", source=str(directory)) from None
     return sorted(seen, key=lambda entry: entry.name, reverse=True)
 
 

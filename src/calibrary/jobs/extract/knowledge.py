@@ -62,13 +62,13 @@ class Knowledge:
         catalogue: of known cameras.
         registry: the fleet's own.
         on: the day that entries must be valid on; None asks nothing of theirs.
-        remarks: what a person should know of the registry before resting on it.
+        warnings: what a person should know of the registry before resting on it.
     """
 
     catalogue: Catalogue
     registry: RegistryIndex | None = None
     on: date | None = None
-    remarks: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @classmethod
     def load(cls, registry: Path | None, lock: Path | None = None) -> Knowledge:
@@ -88,8 +88,8 @@ class Knowledge:
         catalogue, snapshot, today = load_catalogue(), open_snapshot(registry), date.today()
         if lock is not None:
             pinned = locked(snapshot, lock)
-            return cls(catalogue=catalogue, registry=pinned.index, on=today, remarks=pinned.warnings)
-        return cls(catalogue=catalogue, registry=snapshot.index(), on=today, remarks=_not_used(snapshot))
+            return cls(catalogue=catalogue, registry=pinned.index, on=today, warnings=pinned.warnings)
+        return cls(catalogue=catalogue, registry=snapshot.index(), on=today, warnings=_not_used(snapshot))
 
     @property
     def has_registry(self) -> bool:

@@ -66,7 +66,7 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
             matrices[camera.slug] = path.name
         if camera.fallback is not None and camera.fallback.seed is not None:
             files[path.with_name(path.name.replace(stem, f"{stem}_seed", 1))] = _npy(camera.fallback.seed)
-    refused = {c.slug: why for c in outcome.cameras if (why := _why_not_handed_over(c, solver)) is not None}
+    refused = {c.slug: why for c in outcome.cameras if (why := _reason_not_written(c, solver)) is not None}
     candidates = [_candidate(camera, refused=camera.slug in refused) for camera in outcome.cameras]
     for name, content in hand_off(solver, candidates).items():
         files[matrix_path.with_name(name)] = content
@@ -130,7 +130,7 @@ def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
             yield path
 
 
-def _why_not_handed_over(camera: CameraReport, solver: Solver) -> str | None:
+def _reason_not_written(camera: CameraReport, solver: Solver) -> str | None:
     """Why the solver must not get a camera's K, None when it may."""
     if solver is Solver.NONE:
         return None

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 
 from calibrary.calibration import Calibration
-from calibrary.evidence.witness import Witness
+from calibrary.evidence.estimate import SourceEstimate
 from calibrary.jobs.extract.cameras import circumstances
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Fallback
@@ -206,27 +206,27 @@ def _distortion(calibration: Calibration) -> Iterator[Block]:
 
 
 def _evidence(camera: CameraReport, policy: Policy) -> Figure | None:
-    """Every witness's fx side by side, before the band that it is held against."""
+    """Every estimate's fx side by side, before the band that it is held against."""
     evidence = camera.camera.evidence
-    if not evidence.witnesses:
+    if not evidence.estimates:
         return None
     doubted = {conflict.other for conflict in evidence.conflicts}
 
-    def role(witness: Witness) -> Role:
-        if witness is evidence.chosen:
+    def role(estimate: SourceEstimate) -> Role:
+        if estimate is evidence.chosen:
             return Role.CHOSEN
-        if evidence.chosen is None or not witness.pinhole:
-            return Role.ASIDE
-        return Role.DISAGREES if witness in doubted else Role.AGREES
+        if evidence.chosen is None or not estimate.pinhole:
+            return Role.NO_K
+        return Role.DISAGREES if estimate in doubted else Role.AGREES
 
     rows = [
         Interval(
-            name=witness.tag,
-            value=witness.intrinsics.fx,
-            half_width=witness.intrinsics.fx * witness.tolerance,
-            role=role(witness),
+            name=estimate.tag,
+            value=estimate.intrinsics.fx,
+            half_width=estimate.intrinsics.fx * estimate.tolerance,
+            role=role(estimate),
         )
-        for witness in evidence.witnesses
+        for estimate in evidence.estimates
     ]
     caption = "What each source in the images says of fx"
     caption += "; bars are the source's own rounding." if any(row.half_width for row in rows) else "."

@@ -10,7 +10,7 @@ import msgspec
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.evidence.conflict import Cause
-from calibrary.evidence.witness import Dropped, Witness
+from calibrary.evidence.estimate import Dropped, SourceEstimate
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Step
@@ -22,7 +22,7 @@ from calibrary.validation import Finding, Report, Verdict
 __all__ = ["CameraDocument", "ExtractReport", "encode", "report_of"]
 
 
-class JudgedSource(Witness):
+class JudgedSource(SourceEstimate):
     """What one source says of K.
 
     Attributes:
@@ -95,7 +95,7 @@ class CameraDocument(Record):
         output: name of the file K is written to.
         rejected_candidate: the K that the images gave and the policy rejected.
         known_as: what the catalogue calls the camera.
-        witnesses: what each source says of K.
+        sources: what each source states of K.
         dropped: sources that are there and cannot be of these images.
         conflicts: sources that disagree.
         findings: of every rule.
@@ -115,7 +115,7 @@ class CameraDocument(Record):
     output: str | None
     rejected_candidate: RejectedCandidate | None
     known_as: str | None
-    witnesses: tuple[JudgedSource, ...]
+    sources: tuple[JudgedSource, ...]
     dropped: tuple[Dropped, ...]
     conflicts: tuple[Disagreement, ...]
     findings: tuple[Finding, ...]
@@ -216,9 +216,9 @@ def _camera(c: CameraReport, output: str | None) -> CameraDocument:
         output=output,
         rejected_candidate=_candidate(c.camera, failed) if failed is not None else None,
         known_as=c.camera.states[0].known.title,
-        witnesses=tuple(
+        sources=tuple(
             JudgedSource(**msgspec.structs.asdict(one), chosen=one is evidence.chosen)
-            for one in evidence.witnesses
+            for one in evidence.estimates
         ),
         dropped=evidence.dropped,
         conflicts=tuple(

@@ -9,7 +9,7 @@ from pathlib import Path
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.frame import exif_contradiction
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras, judge
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_calibrations, read_matrix
 from calibrary.jobs.extract.gather import Gathered, SkippedFile, collect_images, gather
@@ -77,7 +77,7 @@ def run(request: Request) -> Extraction:
         first = gathered.rejected[0]
         raise _breach(request.policy, "image", f"{first.name}: {first.reason}")
 
-    states = sort_cameras(gathered.states, knowledge)
+    states = group_cameras(gathered.states, knowledge)
     sensor, warnings = _sensor(request, states)
     cameras = [_judged(key, group, request, sensor) for key, group in states.items()]
     rivals = _rivals(cameras)
@@ -101,7 +101,7 @@ def run(request: Request) -> Extraction:
             for camera in cameras
         ),
         rejected=tuple(gathered.rejected),
-        warnings=(*knowledge.remarks, *warnings),
+        warnings=(*knowledge.warnings, *warnings),
     )
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from calibrary.jobs.onboard.claims import Claim
-from calibrary.jobs.onboard.judging import Hearing, Relative
-from calibrary.jobs.onboard.proposing import sources_of
+from calibrary.jobs.onboard.comparison import EstimateComparison, Relative
+from calibrary.jobs.onboard.estimates import Estimate
+from calibrary.jobs.onboard.proposal import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Onboarding
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written
@@ -24,7 +24,7 @@ def onboard_json(done: Onboarding, written: Mapping[str, Written], page: str | N
         page: the name of the page beside it.
     """
     payload, frames = done.payload, len(done.payload.frames)
-    aside = (*payload.others, *done.subjects.aside)
+    skipped = (*payload.others, *done.cameras.skipped)
     branches: dict[str, Json] = {branch: one.commit for branch, one in written.items()}
     return {
         "schema": "calibrary/onboard-1",
@@ -36,7 +36,7 @@ def onboard_json(done: Onboarding, written: Mapping[str, Written], page: str | N
             "images": payload.images - frames,
             "board_frames": frames,
             "calibration_files": len(payload.files),
-            "aside": [{"file": one.name, "reason": one.reason} for one in aside],
+            "skipped": [{"file": one.name, "reason": one.reason} for one in skipped],
         },
         "cameras": [_camera(one, done) for one in done.outcomes],
         "branches": branches,
@@ -47,11 +47,11 @@ def onboard_json(done: Onboarding, written: Mapping[str, Written], page: str | N
 def _camera(one: CameraDecision, done: Onboarding) -> dict[str, Json]:
     entry = one.entry
     return {
-        "camera": to_json(one.subject.key),
+        "camera": to_json(one.camera.key),
         "decision": one.decision.value,
         "reason": one.reason,
         "next": one.advice,
-        "witnesses": [_claim(claim, one.hearing) for claim in one.claims],
+        "estimates": [_estimate(estimate, one.comparison) for estimate in one.estimates],
         "board": _board(one.board) if one.board is not None else None,
         "findings": _report(one.report),
         "entry": {
@@ -67,24 +67,24 @@ def _camera(one: CameraDecision, done: Onboarding) -> dict[str, Json]:
         "relatives": [_relative(relative) for relative in one.relatives],
         "sources": [
             {"what": what, "name": source.name, "sha256": source.sha256}
-            for what, source in sources_of(one.subject, done.payload)
+            for what, source in sources_of(one.camera, done.payload)
         ],
     }
 
 
-def _claim(claim: Claim, hearing: Hearing | None) -> dict[str, Json]:
-    voices = hearing.voices if hearing is not None else ()
-    voice = next((voice for voice in voices if voice.claim is claim), None)
+def _estimate(estimate: Estimate, comparison: EstimateComparison | None) -> dict[str, Json]:
+    others = comparison.others if comparison is not None else ()
+    compared = next((one for one in others if one.estimate is estimate), None)
     return {
-        "who": claim.kind.value,
-        "name": claim.name,
-        "grade": claim.grade.value if claim.grade is not None else None,
-        "intrinsics": to_json(claim.intrinsics),
-        "chosen": hearing is not None and claim is hearing.chosen,
-        "difference": voice.share if voice is not None else None,
-        "limit": claim.limit,
-        "agrees": voice.agrees if voice is not None else None,
-        "overruled": hearing is not None and voice is not None and voice in hearing.overruled,
+        "kind": estimate.kind.value,
+        "name": estimate.name,
+        "grade": estimate.grade.value if estimate.grade is not None else None,
+        "intrinsics": to_json(estimate.intrinsics),
+        "chosen": comparison is not None and estimate is comparison.chosen,
+        "difference": compared.difference if compared is not None else None,
+        "limit": estimate.limit,
+        "agrees": compared.agrees if compared is not None else None,
+        "overruled": comparison is not None and compared is not None and compared in comparison.overruled,
     }
 
 
@@ -96,7 +96,7 @@ def _board(board: BoardSolve) -> dict[str, Json]:
         "board": str(result.observations.board) if result is not None else None,
         "verdict": result.verdict.value if result is not None else None,
         "rms_px": quality.rms_px if quality is not None else None,
-        "why_not": board.why_not,
+        "reason": board.reason,
     }
 
 
@@ -114,5 +114,5 @@ def _relative(relative: Relative) -> dict[str, Json]:
         "alarm": found.alarm if found is not None else None,
         "focal_change": numbers.focal_change if numbers is not None else None,
         "max_px": numbers.difference.max_px if numbers is not None else None,
-        "why_not": relative.why_not,
+        "reason": relative.reason,
     }

@@ -9,11 +9,11 @@ from typing import Final
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate_board.page_plots import fit_plots
-from calibrary.jobs.onboard.claims import Kind
-from calibrary.jobs.onboard.judging import Hearing, Relative
-from calibrary.jobs.onboard.proposing import sources_of
+from calibrary.jobs.onboard.classify import Payload
+from calibrary.jobs.onboard.comparison import EstimateComparison, Relative
+from calibrary.jobs.onboard.estimates import Kind
+from calibrary.jobs.onboard.proposal import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Decision, Onboarding
-from calibrary.jobs.onboard.sorting import Payload
 from calibrary.pages import (
     Badge,
     Block,
@@ -56,7 +56,7 @@ MOST_SOLVES: Final = 3
 def onboard_page(done: Onboarding) -> Page:
     """All of it; nothing in it depends on whether the drafts were written."""
     count = len(done.outcomes)
-    title = str(done.outcomes[0].subject.key) if count == 1 else f"{count} cameras"
+    title = str(done.outcomes[0].camera.key) if count == 1 else f"{count} cameras"
     refused = sum(one.decision is Decision.REFUSED for one in done.outcomes)
     if not done.outcomes:
         badge, lead = Badge("no camera", Tone.BAD), "No camera could be told from what came with the payload."
@@ -93,7 +93,7 @@ def _camera(one: CameraDecision, payload: Payload, *, whole: bool) -> Section:
             text=f"{one.reason[:1].upper()}{one.reason[1:]}.", action=one.advice, tone=DECISIONS[one.decision]
         )
     ]
-    blocks += _witnesses(one)
+    blocks += _estimates(one)
     if one.entry is not None:
         blocks += _entry(one)
     blocks += _relatives(one.relatives)
@@ -102,38 +102,42 @@ def _camera(one: CameraDecision, payload: Payload, *, whole: bool) -> Section:
         blocks += _board(one.board, whole=whole)
     blocks.append(_sources(one, payload))
     badge = Badge(one.decision.value, DECISIONS[one.decision])
-    return Section(title=str(one.subject.key), badge=badge, blocks=tuple(blocks))
+    return Section(title=str(one.camera.key), badge=badge, blocks=tuple(blocks))
 
 
-def _witnesses(one: CameraDecision) -> Iterator[Block]:
-    if not one.claims:
+def _estimates(one: CameraDecision) -> Iterator[Block]:
+    if not one.estimates:
         return
-    hearing = one.hearing
+    comparison = one.comparison
     rows = []
-    for claim in one.claims:
-        voice = next((v for v in hearing.voices if v.claim is claim), None) if hearing is not None else None
-        K = claim.intrinsics
+    for estimate in one.estimates:
+        compared = (
+            next((v for v in comparison.others if v.estimate is estimate), None)
+            if comparison is not None
+            else None
+        )
+        K = estimate.intrinsics
         stands: Cell = "–"
-        if hearing is not None and claim is hearing.chosen:
-            stands = Badge("proposed" if hearing.dispute is None else "in dispute", Tone.NEUTRAL)
-        elif voice is not None and hearing is not None:
+        if comparison is not None and estimate is comparison.chosen:
+            stands = Badge("proposed" if comparison.dispute is None else "in dispute", Tone.NEUTRAL)
+        elif compared is not None and comparison is not None:
             stands = (
                 Badge("agrees", Tone.GOOD)
-                if voice.agrees
+                if compared.agrees
                 else Badge("not believed", Tone.CAUTION)
-                if voice in hearing.overruled
+                if compared in comparison.overruled
                 else Badge("disagrees", Tone.BAD)
             )
         rows.append(
             (
-                claim.name,
-                claim.kind.value,
-                claim.grade.value if claim.grade is not None else "–",
+                estimate.name,
+                estimate.kind.value,
+                estimate.grade.value if estimate.grade is not None else "–",
                 f"{K.fx:.2f}",
                 f"{K.fy:.2f}",
-                f"{K.cx:.2f}" if claim.measured_centre else "–",
-                f"{K.cy:.2f}" if claim.measured_centre else "–",
-                _percent(voice.share) if voice is not None else "–",
+                f"{K.cx:.2f}" if estimate.measured_centre else "–",
+                f"{K.cy:.2f}" if estimate.measured_centre else "–",
+                _percent(compared.difference) if compared is not None else "–",
                 stands,
             )
         )
@@ -141,8 +145,8 @@ def _witnesses(one: CameraDecision) -> Iterator[Block]:
         caption="Who says what, at the size of its images; px. Difference: the largest of fx and fy, and of a centre "
         "that both measured.",
         columns=(
-            Column("witness"),
-            Column("who"),
+            Column("estimate"),
+            Column("kind"),
             Column("grade"),
             *(Column(name, numeric=True) for name in ("fx", "fy", "cx", "cy")),
             Column("difference", numeric=True),
@@ -150,28 +154,30 @@ def _witnesses(one: CameraDecision) -> Iterator[Block]:
         ),
         rows=tuple(rows),
     )
-    yield _chart(one, hearing)
+    yield _chart(one, comparison)
 
 
-def _chart(one: CameraDecision, hearing: Hearing | None) -> Figure:
+def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure:
     rows = []
-    for claim in one.claims:
-        role = Role.ASIDE
-        if hearing is not None:
-            voice = next((v for v in hearing.voices if v.claim is claim), None)
-            role = Role.CHOSEN if voice is None else Role.AGREES if voice.agrees else Role.DISAGREES
+    for estimate in one.estimates:
+        role = Role.NO_K
+        if comparison is not None:
+            compared = next((v for v in comparison.others if v.estimate is estimate), None)
+            role = Role.CHOSEN if compared is None else Role.AGREES if compared.agrees else Role.DISAGREES
         rows.append(
             Interval(
-                name=f"{claim.kind.value}: {claim.name}",
-                value=claim.intrinsics.fx,
-                half_width=claim.intrinsics.fx * claim.limit if claim.kind is not Kind.BOARD else 0.0,
+                name=f"{estimate.kind.value}: {estimate.name}",
+                value=estimate.intrinsics.fx,
+                half_width=estimate.intrinsics.fx * estimate.limit
+                if estimate.kind is not Kind.BOARD
+                else 0.0,
                 role=role,
             )
         )
     return intervals(
         rows,
         axis=PX,
-        caption="fx by every witness; bars are how far another may lie from it and still agree.",
+        caption="fx by every estimate; bars are how far another may lie from it and still agree.",
     )
 
 
@@ -226,7 +232,7 @@ def _relatives(relatives: tuple[Relative, ...]) -> Iterator[Block]:
                 relative.entry.status.value,
                 _percent(numbers.focal_change, digits=3) if numbers is not None else "–",
                 f"{numbers.difference.max_px:.2f}" if numbers is not None else "–",
-                verdict if found is not None else (relative.why_not or "–"),
+                verdict if found is not None else (relative.reason or "–"),
             )
         )
     yield Table(
@@ -263,8 +269,8 @@ def _findings(report: Report | None) -> Iterator[Block]:
 
 
 def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
-    if board.why_not is not None:
-        yield Note(text=f"{board.frames} frames of a board give no K: {board.why_not}.", tone=Tone.CAUTION)
+    if board.reason is not None:
+        yield Note(text=f"{board.frames} frames of a board give no K: {board.reason}.", tone=Tone.CAUTION)
     if board.result is None or board.collected is None or not whole:
         return
     result, quality = board.result, board.result.calibration.quality
@@ -286,7 +292,7 @@ def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
 
 
 def _sources(one: CameraDecision, payload: Payload) -> Details:
-    found = sources_of(one.subject, payload)
+    found = sources_of(one.camera, payload)
     table = Table(
         caption="Files that were heard; of images that say the same, one",
         columns=(Column("file"), Column("what"), Column("sha256")),
@@ -296,26 +302,26 @@ def _sources(one: CameraDecision, payload: Payload) -> Details:
 
 
 def _sorted(done: Onboarding) -> Section:
-    payload, aside = done.payload, (*done.payload.others, *done.subjects.aside)
+    payload, skipped = done.payload, (*done.payload.others, *done.cameras.skipped)
     counts = KeyValues(
         (
             ("images of flights", str(payload.images - len(payload.frames))),
             ("frames of a board", str(len(payload.frames))),
             ("calibration files", str(len(payload.files))),
-            ("set aside", str(len(aside))),
+            ("skipped", str(len(skipped))),
         )
     )
     blocks: list[Block] = [counts]
-    if aside:
+    if skipped:
         blocks.append(
             Table(
-                caption="What was set aside",
+                caption="What was skipped",
                 columns=(Column("file"), Column("why")),
-                rows=tuple((one.name, one.reason) for one in aside[:MOST_ROWS]),
+                rows=tuple((one.name, one.reason) for one in skipped[:MOST_ROWS]),
             )
         )
-    if len(aside) > MOST_ROWS:
-        blocks.append(f"{len(aside) - MOST_ROWS} more are in the JSON.")
+    if len(skipped) > MOST_ROWS:
+        blocks.append(f"{len(skipped) - MOST_ROWS} more are in the JSON.")
     return Section(title="What was in the folder", blocks=tuple(blocks))
 
 

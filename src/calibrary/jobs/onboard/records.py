@@ -12,11 +12,11 @@ from calibrary.calib.collect import Collected
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.jobs.exchange.add import Stated
-from calibrary.jobs.onboard.claims import Claim, Kind
-from calibrary.jobs.onboard.judging import Hearing, Relative
-from calibrary.jobs.onboard.proposing import Serves
-from calibrary.jobs.onboard.sorting import Payload
-from calibrary.jobs.onboard.subjects import Subject, Subjects
+from calibrary.jobs.onboard.cameras import PayloadCamera, PayloadCameras
+from calibrary.jobs.onboard.classify import Payload
+from calibrary.jobs.onboard.comparison import EstimateComparison, Relative
+from calibrary.jobs.onboard.estimates import Estimate, Kind
+from calibrary.jobs.onboard.proposal import Serves
 from calibrary.policy import Policy
 from calibrary.registry.entry import Entry
 from calibrary.registry.registry import Registry
@@ -60,7 +60,7 @@ class Request:
         said: puts what was said of a camera in the place of what is known, for cameras without a name.
         image_size: of calibration files that do not say theirs.
         board: which board the frames show; None for a checkerboard whose corners are counted by trying.
-        trusted: whom to believe where witnesses disagree and nothing else decides.
+        trusted: whom to believe where estimates disagree and nothing else decides.
         only: a part of the name of the cameras that are meant; None for all.
         stated: of the making of calibrations whose source does not say it.
         workers: processes; 0 decides by itself.
@@ -92,13 +92,13 @@ class BoardSolve:
     Attributes:
         frames: how many there are.
         collected, result: None where no board was found or nothing could be solved.
-        why_not: then why.
+        reason: then why.
     """
 
     frames: int
     collected: Collected | None = None
     result: CalibrationResult | None = None
-    why_not: str | None = None
+    reason: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,13 +106,13 @@ class CameraDecision:
     """One camera.
 
     Attributes:
-        subject: which, and what came for it.
+        camera: which, and what came for it.
         decision: what becomes of it.
         reason: why, in a sentence.
         advice: what to do next.
         board: of its frames of a board, None where there are none.
-        claims: everybody heard, the one that is proposed first.
-        hearing: how the others stand to it; None where nobody claims a K.
+        estimates: everybody heard, the one that is proposed first.
+        comparison: how the others stand to it; None where nobody estimates a K.
         report: the K against the policy.
         entry: as it would be written; None where it came to none.
         current: what the registry's main branch has at its place.
@@ -120,13 +120,13 @@ class CameraDecision:
         relatives: entries of the same model.
     """
 
-    subject: Subject
+    camera: PayloadCamera
     decision: Decision
     reason: str
     advice: str | None = None
     board: BoardSolve | None = None
-    claims: tuple[Claim, ...] = ()
-    hearing: Hearing | None = None
+    estimates: tuple[Estimate, ...] = ()
+    comparison: EstimateComparison | None = None
     report: Report | None = None
     entry: Entry | None = None
     current: Entry | None = None
@@ -141,13 +141,13 @@ class Onboarding:
     Attributes:
         request: what was asked.
         payload: the folder, sorted.
-        subjects: its cameras, and what is of none.
+        cameras: its cameras, and what is of none.
         outcomes: of each camera.
     """
 
     request: Request
     payload: Payload
-    subjects: Subjects
+    cameras: PayloadCameras
     outcomes: tuple[CameraDecision, ...]
 
     @property

@@ -14,9 +14,17 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError
 from calibrary.jobs.calibrate_board.frame_metadata import describe_frames
 from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe
-from calibrary.jobs.onboard.claims import MEASURED, Claim, Kind, claims
-from calibrary.jobs.onboard.judging import Hearing, hear, held_against, refused_by, relatives
-from calibrary.jobs.onboard.proposing import FRAME, Serves, entry_for, is_same, sources_of
+from calibrary.jobs.onboard.cameras import PayloadCamera, find_cameras
+from calibrary.jobs.onboard.classify import Payload, classify_payload
+from calibrary.jobs.onboard.comparison import (
+    EstimateComparison,
+    compare_estimates,
+    held_against,
+    refused_by,
+    relatives,
+)
+from calibrary.jobs.onboard.estimates import MEASURED, Estimate, Kind, estimates
+from calibrary.jobs.onboard.proposal import FRAME, Serves, entry_for, is_same, sources_of
 from calibrary.jobs.onboard.records import (
     BoardSolve,
     CameraDecision,
@@ -26,8 +34,6 @@ from calibrary.jobs.onboard.records import (
     Questions,
     Request,
 )
-from calibrary.jobs.onboard.sorting import Payload, sort_payload
-from calibrary.jobs.onboard.subjects import Subject, find_subjects
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
@@ -49,7 +55,7 @@ def onboard(request: Request) -> Onboarding:
         InputError: the folder cannot be read, or there is nothing of a camera in it.
         RegistryError: the registry cannot be read.
     """
-    payload = sort_payload(
+    payload = classify_payload(
         request.folder,
         board=request.board,
         workers=request.workers,
@@ -60,10 +66,10 @@ def onboard(request: Request) -> Onboarding:
             "holds neither an image nor a calibration file; give the folder of what came with the payload",
             source=str(request.folder),
         )
-    subjects = find_subjects(payload, request.policy, request.said, image_size=request.image_size)
-    chosen = [one for one in subjects.found if _is_meant(one, request.only)]
-    if subjects.found and not chosen:
-        names = "; ".join(str(one.key) for one in subjects.found)
+    cameras = find_cameras(payload, request.policy, request.said, image_size=request.image_size)
+    chosen = [one for one in cameras.found if _is_meant(one, request.only)]
+    if cameras.found and not chosen:
+        names = "; ".join(str(one.key) for one in cameras.found)
         raise InputError(
             f"no camera in it is called {request.only!r:.60}: {names}", source=str(request.folder)
         )
@@ -71,7 +77,7 @@ def onboard(request: Request) -> Onboarding:
     outcomes = tuple(_outcome(one, payload, square_mm, request) for one in chosen)
     if any(one.decision is Decision.REFUSED for one in outcomes):
         outcomes = tuple(_waiting(one, request) for one in outcomes)
-    return Onboarding(request=request, payload=payload, subjects=subjects, outcomes=outcomes)
+    return Onboarding(request=request, payload=payload, cameras=cameras, outcomes=outcomes)
 
 
 def branch_of(entry: Entry) -> str:
@@ -111,7 +117,7 @@ def _with_sources(
         source.sha256: (source.name, source.sha256)
         for one in done.outcomes
         if one.entry in entries
-        for what, source in sources_of(one.subject, done.payload)
+        for what, source in sources_of(one.camera, done.payload)
         if what != FRAME
     }
     there = {sha256 for _, sha256 in known}
@@ -123,12 +129,12 @@ def _waiting(one: CameraDecision, request: Request) -> CameraDecision:
     if one.decision is not Decision.PROPOSED:
         return one
     return replace(
-        one, advice=f"to take it alone: calibrary onboard {request.folder} --only '{one.subject.key}'"
+        one, advice=f"to take it alone: calibrary onboard {request.folder} --only '{one.camera.key}'"
     )
 
 
-def _is_meant(subject: Subject, only: str | None) -> bool:
-    return only is None or only.casefold() in str(subject.key).casefold()
+def _is_meant(camera: PayloadCamera, only: str | None) -> bool:
+    return only is None or only.casefold() in str(camera.key).casefold()
 
 
 def _phase(progress: Progress | None, words: str) -> Callable[[int, int], None] | None:
@@ -137,52 +143,59 @@ def _phase(progress: Progress | None, words: str) -> Callable[[int, int], None] 
     return lambda done, total: progress(words, done, total)
 
 
-def _square_mm(subjects: Sequence[Subject], request: Request) -> float:
+def _square_mm(cameras: Sequence[PayloadCamera], request: Request) -> float:
     """Asked once, however many cameras photographed the board; 0 where none did."""
-    frames = sum(len(subject.frames) for subject in subjects)
+    frames = sum(len(camera.frames) for camera in cameras)
     if request.board is not None:
         return request.board.square_mm
     return request.questions.square_mm(frames) if frames else 0.0
 
 
-def _outcome(subject: Subject, payload: Payload, square_mm: float, request: Request) -> CameraDecision:
-    board = _board(subject, square_mm, request) if subject.frames else None
+def _outcome(camera: PayloadCamera, payload: Payload, square_mm: float, request: Request) -> CameraDecision:
+    board = _board(camera, square_mm, request) if camera.frames else None
     result = board.result if board is not None else None
-    heard = claims(subject, result, _current(subject, request.registry), request.policy)
-    hearing = hear(heard, request.trusted)
-    if hearing is None:
-        why, advice = _no_k(subject, board)
+    heard = estimates(camera, result, _current(camera, request.registry), request.policy)
+    comparison = compare_estimates(heard, request.trusted)
+    if comparison is None:
+        why, advice = _no_k(camera, board)
         return CameraDecision(
-            subject=subject, decision=Decision.REFUSED, reason=why, advice=advice, board=board, claims=heard
+            camera=camera, decision=Decision.REFUSED, reason=why, advice=advice, board=board, estimates=heard
         )
     so_far = CameraDecision(
-        subject=subject, decision=Decision.REFUSED, reason="", board=board, claims=heard, hearing=hearing
+        camera=camera,
+        decision=Decision.REFUSED,
+        reason="",
+        board=board,
+        estimates=heard,
+        comparison=comparison,
     )
-    if hearing.dispute is not None:
+    if comparison.dispute is not None:
         advice = (
-            "bring another witness (frames of a board, a calibration file), take the wrong one out, or say whom to "
+            "bring another estimate (frames of a board, a calibration file), take the wrong one out, or say whom to "
             f"believe: {_trusts(heard)}"
         )
-        return replace(so_far, reason=hearing.dispute, advice=advice)
-    calibration = hearing.chosen.calibration
+        return replace(so_far, reason=comparison.dispute, advice=advice)
+    calibration = comparison.chosen.calibration
     assert calibration is not None  # noqa: S101  only a whole calibration is chosen
-    report = held_against(calibration, subject, hearing, request.policy)
+    report = held_against(calibration, camera, comparison, request.policy)
     so_far = replace(so_far, report=report)
     refused = refused_by(report)
     if refused is not None:
         return replace(
             so_far, reason=refused, advice="put that right, or calibrate the camera: calibrary calibrate"
         )
-    return _proposed(so_far, hearing, payload, request)
+    return _proposed(so_far, comparison, payload, request)
 
 
-def _proposed(so_far: CameraDecision, hearing: Hearing, payload: Payload, request: Request) -> CameraDecision:
+def _proposed(
+    so_far: CameraDecision, comparison: EstimateComparison, payload: Payload, request: Request
+) -> CameraDecision:
     """The draft of a camera against which nothing speaks yet, and what the registry says to it."""
-    subject, registry, board = so_far.subject, request.registry, so_far.board
-    serves = _serves(subject, hearing, request.questions)
+    camera, registry, board = so_far.camera, request.registry, so_far.board
+    serves = _serves(camera, comparison, request.questions)
     result = board.result if board is not None else None
     try:
-        entry = entry_for(subject, hearing, serves, payload, board=result, stated=request.stated)
+        entry = entry_for(camera, comparison, serves, payload, board=result, stated=request.stated)
         proposals = registry.propose([entry])
     except (InputError, RegistryError) as error:
         return replace(so_far, reason=str(error), advice="see what stands there: calibrary registry list")
@@ -209,17 +222,17 @@ def _proposed(so_far: CameraDecision, hearing: Hearing, payload: Payload, reques
     if waiting is not None and is_same(waiting, entry):
         reason = f"its draft waits on the branch {branch}, from the same sources"
         return replace(done, entry=waiting, decision=Decision.KNOWN, reason=reason, advice=approving)
-    return replace(done, decision=Decision.PROPOSED, reason=_why(hearing, board), advice=approving)
+    return replace(done, decision=Decision.PROPOSED, reason=_why(comparison, board), advice=approving)
 
 
-def _why(hearing: Hearing, board: BoardSolve | None) -> str:
-    chosen = hearing.chosen
+def _why(comparison: EstimateComparison, board: BoardSolve | None) -> str:
+    chosen = comparison.chosen
     grade = chosen.grade.value if chosen.grade is not None else "unknown"
-    agreeing = [voice.claim.name for voice in hearing.voices if voice.agrees]
+    agreeing = [compared.estimate.name for compared in comparison.others if compared.agrees]
     told = f"its K is that of {chosen.name}, grade {grade}"
     told += f"; {', '.join(agreeing[:3])} {'agrees' if len(agreeing) == 1 else 'agree'}" if agreeing else ""
-    if hearing.overruled:
-        told += f"; {', '.join(voice.claim.name for voice in hearing.overruled)} not believed"
+    if comparison.overruled:
+        told += f"; {', '.join(compared.estimate.name for compared in comparison.overruled)} not believed"
     provisional = (
         chosen.kind is Kind.BOARD
         and board is not None
@@ -229,37 +242,37 @@ def _why(hearing: Hearing, board: BoardSolve | None) -> str:
     return f"{told}; provisional, better frames are wanted before it is approved" if provisional else told
 
 
-def _serves(subject: Subject, hearing: Hearing, questions: Questions) -> Serves:
+def _serves(camera: PayloadCamera, comparison: EstimateComparison, questions: Questions) -> Serves:
     """Nominal numbers are every unit's; of what was measured on one a person says whether it stands for others."""
-    if hearing.chosen.grade not in MEASURED or subject.key.serial is None:
+    if comparison.chosen.grade not in MEASURED or camera.key.serial is None:
         return Serves.MODEL
-    return questions.serves(str(subject.key))
+    return questions.serves(str(camera.key))
 
 
-def _no_k(subject: Subject, board: BoardSolve | None) -> tuple[str, str]:
-    if board is not None and board.why_not is not None:
+def _no_k(camera: PayloadCamera, board: BoardSolve | None) -> tuple[str, str]:
+    if board is not None and board.reason is not None:
         return (
-            f"its frames of a board give no K: {board.why_not}",
+            f"its frames of a board give no K: {board.reason}",
             "take better frames: calibrary calibrate guide",
         )
-    camera = subject.camera
-    if camera is not None and camera.calibration is not None:
+    judged = camera.judged
+    if judged is not None and judged.calibration is not None:
         return (
             "its K would rest on a sensor size that nobody stated",
             "bring frames of a board or a calibration file",
         )
-    if camera is not None and camera.why_not is not None:
-        return camera.why_not, "bring frames of a board or a calibration file for it"
+    if judged is not None and judged.no_k_reason is not None:
+        return judged.no_k_reason, "bring frames of a board or a calibration file for it"
     return "nothing that came with it says its K", "bring frames of a board or a calibration file for it"
 
 
-def _trusts(heard: Sequence[Claim]) -> str:
-    kinds = dict.fromkeys(claim.kind for claim in heard if claim.rank is not None)
+def _trusts(heard: Sequence[Estimate]) -> str:
+    kinds = dict.fromkeys(estimate.kind for estimate in heard if estimate.rank is not None)
     return " or ".join(f"--trust {kind.value}" for kind in kinds)
 
 
-def _board(subject: Subject, square_mm: float, request: Request) -> BoardSolve:
-    frames = subject.frames
+def _board(camera: PayloadCamera, square_mm: float, request: Request) -> BoardSolve:
+    frames = camera.frames
     done = 0
 
     def advance(count: int) -> None:
@@ -269,7 +282,7 @@ def _board(subject: Subject, square_mm: float, request: Request) -> BoardSolve:
             request.progress("board", done, len(frames))
 
     def said(known: CameraKey) -> CameraKey:
-        return replace(subject.key, firmware=known.firmware or subject.firmware)
+        return replace(camera.key, firmware=known.firmware or camera.firmware)
 
     try:
         metadata = describe_frames(frames, said)
@@ -278,19 +291,19 @@ def _board(subject: Subject, square_mm: float, request: Request) -> BoardSolve:
         )
         result = calibrate_from(collected, SolveRequest(operator=request.stated.operator))
     except (CalibrationError, InputError) as error:
-        return BoardSolve(frames=len(frames), why_not=str(error))
+        return BoardSolve(frames=len(frames), reason=str(error))
     if result.verdict is BoardVerdict.REFUSE:
         why = "; ".join(finding.message for finding in result.findings[:2])
-        return BoardSolve(frames=len(frames), collected=collected, result=result, why_not=why)
+        return BoardSolve(frames=len(frames), collected=collected, result=result, reason=why)
     return BoardSolve(frames=len(frames), collected=collected, result=result)
 
 
-def _current(subject: Subject, registry: Registry) -> Resolution | None:
+def _current(camera: PayloadCamera, registry: Registry) -> Resolution | None:
     """The entry that answers for the camera now."""
     try:
-        return registry.snapshot().index().resolve(replace(subject.key, firmware=subject.firmware))
+        return registry.snapshot().index().resolve(replace(camera.key, firmware=camera.firmware))
     except CalibraryError:
-        # Two that fit alike, or one that cannot be read: the registry's check tells, and neither is a witness.
+        # Two that fit alike, or one that cannot be read: the registry's check tells, and neither is a estimate.
         return None
 
 

@@ -71,7 +71,7 @@ def step_page(step: Step, *, id_: str, place: Place, made_by: str) -> Page:
     )
     if step.comparison is None:
         found: tuple[Section, ...] = (
-            Section(title="Verdict", blocks=(Note(text=step.why_not or "", tone=Tone.CAUTION),)),
+            Section(title="Verdict", blocks=(Note(text=step.reason or "", tone=Tone.CAUTION),)),
         )
         badge = Badge("not compared", Tone.CAUTION)
     else:

@@ -30,13 +30,13 @@ class Step:
     Attributes:
         before, after: the revisions on both sides.
         comparison: None where the two cannot be compared.
-        why_not: why there is none.
+        reason: why there is none.
     """
 
     before: EntryRevision
     after: EntryRevision
     comparison: Comparison | None = None
-    why_not: str | None = None
+    reason: str | None = None
 
     @property
     def name(self) -> str:
@@ -61,9 +61,9 @@ def _step(before: EntryRevision, after: EntryRevision, policy: Policy) -> Step:
     try:
         comparison = compare(one.calibration, other.calibration, policy)
     except CalibraryError as error:
-        return Step(before=before, after=after, why_not=str(error))
+        return Step(before=before, after=after, reason=str(error))
     except np.linalg.LinAlgError:
-        return Step(before=before, after=after, why_not=BEYOND)
+        return Step(before=before, after=after, reason=BEYOND)
     return Step(before=before, after=after, comparison=comparison)
 
 

@@ -26,7 +26,7 @@ class Role(Enum):
     CHOSEN = ("D", Colour.ACCENT, "used")
     AGREES = ("o", Colour.GOOD, "agrees")
     DISAGREES = ("X", Colour.BAD, "disagrees")
-    ASIDE = ("s", Colour.MUTED, "no K")
+    NO_K = ("s", Colour.MUTED, "no K")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,10 +12,10 @@ from calibrary.calibration import CameraKey, Grade, SourceFile
 from calibrary.jobs.calibrate_board.entry import entry_of
 from calibrary.jobs.calibrate_board.run import SolveRequest
 from calibrary.jobs.exchange.add import Stated
-from calibrary.jobs.onboard.claims import EXIF, Kind
-from calibrary.jobs.onboard.judging import Hearing
-from calibrary.jobs.onboard.sorting import Payload
-from calibrary.jobs.onboard.subjects import Subject, sha256_of
+from calibrary.jobs.onboard.cameras import PayloadCamera, sha256_of
+from calibrary.jobs.onboard.classify import Payload
+from calibrary.jobs.onboard.comparison import EstimateComparison
+from calibrary.jobs.onboard.estimates import EXIF, Kind
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.strictyaml import YamlValue
@@ -38,8 +38,8 @@ class Serves(StrEnum):
 
 
 def entry_for(
-    subject: Subject,
-    hearing: Hearing,
+    camera: PayloadCamera,
+    comparison: EstimateComparison,
     serves: Serves,
     payload: Payload,
     *,
@@ -49,8 +49,8 @@ def entry_for(
     """The draft.
 
     Args:
-        subject: the camera.
-        hearing: whose K it is, and who agrees.
+        camera: the camera.
+        comparison: whose K it is, and who agrees.
         serves: this unit only, or every one of its model.
         payload: where its sources lie.
         board: the solve, where the K is its.
@@ -59,18 +59,18 @@ def entry_for(
     Raises:
         InputError: make or model is missing, or K is a guess.
     """
-    chosen = hearing.chosen
+    chosen = comparison.chosen
     assert chosen.calibration is not None  # noqa: S101  only a whole calibration is chosen
-    key = _key(subject, hearing, serves)
+    key = _key(camera, comparison, serves)
     if chosen.kind is Kind.BOARD and board is not None:
-        named = replace(board.calibration, camera=replace(key, firmware=subject.firmware))
+        named = replace(board.calibration, camera=replace(key, firmware=camera.firmware))
         entry = entry_of(replace(board, calibration=named), SolveRequest(operator=stated.operator))
         calibration = entry.calibration
     else:
         calibration = replace(chosen.calibration, camera=key, extras=())
         entry = Entry.of(calibration)
     made = calibration.provenance
-    own = _own_source(subject, hearing, payload)
+    own = _own_source(camera, comparison, payload)
     made = replace(
         made,
         source=made.source or (own.name if own is not None else None),
@@ -78,28 +78,28 @@ def entry_for(
         tool=made.tool or stated.tool,
         date=made.date or stated.date,
         operator=made.operator or stated.operator,
-        firmware=made.firmware or subject.firmware,
+        firmware=made.firmware or camera.firmware,
     )
-    notes = (*calibration.notes, *_notes(hearing))
+    notes = (*calibration.notes, *_notes(comparison))
     return replace(
         entry,
         calibration=replace(calibration, provenance=made, notes=tuple(dict.fromkeys(notes))),
-        extensions={**entry.extensions, BLOCK: _block(subject, hearing, serves, payload)},
+        extensions={**entry.extensions, BLOCK: _block(camera, comparison, serves, payload)},
     )
 
 
-def sources_of(subject: Subject, payload: Payload) -> tuple[tuple[str, SourceFile], ...]:
+def sources_of(camera: PayloadCamera, payload: Payload) -> tuple[tuple[str, SourceFile], ...]:
     """Every file that was heard, by what it is; of equal images one, of frames of a board all."""
     found = [
-        ("image", SourceFile(name=name, sha256=sha256_of(payload.folder / name))) for name in subject.examples
+        ("image", SourceFile(name=name, sha256=sha256_of(payload.folder / name))) for name in camera.examples
     ]
-    found += [("calibration file", SourceFile(name=one.name, sha256=one.sha256)) for one in subject.files]
+    found += [("calibration file", SourceFile(name=one.name, sha256=one.sha256)) for one in camera.files]
     found += [
         (
             FRAME,
             SourceFile(name=path.relative_to(payload.folder).as_posix(), sha256=sha256_of(path)),
         )
-        for path in subject.frames
+        for path in camera.frames
     ]
     return tuple(dict.fromkeys(found))
 
@@ -129,52 +129,54 @@ def _numbers(entry: Entry) -> list[float]:
     return [K.fx, K.fy, K.cx, K.cy, K.skew, *(lens.coefficients.values() if lens is not None else ())]
 
 
-def _key(subject: Subject, hearing: Hearing, serves: Serves) -> CameraKey:
-    key = replace(subject.key, firmware=None)
-    heard = [voice for voice in hearing.voices if voice.claim.voice == EXIF]
-    confirmed = any(voice.agrees and voice.claim.grade in METRIC for voice in heard)
-    if not confirmed and any(voice in hearing.overruled for voice in heard):
+def _key(camera: PayloadCamera, comparison: EstimateComparison, serves: Serves) -> CameraKey:
+    key = replace(camera.key, firmware=None)
+    heard = [compared for compared in comparison.others if compared.estimate.origin == EXIF]
+    confirmed = any(compared.agrees and compared.estimate.grade in METRIC for compared in heard)
+    if not confirmed and any(compared in comparison.overruled for compared in heard):
         # A focal length that nobody believes must not be what the camera is found by.
         key = replace(key, focal_mm=None)
     return key if serves is Serves.UNIT else replace(key, serial=None)
 
 
-def _own_source(subject: Subject, hearing: Hearing, payload: Payload) -> SourceFile | None:
-    if hearing.chosen.kind is Kind.FILE:
-        file = next(one for one in subject.files if one.name == hearing.chosen.name)
+def _own_source(camera: PayloadCamera, comparison: EstimateComparison, payload: Payload) -> SourceFile | None:
+    if comparison.chosen.kind is Kind.FILE:
+        file = next(one for one in camera.files if one.name == comparison.chosen.name)
         return SourceFile(name=file.name.rpartition("/")[2], sha256=file.sha256)
-    if hearing.chosen.kind is Kind.TAGS and subject.camera is not None:
+    if comparison.chosen.kind is Kind.TAGS and camera.judged is not None:
         # The state whose K it is names its first image as the source.
         source = (
-            subject.camera.calibration.provenance.source if subject.camera.calibration is not None else None
+            camera.judged.calibration.provenance.source if camera.judged.calibration is not None else None
         )
-        name = next((one for one in subject.camera.names if one.rpartition("/")[2] == source), None)
-        name = name or subject.camera.names[0]
+        name = next((one for one in camera.judged.names if one.rpartition("/")[2] == source), None)
+        name = name or camera.judged.names[0]
         return SourceFile(name=name.rpartition("/")[2], sha256=sha256_of(payload.folder / name))
     return None
 
 
-def _notes(hearing: Hearing) -> Iterator[str]:
-    for voice in hearing.overruled:
-        yield f"{voice.claim.name} says fx {voice.share:+.1%} and is not believed"
+def _notes(comparison: EstimateComparison) -> Iterator[str]:
+    for compared in comparison.overruled:
+        yield f"{compared.estimate.name} says fx {compared.difference:+.1%} and is not believed"
 
 
-def _block(subject: Subject, hearing: Hearing, serves: Serves, payload: Payload) -> YamlValue:
+def _block(
+    camera: PayloadCamera, comparison: EstimateComparison, serves: Serves, payload: Payload
+) -> YamlValue:
     """Which sources there were and what they said: the same payload gives the same block."""
     heard = [
-        hearing.chosen,
-        *(voice.claim for voice in hearing.voices if voice.claim.kind is not Kind.REGISTRY),
+        comparison.chosen,
+        *(compared.estimate for compared in comparison.others if compared.estimate.kind is not Kind.REGISTRY),
     ]
     return {
         "serves": serves.value,
         "sources": [
             {"what": what, "name": source.name, "sha256": source.sha256}
-            for what, source in sources_of(subject, payload)
+            for what, source in sources_of(camera, payload)
             # The provenance of a solve lists its frames itself.
-            if not (what == FRAME and hearing.chosen.kind is Kind.BOARD)
+            if not (what == FRAME and comparison.chosen.kind is Kind.BOARD)
         ],
         "heard": [
-            {"who": claim.kind.value, "name": claim.name, "fx": round(claim.intrinsics.fx, 3)}
-            for claim in heard
+            {"kind": estimate.kind.value, "name": estimate.name, "fx": round(estimate.intrinsics.fx, 3)}
+            for estimate in heard
         ],
     }

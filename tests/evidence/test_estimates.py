@@ -10,15 +10,15 @@ from calibrary.calibration import CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion, Rational
 from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.context import Scene
+from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.evidence.witness import Source, Witness
 from calibrary.records import replace
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2, micasense, p4_rtk, xmp
 
 
-def witness(evidence: Evidence, source: Source) -> Witness:
-    return next(w for w in evidence.witnesses if w.source is source)
+def estimate(evidence: Evidence, source: Source) -> SourceEstimate:
+    return next(w for w in evidence.estimates if w.source is source)
 
 
 def test_dewarp_data_counts_the_principal_point_from_the_middle_y_down() -> None:
@@ -106,7 +106,7 @@ def test_calibrated_focal_length_is_the_design_value_and_not_a_calibration() -> 
             CalibratedOpticalCenterY="1824.000000",
         ),
     )
-    design = witness(collect(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
+    design = estimate(collect(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
     assert design.grade is Grade.DESIGN
     assert not design.measured_centre
 
@@ -125,7 +125,7 @@ def test_the_design_centre_tells_the_frame_of_a_file_whose_exif_size_lies() -> N
             CalibratedOpticalCenterY="1824.0",
         ),
     )
-    design = witness(collect(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
+    design = estimate(collect(Scene(metadata=metadata, known=P4_RTK)), Source.DJI_DESIGN)
     assert design.reference_size == (5472, 3648)
     assert design.intrinsics.fx == pytest.approx(3666.666504 / 2)
 
@@ -180,10 +180,10 @@ def test_a_fisheye_is_heard_but_gives_no_k() -> None:
         xmp=xmp("Camera", ModelType="fisheye", FisheyeAffineMatrix="1657.9,0.0,0.0,1657.9"),
     )
     evidence = collect(Scene(metadata=metadata))
-    fisheye = witness(evidence, Source.CAMERA_FISHEYE)
+    fisheye = estimate(evidence, Source.CAMERA_FISHEYE)
     assert fisheye.intrinsics.fx == pytest.approx(2 * 1657.9 / math.pi)
     assert fisheye.intrinsics.fx == pytest.approx(
-        witness(evidence, Source.FOCAL_PLANE).intrinsics.fx, rel=0.01
+        estimate(evidence, Source.FOCAL_PLANE).intrinsics.fx, rel=0.01
     )
     assert evidence.chosen is None
 
@@ -319,13 +319,13 @@ def test_super_resolution_doubles_the_pixels() -> None:
 
 def test_a_35_mm_equivalent_alone_is_a_prior_and_never_a_k() -> None:
     evidence = collect(Scene(metadata=ImageMetadata(size=(5472, 3648), focal_35mm=24.0)))
-    assert [w.grade for w in evidence.witnesses] == [Grade.PRIOR]
+    assert [w.grade for w in evidence.estimates] == [Grade.PRIOR]
     assert evidence.chosen is None
 
 
 def test_the_35_mm_equivalent_refers_to_the_native_diagonal_not_the_crops() -> None:
     metadata = ImageMetadata(size=(4000, 2250), focal_mm=3.61, focal_35mm=20.0)
-    prior = witness(collect(Scene(metadata=metadata, known=PHANTOM_3)), Source.FOCAL_35MM)
+    prior = estimate(collect(Scene(metadata=metadata, known=PHANTOM_3)), Source.FOCAL_35MM)
     assert prior.intrinsics.fx == pytest.approx(20.0 / math.hypot(36, 24) * 5000)
 
 
@@ -347,7 +347,7 @@ def test_a_sensor_is_assumed_only_when_nothing_else_tells_the_pitch() -> None:
     with_plane = replace(
         metadata, focal_plane_resolution=(416.67, 416.67), focal_plane_unit=FocalPlaneUnit.MILLIMETRE
     )
-    sources = {w.source for w in collect(Scene(metadata=with_plane, assumed_sensor_mm=(13.2, 8.8))).witnesses}
+    sources = {w.source for w in collect(Scene(metadata=with_plane, assumed_sensor_mm=(13.2, 8.8))).estimates}
     assert Source.ASSUMED_SENSOR not in sources
 
 
@@ -369,7 +369,7 @@ def test_dewarp_flag_1_without_dewarp_data_still_says_that_there_is_no_distortio
 def test_two_readings_of_one_focal_plane_resolution_are_not_independent() -> None:
     evidence = collect(Scene(metadata=micasense("5.4522", unit="mm")))
     calibrated, derived = (
-        witness(evidence, source) for source in (Source.CAMERA_PERSPECTIVE, Source.FOCAL_PLANE)
+        estimate(evidence, source) for source in (Source.CAMERA_PERSPECTIVE, Source.FOCAL_PLANE)
     )
     assert not calibrated.is_independent_of(derived)
 
@@ -377,6 +377,6 @@ def test_two_readings_of_one_focal_plane_resolution_are_not_independent() -> Non
 def test_pixels_in_xmp_are_independent_of_the_focal_plane_resolution() -> None:
     evidence = collect(Scene(metadata=micasense("1449.36")))
     calibrated, derived = (
-        witness(evidence, source) for source in (Source.CAMERA_PERSPECTIVE, Source.FOCAL_PLANE)
+        estimate(evidence, source) for source in (Source.CAMERA_PERSPECTIVE, Source.FOCAL_PLANE)
     )
     assert calibrated.is_independent_of(derived)

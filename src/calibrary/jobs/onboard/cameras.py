@@ -11,16 +11,16 @@ from typing import Final
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize, same_aspect
 from calibrary.errors import InputError, MissingTagError
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, judge, sort_cameras
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras, judge
 from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.onboard.sorting import LARGEST_CALIBRATION, Payload
+from calibrary.jobs.onboard.classify import LARGEST_CALIBRATION, Payload
 from calibrary.known_camera import normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.slug import match_key
 
-__all__ = ["FileCalibration", "Subject", "Subjects", "find_subjects", "sha256_of"]
+__all__ = ["FileCalibration", "PayloadCamera", "PayloadCameras", "find_cameras", "sha256_of"]
 
 NAMES_SHOWN: Final = 4
 
@@ -41,65 +41,65 @@ class FileCalibration:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Subject:
+class PayloadCamera:
     """One camera of the payload.
 
     Attributes:
         key: which; the serial number is a hash, the firmware is not in it.
         firmware: as all its images write it.
-        camera: what its images say; None where it has none.
+        judged: what its images state; None where it has none.
         frames: of a board.
         files: calibrations for it.
     """
 
     key: CameraKey
     firmware: str | None = None
-    camera: Camera | None = None
+    judged: Camera | None = None
     frames: tuple[Path, ...] = ()
     files: tuple[FileCalibration, ...] = ()
 
     @property
     def examples(self) -> tuple[str, ...]:
         """One image of each of its states, as names below the payload's folder."""
-        states = self.camera.states if self.camera is not None else ()
+        states = self.judged.states if self.judged is not None else ()
         return tuple(sorted(min(state.names) for state in states))
 
     @property
     def size(self) -> ImageSize:
         """(width, height) px of its images, or of its calibration."""
-        assert self.key.image_size is not None  # noqa: S101  every subject has one
+        assert self.key.image_size is not None  # noqa: S101  every camera has one
         return self.key.image_size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Subjects:
+class PayloadCameras:
     """The cameras, and what could not be told whose it is.
 
     Attributes:
         found: in a fixed order.
-        aside: files and images that are of none of them, each with why.
+        skipped: files and images that are of none of them, each with why.
         nameless: sizes of cameras that could be taken on board if somebody said make and model.
     """
 
-    found: tuple[Subject, ...]
-    aside: tuple[SkippedFile, ...]
+    found: tuple[PayloadCamera, ...]
+    skipped: tuple[SkippedFile, ...]
     nameless: tuple[ImageSize, ...] = ()
 
 
 @dataclass(slots=True)
-class _Sorting:
-    subjects: list[Subject] = field(default_factory=list)
-    aside: list[SkippedFile] = field(default_factory=list)
+class _Sorted:
+    cameras: list[PayloadCamera] = field(default_factory=list)
+    skipped: list[SkippedFile] = field(default_factory=list)
     nameless: list[ImageSize] = field(default_factory=list)
 
 
-def find_subjects(
+def find_cameras(
     payload: Payload,
     policy: Policy,
     said: Callable[[CameraKey], CameraKey],
     *,
     image_size: ImageSize | None = None,
-) -> Subjects:
+) -> PayloadCameras:
     """Tell the cameras of a payload apart.
 
     Args:
@@ -109,25 +109,25 @@ def find_subjects(
         image_size: of calibration files that do not say theirs.
     """
     knowledge = Knowledge.load(None)
-    sorting = _Sorting()
-    groups = _named(sort_cameras(payload.states, knowledge), payload, said, sorting)
+    sorted_ = _Sorted()
+    groups = _named(group_cameras(payload.states, knowledge), payload, said, sorted_)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, states in groups.items():
-        camera = judge(key, states, policy=policy, sensor=sensor)
+        judged = judge(key, states, policy=policy, sensor=sensor)
         firmware = {state.metadata.software for state in states}
-        sorting.subjects.append(
-            Subject(
+        sorted_.cameras.append(
+            PayloadCamera(
                 key=key,
                 firmware=firmware.pop() if len(firmware) == 1 else None,
-                camera=camera,
-                frames=tuple(payload.folder / name for name in camera.names if name in payload.frames),
+                judged=judged,
+                frames=tuple(payload.folder / name for name in judged.names if name in payload.frames),
             )
         )
-    _hand_out_files(payload, sorting, said, image_size)
-    return Subjects(
-        found=tuple(sorting.subjects),
-        aside=tuple(sorting.aside),
-        nameless=tuple(dict.fromkeys(sorting.nameless)),
+    _hand_out_files(payload, sorted_, said, image_size)
+    return PayloadCameras(
+        found=tuple(sorted_.cameras),
+        skipped=tuple(sorted_.skipped),
+        nameless=tuple(dict.fromkeys(sorted_.nameless)),
     )
 
 
@@ -141,7 +141,7 @@ def _named(
     groups: dict[CameraKey, tuple[State, ...]],
     payload: Payload,
     said: Callable[[CameraKey], CameraKey],
-    sorting: _Sorting,
+    sorted_: _Sorted,
 ) -> dict[CameraKey, tuple[State, ...]]:
     """The cameras that have a name, their own or one that was said; frames of a board are told by their size."""
     named = {key: states for key, states in groups.items() if _has_name(key)}
@@ -158,8 +158,8 @@ def _named(
             named[told] = (*named.get(told, ()), *states)
             continue
         if key.image_size is not None:
-            sorting.nameless.append(key.image_size)
-        sorting.aside += [
+            sorted_.nameless.append(key.image_size)
+        sorted_.skipped += [
             SkippedFile(name=name, reason="names no make and model; say --make and --model") for name in names
         ]
     return named
@@ -171,29 +171,29 @@ def _has_name(key: CameraKey) -> bool:
 
 def _hand_out_files(
     payload: Payload,
-    sorting: _Sorting,
+    sorted_: _Sorted,
     said: Callable[[CameraKey], CameraKey],
     image_size: ImageSize | None,
 ) -> None:
-    from_images = len(sorting.subjects)
+    from_images = len(sorted_.cameras)
     for path, _ in payload.files:
         name = path.relative_to(payload.folder).as_posix()
-        sizes = {subject.size for subject in sorting.subjects}
+        sizes = {camera.size for camera in sorted_.cameras}
         size = image_size or (sizes.pop() if len(sizes) == 1 else None)
         try:
             calibrations = _read(path, size)
             sha256 = sha256_of(path)
         except MissingTagError as error:
-            way_out = "" if "--image-size" in error.message else "; say --image-size WxH"
-            sorting.aside.append(SkippedFile(name=name, reason=f"{error.message}{way_out}"))
+            remedy = "" if "--image-size" in error.message else "; say --image-size WxH"
+            sorted_.skipped.append(SkippedFile(name=name, reason=f"{error.message}{remedy}"))
             continue
         except InputError as error:
-            sorting.aside.append(SkippedFile(name=name, reason=error.message))
+            sorted_.skipped.append(SkippedFile(name=name, reason=error.message))
             continue
         for at, calibration in enumerate(calibrations, start=1):
             label = name if len(calibrations) == 1 else f"{name}, camera {at}"
             one = FileCalibration(name=label, sha256=sha256, calibration=calibration)
-            _hand_out(one, sorting, said, from_images)
+            _hand_out(one, sorted_, said, from_images)
 
 
 def _read(path: Path, size: ImageSize | None) -> list[Calibration]:
@@ -207,34 +207,36 @@ def _read(path: Path, size: ImageSize | None) -> list[Calibration]:
 
 
 def _hand_out(
-    one: FileCalibration, sorting: _Sorting, said: Callable[[CameraKey], CameraKey], from_images: int
+    one: FileCalibration, sorted_: _Sorted, said: Callable[[CameraKey], CameraKey], from_images: int
 ) -> None:
-    fitting = [at for at, subject in enumerate(sorting.subjects) if _fits(one.calibration, subject.key)]
+    fitting = [at for at, camera in enumerate(sorted_.cameras) if _fits(one.calibration, camera.key)]
     if len(fitting) > 1:
-        same = [at for at in fitting if _is_sub_camera(one.calibration, sorting.subjects[at].key)]
+        same = [at for at in fitting if _is_sub_camera(one.calibration, sorted_.cameras[at].key)]
         fitting = same if len(same) == 1 else fitting
     if len(fitting) == 1:
-        subject = sorting.subjects[fitting[0]]
-        scaled = replace(one, calibration=one.calibration.scaled(subject.size))
-        sorting.subjects[fitting[0]] = replace(subject, files=(*subject.files, scaled))
+        camera = sorted_.cameras[fitting[0]]
+        scaled = replace(one, calibration=one.calibration.scaled(camera.size))
+        sorted_.cameras[fitting[0]] = replace(camera, files=(*camera.files, scaled))
         return
     key = replace(one.calibration.camera, image_size=one.calibration.intrinsics.image_size)
     if len(fitting) > 1:
-        names = ", ".join(str(sorting.subjects[at].key) for at in fitting[:NAMES_SHOWN])
+        names = ", ".join(str(sorted_.cameras[at].key) for at in fitting[:NAMES_SHOWN])
         why = f"does not say which of {len(fitting)} cameras it is of: {names}; put it beside that one's images alone"
-        sorting.aside.append(SkippedFile(name=one.name, reason=why))
+        sorted_.skipped.append(SkippedFile(name=one.name, reason=why))
         return
     if from_images:
-        kept = ", ".join(str(subject.key) for subject in sorting.subjects[:NAMES_SHOWN])
-        sorting.aside.append(SkippedFile(name=one.name, reason=f"is of {key}, and the images are of {kept}"))
+        kept = ", ".join(str(camera.key) for camera in sorted_.cameras[:NAMES_SHOWN])
+        sorted_.skipped.append(
+            SkippedFile(name=one.name, reason=f"is of {key}, and the images are of {kept}")
+        )
         return
     told = said(key)
     if _has_name(told):
         named = replace(told, firmware=None)
-        sorting.subjects.append(Subject(key=named, firmware=told.firmware, files=(one,)))
+        sorted_.cameras.append(PayloadCamera(key=named, firmware=told.firmware, files=(one,)))
     else:
-        sorting.nameless.append(one.calibration.intrinsics.image_size)
-        sorting.aside.append(
+        sorted_.nameless.append(one.calibration.intrinsics.image_size)
+        sorted_.skipped.append(
             SkippedFile(name=one.name, reason="names no make and model; say --make and --model")
         )
 

@@ -8,11 +8,11 @@ from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import AnyDistortion
 from calibrary.records import Record
 
-__all__ = ["Dropped", "Source", "Witness"]
+__all__ = ["Dropped", "Source", "SourceEstimate"]
 
 
 class Source(StrEnum):
-    """Where a witness's focal length is from, most trusted first."""
+    """Where a estimate's focal length is from, most trusted first."""
 
     DJI_DEWARP_K6 = "dji-dewarp-k6"
     DJI_DEWARP = "dji-dewarp"
@@ -54,7 +54,7 @@ RESTS_ON = {
 }
 
 
-class Witness(Record):
+class SourceEstimate(Record):
     """What one source says K is, brought to the file's frame.
 
     Attributes:
@@ -87,7 +87,7 @@ class Witness(Record):
     by_focal_plane: bool = False
     date: str | None = None
 
-    def is_independent_of(self, other: Witness) -> bool:
+    def is_independent_of(self, other: SourceEstimate) -> bool:
         """Whether nothing that was written once stands behind both: only then does agreement prove anything."""
         return not self._rests_on & other._rests_on
 
@@ -97,7 +97,7 @@ class Witness(Record):
 
     @property
     def rank(self) -> tuple[int, int]:
-        """Sorts witnesses best first.
+        """Sorts estimates best first.
 
         A maker's design value is focal length ÷ pitch as well, only with nobody to check its pitch, so it does
         not stand above the derived ones: between those the source decides.

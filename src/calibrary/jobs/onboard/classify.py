@@ -16,7 +16,7 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.gather import SkippedFile, find_files, gather
 from calibrary.parsers.image_names import is_image
 
-__all__ = ["Payload", "sort_payload"]
+__all__ = ["Payload", "classify_payload"]
 
 LARGEST_CALIBRATION: Final = 4 << 20
 MOST_FILES: Final = 100_000
@@ -50,7 +50,7 @@ class Payload:
         return sum(len(names) for names in self.states.values())
 
 
-def sort_payload(
+def classify_payload(
     folder: Path,
     *,
     board: Board | None = None,
@@ -96,7 +96,7 @@ def sort_payload(
 
 
 def _calibrations(paths: Sequence[Path], folder: Path) -> tuple[list[tuple[Path, str]], list[SkippedFile]]:
-    """The files that some format claims, and of the others why they are none."""
+    """The files that some format estimates, and of the others why they are none."""
     files: list[tuple[Path, str]] = []
     others: list[SkippedFile] = []
     for path in paths:

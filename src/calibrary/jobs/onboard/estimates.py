@@ -10,18 +10,18 @@ from typing import Final
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Grade, Intrinsics
-from calibrary.evidence.witness import Source, Witness
+from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.jobs.extract.cameras import circumstances
-from calibrary.jobs.onboard.subjects import Subject
+from calibrary.jobs.onboard.cameras import PayloadCamera
 from calibrary.policy import Policy
 from calibrary.registry.resolution import Resolution
 from calibrary.validation import Expected
 
-__all__ = ["EXIF", "MEASURED", "Claim", "Kind", "claims", "expected_of", "gap"]
+__all__ = ["EXIF", "MEASURED", "Estimate", "Kind", "estimates", "expected_of", "gap"]
 
 MEASURED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 EXIF: Final = "EXIF"
-"""The voice of whatever rests on EXIF's focal lengths."""
+"""The compared of whatever rests on EXIF's focal lengths."""
 TOLERANCE: Final = 0.03
 """Between two measurements, or one and a known camera, where the policy names none."""
 
@@ -37,13 +37,13 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Claim:
+class Estimate:
     """What one source says.
 
     Attributes:
         kind: who.
         name: the tag, the file, the entry.
-        voice: what was written by one hand: two tags of one EXIF head are one voice, however often they agree.
+        compared: what was written by one hand: two tags of one EXIF head are one compared, however often they agree.
         intrinsics: at the size of the camera's images.
         grade: None where it is only an expectation.
         calibration: with distortion and quality, where it is a whole one that might become the entry.
@@ -54,7 +54,7 @@ class Claim:
 
     kind: Kind
     name: str
-    voice: str
+    origin: str
     intrinsics: Intrinsics
     grade: Grade | None = None
     calibration: Calibration | None = None
@@ -63,32 +63,32 @@ class Claim:
     rank: tuple[int, ...] | None = None
 
 
-def claims(
-    subject: Subject, board: CalibrationResult | None, current: Resolution | None, policy: Policy
-) -> tuple[Claim, ...]:
+def estimates(
+    camera: PayloadCamera, board: CalibrationResult | None, current: Resolution | None, policy: Policy
+) -> tuple[Estimate, ...]:
     """Everybody heard, the one whose K is proposed first.
 
     Args:
-        subject: the camera.
+        camera: the camera.
         board: what its frames of a board were solved to; of a refused one nothing is heard.
         current: the registry's entry for it.
         policy: how near they must lie.
     """
     heard = [
         *_of_board(board, policy),
-        *_of_files(subject, policy),
-        *_of_tags(subject, policy),
+        *_of_files(camera, policy),
+        *_of_tags(camera, policy),
         *_of_registry(current, policy),
-        *_of_catalogue(subject, policy),
+        *_of_catalogue(camera, policy),
     ]
-    able = [claim for claim in heard if claim.rank is not None]
+    able = [estimate for estimate in heard if estimate.rank is not None]
     if not able:
         return tuple(heard)
-    chosen = min(able, key=lambda claim: claim.rank or ())
-    return (chosen, *(claim for claim in heard if claim is not chosen))
+    chosen = min(able, key=lambda estimate: estimate.rank or ())
+    return (chosen, *(estimate for estimate in heard if estimate is not chosen))
 
 
-def gap(chosen: Claim, other: Claim) -> float:
+def gap(chosen: Estimate, other: Estimate) -> float:
     """(other − chosen) / chosen of fx or fy, or of cx and cy over the width where both measured them."""
     a, b, width = chosen.intrinsics, other.intrinsics, chosen.intrinsics.image_size[0]
     apart = [b.fx / a.fx - 1.0, b.fy / a.fy - 1.0]
@@ -97,22 +97,22 @@ def gap(chosen: Claim, other: Claim) -> float:
     return max(apart, key=abs)
 
 
-def expected_of(subject: Subject) -> Expected | None:
+def expected_of(camera: PayloadCamera) -> Expected | None:
     """What the catalogue expects of the camera."""
-    if subject.camera is None:
+    if camera.judged is None:
         return None
-    state = subject.camera.states[0]
-    return circumstances(subject.camera.evidence, state.known).expected
+    state = camera.judged.states[0]
+    return circumstances(camera.judged.evidence, state.known).expected
 
 
-def _of_board(board: CalibrationResult | None, policy: Policy) -> Iterator[Claim]:
+def _of_board(board: CalibrationResult | None, policy: Policy) -> Iterator[Estimate]:
     if board is None or board.verdict is BoardVerdict.REFUSE:
         return
     passed = board.verdict is BoardVerdict.PASS
-    yield Claim(
+    yield Estimate(
         kind=Kind.BOARD,
         name=f"{len(board.rms_by_view)} frames of {board.observations.board}",
-        voice="board",
+        origin="board",
         intrinsics=board.calibration.intrinsics,
         grade=board.calibration.grade,
         calibration=board.calibration,
@@ -123,48 +123,48 @@ def _of_board(board: CalibrationResult | None, policy: Policy) -> Iterator[Claim
     )
 
 
-def _of_files(subject: Subject, policy: Policy) -> Iterator[Claim]:
-    for file in subject.files:
+def _of_files(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
+    for file in camera.files:
         calibration = file.calibration
-        yield Claim(
+        yield Estimate(
             kind=Kind.FILE,
             name=file.name,
-            voice=f"file {file.sha256}",
+            origin=f"file {file.sha256}",
             intrinsics=calibration.intrinsics,
             grade=calibration.grade,
             calibration=calibration,
-            limit=_measured_limit(policy) if calibration.grade in MEASURED else policy.witness_agreement,
+            limit=_measured_limit(policy) if calibration.grade in MEASURED else policy.source_agreement,
             measured_centre=calibration.grade in MEASURED,
             rank=(calibration.grade.rank, 1) if calibration.grade.is_metric else None,
         )
 
 
-def _of_tags(subject: Subject, policy: Policy) -> Iterator[Claim]:
-    if subject.camera is None:
+def _of_tags(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
+    if camera.judged is None:
         return
-    evidence, made = subject.camera.evidence, subject.camera.calibration
-    for witness in evidence.witnesses:
-        if witness.source is Source.ASSUMED_SENSOR:
-            # A sensor that nobody stated is no witness, and no K of it becomes an entry.
+    evidence, made = camera.judged.evidence, camera.judged.calibration
+    for estimate in evidence.estimates:
+        if estimate.source is Source.ASSUMED_SENSOR:
+            # A sensor that nobody stated is no estimate, and no K of it becomes an entry.
             continue
-        chosen = witness is evidence.chosen and made is not None
-        rank = _tag_rank(witness) if chosen else None
-        measured = witness.grade in MEASURED
-        yield Claim(
+        chosen = estimate is evidence.chosen and made is not None
+        rank = _tag_rank(estimate) if chosen else None
+        measured = estimate.grade in MEASURED
+        yield Estimate(
             kind=Kind.TAGS,
-            name=witness.tag,
-            voice=_hand(witness.source),
-            intrinsics=witness.intrinsics,
-            grade=witness.grade,
+            name=estimate.tag,
+            origin=_hand(estimate.source),
+            intrinsics=estimate.intrinsics,
+            grade=estimate.grade,
             calibration=made if chosen else None,
-            limit=max(_measured_limit(policy) if measured else policy.witness_agreement, witness.tolerance),
-            measured_centre=witness.measured_centre,
+            limit=max(_measured_limit(policy) if measured else policy.source_agreement, estimate.tolerance),
+            measured_centre=estimate.measured_centre,
             rank=rank,
         )
 
 
-def _tag_rank(witness: Witness) -> tuple[int, ...]:
-    return witness.grade.rank, 2
+def _tag_rank(estimate: SourceEstimate) -> tuple[int, ...]:
+    return estimate.grade.rank, 2
 
 
 def _hand(source: Source) -> str:
@@ -181,14 +181,14 @@ def _hand(source: Source) -> str:
     return named.get(source, EXIF)
 
 
-def _of_registry(current: Resolution | None, policy: Policy) -> Iterator[Claim]:
+def _of_registry(current: Resolution | None, policy: Policy) -> Iterator[Estimate]:
     if current is None:
         return
     calibration = current.calibration
-    yield Claim(
+    yield Estimate(
         kind=Kind.REGISTRY,
         name=current.path,
-        voice="registry",
+        origin="registry",
         intrinsics=calibration.intrinsics,
         grade=calibration.grade,
         limit=current.entry.tolerance or _measured_limit(policy),
@@ -196,17 +196,17 @@ def _of_registry(current: Resolution | None, policy: Policy) -> Iterator[Claim]:
     )
 
 
-def _of_catalogue(subject: Subject, policy: Policy) -> Iterator[Claim]:
-    expected = expected_of(subject)
+def _of_catalogue(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
+    expected = expected_of(camera)
     if expected is None:
         return
-    width, height = subject.size
-    K = Intrinsics(fx=expected.fx, fy=expected.fx, cx=width / 2, cy=height / 2, image_size=subject.size)
-    camera = subject.camera.states[0].known.camera if subject.camera is not None else None
-    yield Claim(
+    width, height = camera.size
+    K = Intrinsics(fx=expected.fx, fy=expected.fx, cx=width / 2, cy=height / 2, image_size=camera.size)
+    known = camera.judged.states[0].known.camera if camera.judged is not None else None
+    yield Estimate(
         kind=Kind.CATALOGUE,
-        name=camera.title if camera is not None else "catalogue",
-        voice="catalogue",
+        name=known.title if known is not None else "catalogue",
+        origin="catalogue",
         intrinsics=K,
         limit=max(_measured_limit(policy), expected.spread or 0.0),
     )

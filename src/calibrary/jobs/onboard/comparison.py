@@ -1,0 +1,201 @@
+"""Compare the estimates of a camera's K, validate the proposed one, and compare it with entries of its model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from calibrary.calibration import Calibration
+from calibrary.errors import CalibraryError, InputError
+from calibrary.evidence.edits import edits
+from calibrary.jobs.diff.comparison import Comparison, compare
+from calibrary.jobs.extract.cameras import circumstances
+from calibrary.jobs.onboard.cameras import PayloadCamera
+from calibrary.jobs.onboard.estimates import Estimate, Kind, expected_of, gap
+from calibrary.policy import Policy
+from calibrary.records import replace
+from calibrary.registry.entry import Entry, folder_of
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.keys import id_of
+from calibrary.registry.registry import Registry
+from calibrary.validation import Circumstances, NamedFocal, Report, Verdict, validate
+
+__all__ = [
+    "ComparedEstimate",
+    "EstimateComparison",
+    "Relative",
+    "compare_estimates",
+    "held_against",
+    "relatives",
+]
+
+MOST_RELATIVES: Final = 12
+MOST_READ: Final = 400
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ComparedEstimate:
+    """One estimate compared with the chosen one.
+
+    Attributes:
+        estimate: the other estimate.
+        difference: relative to the chosen one: of fx or fy, or of the principal point over the image width.
+        agrees: whether the difference is within the limit.
+    """
+
+    estimate: Estimate
+    difference: float
+    agrees: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EstimateComparison:
+    """The chosen estimate and how the others agree with it.
+
+    Attributes:
+        chosen: the estimate whose K is proposed.
+        others: all other estimates, each compared with it.
+        overruled: those that disagree and are overruled, by the other sources or by the user.
+        dispute: why no estimate can be chosen; None where one can.
+    """
+
+    chosen: Estimate
+    others: tuple[ComparedEstimate, ...]
+    overruled: tuple[ComparedEstimate, ...] = ()
+    dispute: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Relative:
+    """An entry of the same model and how the proposed K differs from it.
+
+    Attributes:
+        id: of the entry.
+        entry: the entry.
+        comparison: of its K with the proposed one; None where they cannot be compared.
+        reason: why they cannot be compared.
+        own: whether it is of the camera being onboarded.
+    """
+
+    id: str
+    entry: Entry
+    comparison: Comparison | None
+    reason: str | None
+    own: bool
+
+
+def compare_estimates(
+    estimates: Sequence[Estimate], trusted: Kind | None = None
+) -> EstimateComparison | None:
+    """Compare the first estimate with the others.
+
+    A disagreeing estimate is overruled where at least two independent origins agree with the first estimate and they
+    outnumber the origins that disagree: a measurement and the catalogue overrule a firmware that writes the focal
+    length of another lens. One origin against one is a dispute, which another source or ``trusted`` settles.
+
+    Args:
+        estimates: the one to propose first.
+        trusted: the kind of source that the user trusts.
+
+    Returns:
+        None where no estimate gives a K.
+    """
+    if trusted is not None:
+        able = [one for one in estimates if one.kind is trusted and one.rank is not None]
+        estimates = [*able[:1], *(one for one in estimates if one not in able[:1])]
+    if not estimates or estimates[0].rank is None:
+        return None
+    chosen = estimates[0]
+    others = tuple(_compared(chosen, one) for one in estimates[1:])
+    against = tuple(one for one in others if not one.agrees)
+    for_it = {chosen.origin, *(one.estimate.origin for one in others if one.agrees)}
+    against_it = {one.estimate.origin for one in against} - for_it
+    is_trusted = trusted is not None and chosen.kind is trusted
+    if not against or is_trusted or (len(for_it) >= 2 and len(for_it) > len(against_it)):
+        return EstimateComparison(chosen=chosen, others=others, overruled=against)
+    return EstimateComparison(chosen=chosen, others=others, dispute=_dispute(chosen, against, for_it))
+
+
+def _compared(chosen: Estimate, other: Estimate) -> ComparedEstimate:
+    difference = gap(chosen, other)
+    agrees = abs(difference) <= max(chosen.limit, other.limit)
+    return ComparedEstimate(estimate=other, difference=difference, agrees=agrees)
+
+
+def _dispute(chosen: Estimate, against: Sequence[ComparedEstimate], for_it: set[str]) -> str:
+    disagreeing = "; ".join(f"{_stated(one.estimate)}, {one.difference:+.1%}" for one in against[:4])
+    alone = "nothing confirms it" if len(for_it) < 2 else "no majority of independent sources agrees with it"
+    return f"{_stated(chosen)}; {disagreeing}; {alone}"
+
+
+def _stated(estimate: Estimate) -> str:
+    return f"{estimate.name} ({estimate.kind.value}) states fx = {estimate.intrinsics.fx:.1f} px"
+
+
+def held_against(
+    calibration: Calibration, camera: PayloadCamera, comparison: EstimateComparison, policy: Policy
+) -> Report:
+    """Validate the proposed K against the policy and the other estimates, without the overruled ones."""
+    judged, outvoted = camera.judged, {compared.estimate.name for compared in comparison.overruled}
+    if comparison.chosen.kind is Kind.TAGS and judged is not None:
+        around = circumstances(judged.evidence, judged.states[0].known, spread=judged.spread)
+        others = tuple(other for other in around.others if other.name not in outvoted)
+        return validate(calibration, policy, replace(around, others=others))
+    around = Circumstances(
+        expected=expected_of(camera),
+        others=tuple(
+            NamedFocal(
+                name=compared.estimate.name,
+                fx=compared.estimate.intrinsics.fx,
+                tolerance=compared.estimate.limit,
+            )
+            for compared in comparison.others
+            if compared.agrees and compared.estimate.kind in {Kind.TAGS, Kind.FILE}
+        ),
+        edits=edits(judged.states[0].metadata)
+        if judged is not None and comparison.chosen.kind is Kind.BOARD
+        else (),
+    )
+    return validate(calibration, policy, around)
+
+
+def refused_by(report: Report) -> str | None:
+    """Reason why the policy rejects K or leaves it unproven; None where it is valid."""
+    if report.verdict is Verdict.VALID:
+        return None
+    failure = report.failures[0]
+    return f"{failure.message}{f'; {failure.remedy}' if failure.remedy else ''}"
+
+
+def relatives(registry: Registry, entry: Entry, policy: Policy) -> tuple[Relative, ...]:
+    """The entries of the same model: its own first, then those with the same image size."""
+    snapshot, camera = registry.snapshot(), entry.calibration.camera
+    folder = folder_of(camera.make or "", camera.model or "")
+    paths = sorted(path for path in snapshot.paths if path.startswith(folder))
+    found = []
+    for path in paths[:MOST_READ]:
+        try:
+            other = parse_entry(snapshot.read(path), path)
+        except InputError:
+            # `registry check` reports entries that cannot be read.
+            continue
+        found.append(_relative(path, other, entry, policy))
+    found.sort(key=lambda one: (not one.own, not _is_same_frame(one.entry, entry), one.id))
+    return tuple(found[:MOST_RELATIVES])
+
+
+def _relative(path: str, other: Entry, entry: Entry, policy: Policy) -> Relative:
+    comparison, reason = None, None
+    if other.calibration.camera.sub_camera != entry.calibration.camera.sub_camera:
+        reason = "another camera of this model"
+    else:
+        try:
+            comparison = compare(other.calibration, entry.calibration, policy)
+        except CalibraryError as error:
+            reason = error.message if isinstance(error, InputError) else str(error)
+    return Relative(id=id_of(path), entry=other, comparison=comparison, reason=reason, own=path == entry.path)
+
+
+def _is_same_frame(one: Entry, other: Entry) -> bool:
+    return one.calibration.intrinsics.image_size == other.calibration.intrinsics.image_size
