@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from calibrary.api.boards import CalibrateResult, calibrate
     from calibrary.api.changes import CompareResult, compare
     from calibrary.api.files import read, read_all, refit, write
     from calibrary.api.images import ExtractResult, extract
@@ -25,6 +26,7 @@ __all__ = [
     "FLEET",
     "SOURCE",
     "CalibraryError",
+    "CalibrateResult",
     "Calibration",
     "CameraKey",
     "CompareResult",
@@ -37,6 +39,7 @@ __all__ = [
     "Report",
     "Verdict",
     "__version__",
+    "calibrate",
     "compare",
     "extract",
     "extract_intrinsic_matrix",
@@ -48,6 +51,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "calibrary.api.boards": ("CalibrateResult", "calibrate"),
     "calibrary.api.changes": ("CompareResult", "compare"),
     "calibrary.api.images": ("ExtractResult", "extract"),
     "calibrary.api.files": ("read", "read_all", "refit", "write"),

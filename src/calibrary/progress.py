@@ -5,7 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeAlias
 
-__all__ = ["Progress"]
+__all__ = ["Progress", "counted"]
 
 Progress: TypeAlias = Callable[[int, int, str], None]
 """Called with (done, total, what): how many of how many, and of what, as "images"."""
+
+
+def counted(progress: Progress | None, total: int, what: str) -> Callable[[int], None] | None:
+    """From work that says "so many more" to a caller who is told "so many of so many".
+
+    Args:
+        progress: whom to tell, first of all that nothing is done yet; None for nobody.
+        total: how many there are.
+        what: of what.
+    """
+    if progress is None:
+        return None
+    done = 0
+    progress(done, total, what)
+
+    def advance(more: int) -> None:
+        nonlocal done
+        done += more
+        progress(done, total, what)
+
+    return advance

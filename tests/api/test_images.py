@@ -40,7 +40,7 @@ def test_a_folder_gives_every_camera_with_its_verdict_and_what_to_do(mixed: Path
     assert odd.reason
     assert odd.advice
     assert [skipped.name for skipped in result.skipped] == ["broken.jpg"]
-    assert "no JPEG" in result.skipped[0].reason
+    assert "JPEG, TIFF" in result.skipped[0].reason
     assert not result.is_good
 
 

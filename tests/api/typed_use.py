@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -30,6 +31,21 @@ def write(camera: calibrary.Calibration) -> float:
         np.eye(3), [0.1, 0.0, 0.0, 0.0], image_size=(4, 3), fisheye=True
     )
     return calibrary.write([camera, again], "cameras.txt", format="colmap_text", max_error_px=0.1).max_px
+
+
+def jobs(camera: calibrary.Calibration) -> None:
+    def progress(done: int, total: int, what: str) -> None:
+        sys.stdout.write(f"{done} of {total} {what}")
+
+    found = calibrary.extract(["a.jpg", Path("b.jpg")], policy="source", progress=progress)
+    usable: list[calibrary.Calibration] = [
+        one.calibration for one in found.cameras if one.calibration is not None
+    ]
+    solved = calibrary.calibrate(
+        "frames", square_mm=40, camera=calibrary.CameraKey(model="X"), progress=progress
+    )
+    alarm: bool = calibrary.compare(usable[0], solved.calibration, policy=calibrary.SOURCE).alarm
+    json.dumps([alarm, found.to_dict(), calibrary.Calibration.from_dict(camera.to_dict()).to_dict()])
 
 
 def misuse(camera: calibrary.Calibration) -> None:

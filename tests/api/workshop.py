@@ -8,6 +8,7 @@ from calibrary import Calibration, CameraKey, Grade, Intrinsics, Provenance, par
 from calibrary.distortion import BrownConrady, InverseBrown
 from calibrary.records import replace
 from calibrary.synthetic import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
+from tests.jobs.calibrate_board.boards import frames
 
 SIZE = (5472, 3648)
 DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
@@ -36,6 +37,7 @@ def furnish(folder: Path) -> None:
     parsers.write([CAMERA], folder / "camera.xml", "agisoft_xml")
     pair = [replace(CAMERA, camera=replace(CAMERA.camera, sub_camera=side)) for side in ("left", "right")]
     parsers.write(pair, folder / "stereo.yml", "opencv_storage")
+    frames(folder / "frames", 10)
     inverse = InverseBrown(k1=-0.02, k2=0.01, k3=0.0, p1=0.0005, p2=0.0)
     one_focal = replace(CAMERA.intrinsics, fy=CAMERA.intrinsics.fx)
     adjusted = replace(CAMERA, intrinsics=one_focal, distortion=inverse, grade=Grade.ADJUSTED)

@@ -1,0 +1,76 @@
+"""calibrary.calibrate: frames of a board in; a verdict, its findings, what was skipped, and progress out."""
+
+from __future__ import annotations
+
+import json
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+import calibrary
+from calibrary.calib.verdict import BoardVerdict
+from calibrary.errors import CalibrationError, InputError
+from calibrary.schemas import require
+
+BOARD = "checkerboard:9x6"
+
+
+@pytest.fixture(scope="module")
+def steps() -> list[tuple[int, int, str]]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def result(furnished: Path, steps: list[tuple[int, int, str]]) -> calibrary.CalibrateResult:
+    return calibrary.calibrate(
+        furnished / "frames",
+        board=BOARD,
+        square_mm=40,
+        lens_model="k1k2",
+        date=date(2024, 5, 6),
+        operator="A. Surveyor",
+        camera=calibrary.CameraKey(model="Board Two"),
+        progress=lambda done, total, what: steps.append((done, total, what)),
+    )
+
+
+def test_it_says_how_far_to_trust_the_camera_and_why(result: calibrary.CalibrateResult) -> None:
+    assert result.verdict is BoardVerdict.PROVISIONAL
+    assert not result.is_good
+    assert "few-views" in {finding.rule for finding in result.findings}
+    assert all(finding.message for finding in result.findings)
+    assert result.skipped == ()
+
+
+def test_what_is_stated_is_in_the_calibration(result: calibrary.CalibrateResult) -> None:
+    own = result.calibration
+    assert (own.camera.make, own.camera.model) == ("Example", "Board Two")
+    assert (own.provenance.date, own.provenance.operator) == ("2024-05-06", "A. Surveyor")
+    assert own.distortion is not None
+    assert own.quality is not None
+    assert own.quality.covariance is not None
+
+
+@pytest.mark.usefixtures("result")
+def test_progress_is_told_as_so_many_of_so_many(steps: list[tuple[int, int, str]]) -> None:
+    assert steps[0] == (0, 10, "frames")
+    assert steps[-1] == (10, 10, "frames")
+    assert [done for done, _, _ in steps] == sorted(done for done, _, _ in steps)
+
+
+def test_it_is_plain_data_by_the_commands_schema(result: calibrary.CalibrateResult) -> None:
+    require(
+        json.loads(json.dumps(result.to_dict(), allow_nan=False)), "calibration-result-1", source="to_dict"
+    )
+
+
+def test_a_model_that_is_not_there_is_refused_before_any_frame_is_read(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no lens model 'pinhole'; wanted auto, k1k2"):
+        calibrary.calibrate(tmp_path / "nowhere", square_mm=40, lens_model="pinhole")
+
+
+def test_frames_without_the_board_are_no_calibration(furnished: Path) -> None:
+    frames = sorted((furnished / "frames").glob("*.jpg"))[:2]
+    with pytest.raises(CalibrationError):
+        calibrary.calibrate(frames, board="checkerboard:5x4", square_mm=40)
