@@ -183,6 +183,7 @@ def test_pip_install_gives_the_package_and_the_command(tmp_path: Path) -> None:
     assert imported.stdout.startswith(str(tmp_path))
 
 
+@pytest.mark.usefixtures("ran")
 @pytest.mark.parametrize("code", [text for kind, text in BLOCKS if kind == "python"])
 def test_python_prints_what_stands_below_it(folder: Path, code: str) -> None:
     done = subprocess.run(

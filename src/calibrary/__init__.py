@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from calibrary.api.boards import CalibrateResult, calibrate
     from calibrary.api.changes import CompareResult, compare
     from calibrary.api.files import read, read_all, refit, write
+    from calibrary.api.fleet import Fleet, FleetAnswer, open_registry
     from calibrary.api.images import ExtractResult, extract
     from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
     from calibrary.errors import CalibraryError
@@ -31,6 +32,8 @@ __all__ = [
     "CameraKey",
     "CompareResult",
     "ExtractResult",
+    "Fleet",
+    "FleetAnswer",
     "Grade",
     "Intrinsics",
     "Policy",
@@ -43,6 +46,7 @@ __all__ = [
     "compare",
     "extract",
     "extract_intrinsic_matrix",
+    "open_registry",
     "read",
     "read_all",
     "refit",
@@ -53,6 +57,7 @@ __all__ = [
 _HOMES = {
     "calibrary.api.boards": ("CalibrateResult", "calibrate"),
     "calibrary.api.changes": ("CompareResult", "compare"),
+    "calibrary.api.fleet": ("Fleet", "FleetAnswer", "open_registry"),
     "calibrary.api.images": ("ExtractResult", "extract"),
     "calibrary.api.files": ("read", "read_all", "refit", "write"),
     "calibrary.calibration": ("Calibration", "CameraKey", "Grade", "Intrinsics", "Provenance", "Quality"),

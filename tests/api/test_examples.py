@@ -24,6 +24,7 @@ FUNCTIONS = {
 METHODS = {
     f"Calibration.{name}": getattr(Calibration, name) for name in ("to_opencv", "from_opencv", "to_colmap")
 }
+METHODS["Fleet.resolve"] = calibrary.Fleet.resolve
 DOCUMENTED = {"calibrary": calibrary, **FUNCTIONS, **METHODS}
 
 

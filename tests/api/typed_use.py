@@ -48,6 +48,11 @@ def jobs(camera: calibrary.Calibration) -> None:
     json.dumps([alarm, found.to_dict(), calibrary.Calibration.from_dict(camera.to_dict()).to_dict()])
 
 
+def fleet(camera: calibrary.Calibration) -> float | None:
+    answer: calibrary.FleetAnswer = calibrary.open_registry("fleet", at="v1.0").resolve(camera)
+    return answer.calibration.intrinsics.fx if answer.calibration is not None else None
+
+
 def misuse(camera: calibrary.Calibration) -> None:
     calibrary.read(1)  # type: ignore[arg-type]
     calibrary.read("camera.xml", "agisoft_xml")  # type: ignore[call-arg, arg-type]

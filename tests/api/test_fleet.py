@@ -1,0 +1,82 @@
+"""calibrary.open_registry: which calibration answers for an image, a KEY, a calibration; why, and what is near."""
+
+from __future__ import annotations
+
+import json
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+import calibrary
+from calibrary.errors import InputError, RegistryError
+from calibrary.records import replace
+from calibrary.registry.entry import Status
+from calibrary.schemas import require
+from tests.api.workshop import CAMERA
+
+
+@pytest.fixture
+def fleet(furnished: Path) -> calibrary.Fleet:
+    return calibrary.open_registry(furnished / "fleet")
+
+
+def test_an_image_a_key_a_calibration_and_what_is_known_of_a_camera_are_answered_alike(
+    fleet: calibrary.Fleet, furnished: Path
+) -> None:
+    image = furnished / "survey/DJI_0001.JPG"
+    for camera in (image, str(image), "dji/fc6310r", CAMERA, CAMERA.camera):
+        answer = fleet.resolve(camera)
+        assert answer.status is Status.APPROVED
+        assert answer.calibration is not None
+        assert answer.calibration.intrinsics.fx == 3659.5
+        assert answer.entry is not None
+        assert answer.entry.id.startswith("dji/fc6310r/")
+        assert answer.why
+
+
+def test_the_calibration_is_brought_to_the_cameras_size(fleet: calibrary.Fleet) -> None:
+    answer = fleet.resolve(replace(CAMERA.camera, image_size=(2736, 1824)))
+    assert answer.calibration is not None
+    assert answer.calibration.intrinsics.image_size == (2736, 1824)
+    assert answer.calibration.intrinsics.fx == 3659.5 / 2
+
+
+def test_where_none_answers_it_says_what_is_near(fleet: calibrary.Fleet) -> None:
+    answer = fleet.resolve(replace(CAMERA.camera, image_size=(8000, 6000)))
+    assert (answer.calibration, answer.entry, answer.status, answer.why) == (None, None, None, None)
+    [near] = answer.near
+    assert near.path.startswith("cameras/dji/fc6310r/")
+    assert near.why_not
+
+
+def test_a_camera_without_a_name_and_a_file_without_a_camera_are_refused(
+    fleet: calibrary.Fleet, furnished: Path
+) -> None:
+    with pytest.raises(InputError, match="make and model are not known"):
+        fleet.resolve(calibrary.CameraKey())
+    with pytest.raises(InputError, match=r"camera\.xml"):
+        fleet.resolve(furnished / "camera.xml")
+    with pytest.raises(RegistryError):
+        fleet.resolve("nobody/knows-it")
+
+
+def test_a_state_is_named_by_its_commit_and_holds_its_entries(
+    fleet: calibrary.Fleet, furnished: Path
+) -> None:
+    assert fleet.commit is not None
+    [entry] = fleet.entries()
+    assert entry.calibration.intrinsics.fx == 3659.5
+    again = calibrary.open_registry(furnished / "fleet", at=fleet.commit)
+    assert list(again.entries()) == [entry]
+    with pytest.raises(RegistryError):
+        calibrary.open_registry(furnished / "fleet", at="no-such-tag")
+    with pytest.raises(RegistryError):
+        calibrary.open_registry(furnished / "survey")
+
+
+def test_it_is_plain_data_by_the_commands_schema(fleet: calibrary.Fleet) -> None:
+    document = fleet.resolve(CAMERA, on=date(2026, 5, 1)).to_dict()
+    require(json.loads(json.dumps(document, allow_nan=False)), "resolution-1", source="to_dict")
+    assert document["on"] == "2026-05-01"
+    assert document["known_by"] == "what was said"
