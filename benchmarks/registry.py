@@ -27,11 +27,10 @@ from typing import TYPE_CHECKING
 
 import git
 
-from calibrary.registry.charter import charter_yaml
-from calibrary.registry.git.creating import create
-from calibrary.registry.git.fast_import import File, Person, Step, stream
+from calibrary.registry.configuration import configuration_yaml
+from calibrary.registry.git.commits import File, Person, Step, stream
 from calibrary.registry.git.history import history
-from calibrary.registry.git.maintenance import maintain
+from calibrary.registry.git.maintenance import create, maintain
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
@@ -110,7 +109,7 @@ def begun(folder: Path, files: Mapping[str, bytes], *, durable: bool = True) -> 
     """A bare registry with some entries as its first commit."""
     repo = create(folder, bare=True, durable=durable)
     changes = [Change(path=path, data=data) for path, data in files.items()]
-    write(repo, [Change(path="registry.yaml", data=charter_yaml()), *changes], "Import\n")
+    write(repo, [Change(path="registry.yaml", data=configuration_yaml()), *changes], "Import\n")
     return repo
 
 

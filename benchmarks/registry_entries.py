@@ -29,12 +29,11 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Pro
 from calibrary.distortion import BrownConrady
 from calibrary.records import replace
 from calibrary.registry.alias_cache import names_at
-from calibrary.registry.charter import charter_yaml
 from calibrary.registry.check_registry import check_all
+from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.creating import create
-from calibrary.registry.git.maintenance import maintain
+from calibrary.registry.git.maintenance import create, maintain
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.registry import open_snapshot
 from calibrary.registry.snapshot import Snapshot
@@ -96,7 +95,7 @@ def entry(number: int) -> Entry:
 def registry_of(folder: Path, entries: int) -> Snapshot:
     """A packed bare registry."""
     repo = create(folder, bare=True, durable=False)
-    changes = [Change(path="registry.yaml", data=charter_yaml())]
+    changes = [Change(path="registry.yaml", data=configuration_yaml())]
     changes += [Change(path=one.path, data=entry_yaml(one)) for one in map(entry, range(entries))]
     write(repo, changes, "Import\n")
     maintain(repo)

@@ -21,11 +21,11 @@ from calibrary.calibration import (
 )
 from calibrary.distortion import BrownConrady
 from calibrary.records import replace
-from calibrary.registry.charter import CHARTER, charter_yaml
+from calibrary.registry.configuration import CONFIGURATION_FILE, configuration_yaml
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.creating import create
-from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.commits import Person
+from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
@@ -65,7 +65,7 @@ MODELS = (
 def write_fleet(folder: Path) -> Registry:
     """A registry of seven cameras, one of which was calibrated five times."""
     # A registry that was begun today could hold no commit of last year.
-    begun = [Change(path=CHARTER, data=charter_yaml())]
+    begun = [Change(path=CONFIGURATION_FILE, data=configuration_yaml())]
     write(create(folder), begun, "Begin a registry", author=KEEPER, now=datetime(2025, 1, 9, tzinfo=UTC))
     registry = Registry.open(folder)
     for number, model in enumerate(MODELS):

@@ -1,12 +1,14 @@
-"""The fleet's cameras in git: entries with their K sealed, a history that loses nothing, answers with a reason.
+"""The fleet's cameras in git: entries with a digest over their numbers, the full history, and why an entry was chosen.
 
-Three groups of modules, each over the one below it; none knows of a command line.
+Four groups of modules, each building on the ones below it; none knows the command line.
 
-* **Entries**: ``entry`` (what one says), ``entry_yaml`` (its file: the one writer, the one reader), ``digest``,
-  ``migrations``, ``slug`` and ``firmware``; ``check`` (all that a schema cannot say), ``resolution`` and ``fitting``
-  (which entry answers for a camera), ``pins`` (a run's lock file), ``folder`` (a registry without git), ``charter``.
-* **A registry's life**: ``fleet`` (states and changes), ``layout`` (which paths).
+* **The registry**: ``registry`` (its states and changes), ``snapshot`` (one state), ``proposals`` and ``writing``
+  (checked changes as commits), ``history``, ``sync`` (pull and push), ``init``, ``configuration`` (``registry.yaml``).
+* **Answers**: ``resolution`` with ``alias_cache`` and ``image_size_match`` (which entry is a camera's), ``locking`` (a
+  run's lock file), ``check`` and ``check_registry`` (everything that a schema cannot express).
+* **Entries**: ``entry``, ``entry_form`` and ``entry_yaml`` (its file), ``fields`` and ``entry_json`` (as a table and
+  as JSON), ``textconv``, ``firmware``, ``paths``.
 * **git**: the sub-package ``git``, which knows no camera.
 
-Beside them ``catalogue``, which is not the fleet's: what is known of cameras in general.
+``catalogue`` is not the fleet's: it describes cameras in general.
 """

@@ -22,7 +22,7 @@ from calibrary.errors import CalibraryError
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.objects import HEX
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.layout import CAMERAS
+from calibrary.registry.paths import CAMERAS
 from calibrary.registry.resolution import AliasMap, is_keyed, scan_aliases
 
 __all__ = ["Names", "names_at", "names_kept"]

@@ -15,11 +15,11 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.entry import ROOT, SUFFIX, UNSTATED, Entry, folder_of, path_of
+from calibrary.registry.entry import UNSTATED, Entry
 from calibrary.registry.entry_form import PARAMETERS
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.paths import ROOT, SUFFIX, folder_of, match_key, path_of, scripts
 from calibrary.registry.resolution import answering
-from calibrary.registry.slug import match_key, scripts
 from calibrary.validation import Finding, Severity, validate
 
 __all__ = ["BOARD_BLOCK", "CheckReport", "check"]

@@ -11,16 +11,12 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Json, to_json
 from calibrary.registry.check import CheckReport, check
-from calibrary.registry.entry import ROOT, SUFFIX, folder_of
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.folder import entry_paths, read_entry_file
-from calibrary.registry.git.history import changed, history
+from calibrary.registry.git.history import changed, commit_at, history, parse_rev
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.revisions import commit_at, parse_rev
 from calibrary.registry.git.signatures import signatures
-from calibrary.registry.keys import id_of
-from calibrary.registry.layout import CAMERAS, check_path
-from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.paths import CAMERAS, ROOT, SUFFIX, check_path, folder_of, id_of
+from calibrary.registry.snapshot import Snapshot, entry_paths, read_entry_file
 from calibrary.validation import Finding, Severity
 
 __all__ = [

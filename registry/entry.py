@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping
 from datetime import date
@@ -11,17 +10,15 @@ from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
 from msgspec import field
 
-from calibrary.calibration import Calibration, CameraKey
+from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.records import Json, Meta, Record, force_setattr, replace
 from calibrary.registry import entry_form
 from calibrary.registry.entry_form import BLOCKS_WITH_EXTENSIONS, UNSTATED
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.slug import slug
+from calibrary.registry.paths import ROOT, SUFFIX, path_of
 
 __all__ = [
-    "ROOT",
-    "SUFFIX",
     "UNSTATED",
     "USABLE",
     "Alias",
@@ -29,14 +26,8 @@ __all__ = [
     "Sensor",
     "Status",
     "Validity",
-    "folder_of",
-    "is_entry",
-    "path_of",
 ]
 
-ROOT: Final = "cameras/"
-SUFFIX: Final = ".yaml"
-LONGEST_LEAF: Final = 110
 
 Text: TypeAlias = Annotated[str, Meta(min_length=1, max_length=1000)]
 Length: TypeAlias = Annotated[float, Meta(gt=0)]
@@ -250,40 +241,3 @@ class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
     def is_usable(self) -> bool:
         """Whether somebody answers for it."""
         return self.status.is_usable
-
-
-def folder_of(make: str, model: str) -> str:
-    """The folder of a model's entries, with the slash behind it."""
-    return f"{ROOT}{slug(make)}/{slug(model)}/"
-
-
-def is_entry(path: str) -> bool:
-    """Whether a file below the root is to be read as an entry, by its name."""
-    return path.endswith(SUFFIX) and not path.rpartition("/")[2].startswith(".")
-
-
-def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
-    """``cameras/<make>/<model>/[sn-<serial>/]<width>x<height>[+…].yaml``.
-
-    Every part after the size names the field it is of, and ``+`` is in no slug, so different keys have different
-    paths; where that gets too long, a hash stands for it. The leaf starts with a digit and a unit's folder with
-    ``sn-``: neither can take the other's place.
-
-    Raises:
-        InputError: the key has no make, no model or no image size.
-    """
-    if not camera.make or not camera.model or camera.image_size is None:
-        raise InputError(f"{camera} has no place in a registry, wanted make, model and image size")
-    width, height = camera.image_size
-    parts = [f"{width}x{height}"]
-    stated = (("mode", camera.capture_mode), ("sub", camera.sub_camera), ("lens", camera.lens))
-    parts += [f"{name}-{slug(text)}" for name, text in stated if text is not None]
-    if camera.focal_mm is not None:
-        parts.append(f"f{camera.focal_mm!r}".removesuffix(".0"))
-    if firmware is not None:
-        parts.append(f"fw-{slug(firmware.min)}" if firmware.min else f"fw-to-{slug(firmware.max or '')}")
-    leaf = "+".join(parts)
-    if len(leaf) > LONGEST_LEAF:
-        leaf = f"{parts[0]}~{hashlib.sha256(leaf.encode()).hexdigest()[:10]}"
-    unit = f"sn-{slug(camera.serial)}/" if camera.serial is not None else ""
-    return f"{folder_of(camera.make, camera.model)}{unit}{leaf}{SUFFIX}"

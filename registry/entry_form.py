@@ -1,25 +1,45 @@
-"""The shape of an entry's file, beside the shape an Entry has in memory.
+"""The form of an entry in its file, beside the form that an Entry has in memory, and the digest over its numbers.
 
-The file is flat for the people who review it: the calibration's members stand at its top, the image size is said once,
-in ``camera``, and so is the range of firmware; ``x-`` fields lie in the blocks they are of, and a digest seals the
-numbers. What an entry asks of the values in it beyond what every calibration does is here too.
+The file is flat for the people who review it: the calibration's members are at its top, the image size is stated
+once, in ``camera``, and so is the firmware range; ``x-`` fields are in the blocks they belong to. The limits of an
+entry's values beyond those of every calibration are here too, and the migration of older schema versions.
+
+The digest covers the numbers that only make sense together: K, distortion, image size, sensor and uncertainty. A text
+merge can join one branch's K with the other's distortion without a conflict, into a camera that was never measured.
+Both branches change the digest's line, so git reports a conflict; and if the halves are joined by hand, reading the
+file fails.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final, cast
+import hashlib
+import json
+import re
+from collections.abc import Callable, Mapping
+from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast
 
-from calibrary.calibration import Calibration, Grade, Provenance
-from calibrary.errors import InputError
+from calibrary.calibration import Calibration, Covariance, Grade, Provenance
+from calibrary.errors import InputError, ParseError
 from calibrary.records import Json, Meta
 from calibrary.records.limits import Limits, first_breach, narrow
-from calibrary.registry.digest import digest
+from calibrary.strictyaml import YamlValue
 
 if TYPE_CHECKING:
-    from calibrary.registry.entry import Entry
+    from calibrary.registry.entry import Entry, Sensor
 
-__all__ = ["BLOCKS_WITH_EXTENSIONS", "PARAMETERS", "UNSTATED", "read", "schema", "written"]
+__all__ = [
+    "BLOCKS_WITH_EXTENSIONS",
+    "CURRENT",
+    "MIGRATIONS",
+    "PARAMETERS",
+    "UNSTATED",
+    "digest",
+    "migrated",
+    "read",
+    "schema",
+    "written",
+]
 
 UNSTATED: Final = Provenance(kind="unstated")
 """The provenance of an entry whose file names none."""
@@ -182,3 +202,92 @@ def _traced(kind: str, names: tuple[str, ...], members: Mapping[str, Any]) -> di
         "if": {"properties": {"kind": {"const": kind}}},
         "then": {"required": list(names), "properties": stated},
     }
+
+
+def digest(calibration: Calibration, sensor: Sensor | None = None) -> str:
+    """``sha256:`` and 64 digits over the numbers, whatever their order and spelling in a file.
+
+    It is over compact JSON with sorted keys, each number as the shortest text of its double.
+    """
+    K, quality = calibration.intrinsics, calibration.quality
+    lens = calibration.distortion
+    covariance = quality.covariance if quality is not None else None
+    block: dict[str, Json] = {
+        "image_size": list(K.image_size),
+        "intrinsics": _numbers({"fx": K.fx, "fy": K.fy, "cx": K.cx, "cy": K.cy, "skew": K.skew}),
+        "distortion": {lens.model: _numbers(lens.coefficients)} if lens is not None else None,
+        "sensor": _numbers(_sides(sensor)) if sensor is not None else None,
+        "std": _numbers(quality.std) if quality is not None else {},
+        "covariance": _numbers(_pairs(covariance)) if covariance is not None else None,
+    }
+    text = json.dumps(block, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, Json]:
+    # Minus zero is zero.
+    return {name: float(value) + 0.0 for name, value in values.items()}
+
+
+def _sides(sensor: Sensor) -> dict[str, float]:
+    sides = {"width_mm": sensor.width_mm, "height_mm": sensor.height_mm, "pitch_um": sensor.pitch_um}
+    return {name: value for name, value in sides.items() if value is not None}
+
+
+def _pairs(covariance: Covariance) -> dict[str, float]:
+    """Each element by the names of its row and column, so that their order does not matter."""
+    pairs = combinations_with_replacement(covariance.names, 2)
+    return {",".join(sorted(pair)): value for pair, value in zip(pairs, covariance.upper, strict=True)}
+
+
+Document: TypeAlias = "dict[str, YamlValue]"
+
+CURRENT: Final = 1
+
+
+def _from_first_cut(document: Document) -> Document:
+    """Version 0 had one firmware, one note, and no digest. It called itself entry-1; the missing digest tells it."""
+    changed: Document = {**document, "schema": "calibrary/entry-1"}
+    camera = document.get("camera")
+    if isinstance(camera, dict) and isinstance(firmware := camera.get("firmware"), str):
+        changed["camera"] = {**camera, "firmware": {"min": firmware, "max": firmware}}
+    if "notes" in document and not isinstance(notes := document["notes"], list):
+        changed["notes"] = [notes] if notes is not None else []
+    return changed
+
+
+MIGRATIONS: Final[Mapping[int, Callable[[Document], Document]]] = {0: _from_first_cut}
+"""How a document of one version becomes one of the next, by the version it is of."""
+
+
+def migrated(value: YamlValue, *, source: str) -> Document:
+    """The document in the present version; what is not one is left for the schema to complain of.
+
+    Raises:
+        ParseError: it is no map, names no version, or one that is newer than this program.
+    """
+    if not isinstance(value, dict):
+        raise ParseError("is no map of an entry's fields", source=source)
+    found = _version(value, source)
+    if found > CURRENT:
+        raise ParseError(
+            f"is of schema version {found}, and this calibrary reads versions up to {CURRENT}; "
+            "upgrade it (pip install --upgrade calibrary)",
+            source=source,
+            place="schema",
+        )
+    for step in range(found, CURRENT):
+        value = MIGRATIONS[step](value)
+    return value
+
+
+def _version(document: Document, source: str) -> int:
+    name = document.get("schema")
+    told = re.fullmatch(r"calibrary/entry-(\d{1,9})", name) if isinstance(name, str) else None
+    if told is None:
+        found = f"{name!r:.60}, wanted" if "schema" in document else "missing; wanted"
+        raise ParseError(
+            f"schema is {found} 'calibrary/entry-{CURRENT}': is this a registry's entry?", source=source
+        )
+    stated = int(told[1])
+    return 0 if stated == 1 and "digest" not in document else stated

@@ -1,24 +1,44 @@
-"""An entry as the bytes of its file, and back: one writer, one strict reader, and a seal over the numbers."""
+"""An entry as the bytes of its file, and back: one writer and one strict reader, checked by a digest.
+
+The text is such that YAML 1.1, YAML 1.2 and calibrary's own reader take it for the same data. Strings are always in
+double quotes, so that no reader takes one for a number, a date or a boolean. Floats are the shortest text that gives
+the same double back, with a point in it and a sign in the exponent: without them ``1e-05`` is a string to YAML 1.1.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, cast
 
-from calibrary.errors import ParseError
-from calibrary.records import from_json, to_json
-from calibrary.registry.digest import digest
+from calibrary.errors import InputError, ParseError
+from calibrary.records import Json, from_json, to_json
 from calibrary.registry.entry import Entry
-from calibrary.registry.migrations import migrated
-from calibrary.registry.yaml_text import Layout, document_lines
-from calibrary.strictyaml import line_of, load_yaml
+from calibrary.registry.entry_form import digest, migrated
+from calibrary.strictyaml import YamlScalar, YamlValue, line_of, load_yaml
 
-__all__ = ["LARGEST_ENTRY", "entry_yaml", "parse_entry"]
+__all__ = [
+    "LARGEST_ENTRY",
+    "Layout",
+    "block",
+    "document_lines",
+    "entry_yaml",
+    "number",
+    "parse_entry",
+    "quoted",
+    "scalar",
+]
 
 LARGEST_ENTRY: Final = 256 << 10
 """Bytes; an entry has some two thousand."""
 DEEPEST: Final = 16
+_ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t", "\0": "\\0"}
+_PLAIN_KEY = re.compile(r"x-[A-Za-z0-9_.-]*[A-Za-z0-9_]")
+MAX_DEPTH = 12
 UTF_16: Final = (BOM_UTF16_LE, BOM_UTF16_BE)
 
 LEGEND: Final = """\
@@ -28,6 +48,24 @@ LEGEND: Final = """\
 # The distortion is no part of K; its model maps ideal to observed x/z, y/z. null: unknown; "none": known to be none.
 # The digest seals the numbers. To change one, take the digest line out and run: calibrary registry add FILE
 """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """How the lines of a document depart from one value a line and nothing for what it does not say.
+
+    Attributes:
+        nulls: dotted paths that are written even where they are null or empty.
+        rows: lists of texts that stand on one line, as lists of numbers do.
+        triangles: lists of numbers that are the upper triangle of a matrix, a row a line.
+        quoted_keys: maps whose keys are always quoted.
+    """
+
+    nulls: frozenset[str] = frozenset()
+    rows: frozenset[str] = frozenset()
+    triangles: frozenset[str] = frozenset()
+    quoted_keys: frozenset[str] = frozenset()
+
 
 LAYOUT: Final = Layout(
     nulls=frozenset(
@@ -91,3 +129,133 @@ def parse_entry(data: bytes, name: str, *, require_digest: bool = True) -> Entry
 
 def _short(text: str) -> str:
     return f"{text.removeprefix('sha256:')[:12]}…"
+
+
+def quoted(text: str) -> str:
+    """A string between double quotes; what does not print is escaped, so that it shows in a diff.
+
+    Raises:
+        InputError: it holds a lone surrogate, which is no character.
+    """
+    if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:
+        return f'"{text}"'
+    return f'"{"".join(map(_escaped, text))}"'
+
+
+def number(value: float) -> str:
+    """A float; every reader gets the same double back.
+
+    Raises:
+        InputError: it is NaN or infinite.
+    """
+    value = float(value)
+    if not math.isfinite(value):
+        raise InputError(f"{value} is no number that a file can hold, wanted a finite one")
+    text = repr(value)
+    mantissa, e, exponent = text.partition("e")
+    return f"{mantissa}.0e{exponent}" if e and "." not in mantissa else text
+
+
+def scalar(value: YamlScalar) -> str:
+    """A scalar of any kind."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return quoted(value)
+    return str(value) if isinstance(value, int) else number(value)
+
+
+def document_lines(
+    document: Mapping[str, Json], layout: Layout, prefix: str = "", indent: str = ""
+) -> Iterator[str]:
+    """The lines of a record's document in its order; ``x-`` members are written as they are.
+
+    Raises:
+        InputError: a text holds a lone surrogate, a number is not finite, or an ``x-`` member is nested too deep.
+    """
+    for key, value in document.items():
+        path = f"{prefix}{key}"
+        if key.startswith("x-"):
+            yield from block(key, value, indent)
+            continue
+        if value in (None, [], {}) and path not in layout.nulls:
+            continue
+        is_plain = key.isidentifier() and key.isascii() and prefix.removesuffix(".") not in layout.quoted_keys
+        name = f"{indent}{key if is_plain else quoted(key)}"
+        if isinstance(value, dict):
+            inside = [*document_lines(value, layout, f"{path}.", f"{indent}  ")]
+            yield from (f"{name}:", *inside) if inside else (f"{name}: {{}}",)
+        elif not isinstance(value, list) or not value:
+            yield f"{name}: {_small(value)}"
+        elif path in layout.triangles:
+            yield from (f"{name}: [", *_triangle(cast("list[float]", value), f"{indent}  "), f"{indent}]")
+        elif path in layout.rows or not any(isinstance(item, str | dict) for item in value):
+            yield f"{name}: [{', '.join(scalar(cast('YamlScalar', item)) for item in value)}]"
+        else:
+            yield f"{name}:"
+            for item in value:
+                lines = [*document_lines(item, layout, f"{path}.")] if isinstance(item, dict) else []
+                first, *more = lines or [scalar(cast("YamlScalar", item))]
+                yield f"{indent}  - {first}"
+                yield from (f"{indent}    {line}" for line in more)
+
+
+def _triangle(values: Sequence[float], indent: str) -> Iterator[str]:
+    size, start = (math.isqrt(8 * len(values) + 1) - 1) // 2, 0
+    for length in range(size, 0, -1):
+        yield f"{indent}{', '.join(map(number, values[start : start + length]))},"
+        start += length
+
+
+def block(key: str, value: YamlValue, indent: str = "") -> list[str]:
+    """The lines of ``key: value`` for any plain data.
+
+    Raises:
+        InputError: it is nested deeper than a file may be, or a number in it is not finite.
+    """
+    if len(indent) > 2 * MAX_DEPTH:
+        raise InputError(f"{key!r:.60} is nested more than {MAX_DEPTH} deep")
+    name = key if _PLAIN_KEY.fullmatch(key) else quoted(key)
+    if isinstance(value, Mapping) and value:
+        return [f"{indent}{name}:", *_members(value, f"{indent}  ")]
+    if isinstance(value, list) and value:
+        return [f"{indent}{name}:", *_items(value, f"{indent}  ")]
+    return [f"{indent}{name}: {_small(value)}"]
+
+
+def _members(value: Mapping[str, YamlValue], indent: str) -> Iterator[str]:
+    for key, member in value.items():
+        yield from block(key, member, indent)
+
+
+def _items(value: Sequence[YamlValue], indent: str) -> Iterator[str]:
+    for item in value:
+        if isinstance(item, (dict, list)) and item:
+            if len(indent) > 2 * MAX_DEPTH:
+                raise InputError(f"a list is nested more than {MAX_DEPTH} deep")
+            yield f"{indent}-"
+            yield from (
+                _members(item, f"{indent}  ") if isinstance(item, dict) else _items(item, f"{indent}  ")
+            )
+        else:
+            yield f"{indent}- {_small(item)}"
+
+
+def _small(value: YamlValue) -> str:
+    """A scalar, or a collection with nothing in it."""
+    if isinstance(value, dict):
+        return "{}"
+    return "[]" if isinstance(value, list) else scalar(value)
+
+
+def _escaped(character: str) -> str:
+    if (escape := _ESCAPES.get(character)) is not None:
+        return escape
+    if character.isprintable():
+        return character
+    code = ord(character)
+    if 0xD800 <= code < 0xE000:
+        raise InputError(f"the lone surrogate {character!a}, wanted text")
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

@@ -8,7 +8,7 @@ from typing import Annotated, TypeAlias
 
 from calibrary.errors import InputError
 from calibrary.records import Meta, Record
-from calibrary.registry.slug import match_key
+from calibrary.registry.paths import match_key
 
 __all__ = ["FirmwareRange", "compare"]
 

@@ -11,13 +11,13 @@ from typing import Final
 
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.records import Json
-from calibrary.registry.entry import ROOT, SUFFIX, Entry
+from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import K_NAMES, Field, entry_fields
 from calibrary.registry.git import history as git_history
 from calibrary.registry.git.history import Revision
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.keys import find_path
+from calibrary.registry.paths import ROOT, SUFFIX, find_path
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.writing import SOURCE_FILE, SOURCE_SHA256
 

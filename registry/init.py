@@ -1,28 +1,44 @@
-"""Making a registry: in a folder of its own, in a repository that is still empty, or as a copy of another."""
+"""Making a registry: in a new folder, in a repository that is still empty, or as a copy of another; and its files."""
 
 from __future__ import annotations
 
 import re
 import shutil
 from dataclasses import dataclass
+from datetime import date
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
+from calibrary.distortion import BrownConrady
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.records import replace
-from calibrary.registry.charter import CHARTER
+from calibrary.registry.configuration import CONFIGURATION_FILE, configuration_yaml
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git import maintenance
-from calibrary.registry.git.creating import create
+from calibrary.registry.git.maintenance import create
+from calibrary.registry.git.names import check_url, without_secret
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.urls import check_url, without_secret
 from calibrary.registry.git.writing import Change
-from calibrary.registry.layout import CAMERAS, check_path
+from calibrary.registry.paths import CAMERAS, check_path
 from calibrary.registry.registry import Registry
-from calibrary.registry.scaffold import DRIVER, DRIVER_COMMAND, scaffold
 from calibrary.registry.writing import Note, write_changes
 
-__all__ = ["Initialised", "folder_for", "init", "init_from", "install_driver"]
+__all__ = [
+    "DRIVER",
+    "DRIVER_COMMAND",
+    "WORKFLOW",
+    "Initialised",
+    "example_entry",
+    "folder_for",
+    "init",
+    "init_from",
+    "install_driver",
+    "scaffold",
+]
 
 FIRST: Final = Note(subject="Begin a registry of camera calibrations")
 LAST_NAME: Final = re.compile(r"([\w.-]+?)(?:\.git)?/*\Z")
@@ -62,7 +78,7 @@ def init(place: Path, *, bare: bool = False) -> Initialised:
     in_the_way = [name for name in files if not bare and (place / name).exists()]
     if (place / ".git").exists() or (place / "HEAD").exists():
         repo = _empty_repository(place, in_the_way)
-    elif CHARTER in in_the_way:
+    elif CONFIGURATION_FILE in in_the_way:
         raise RegistryError(
             f"{place}: a registry's files, but no git repository; nothing was changed: git init, git add and git "
             "commit take them in, or name another folder"
@@ -141,7 +157,9 @@ def _empty_repository(place: Path, in_the_way: list[str]) -> Repository:
 
 def _is_registry(repo: Repository) -> bool:
     tip = repo.tip()
-    return tip is not None and (repo.read(tip, CHARTER) is not None or bool(repo.listing(tip, CAMERAS)))
+    return tip is not None and (
+        repo.read(tip, CONFIGURATION_FILE) is not None or bool(repo.listing(tip, CAMERAS))
+    )
 
 
 def _initialised(repo: Repository, files: dict[str, bytes]) -> Initialised:
@@ -156,3 +174,131 @@ def _initialised(repo: Repository, files: dict[str, bytes]) -> Initialised:
 
 def _around(place: Path) -> Path | None:
     return next((folder for folder in place.parents if (folder / ".git").exists()), None)
+
+
+ATTRIBUTES: Final = b"*.yaml text eol=lf\n*.md text eol=lf\n*.yml text eol=lf\n*.json text eol=lf\n"
+"""``.gitattributes``: the bytes of an entry are the same in every checkout, or its digest would not hold."""
+
+DRIVER: Final = "diff.calibrary.textconv"
+DRIVER_COMMAND: Final = 'f() { calibrary registry show --textconv "$1" 2>/dev/null || cat "$1"; }; f'
+"""What git runs to show an entry; ``.gitattributes`` names the driver, each user's configuration the command. Where
+calibrary is not at hand, the file itself is shown: git diff would otherwise show nothing at all."""
+
+WORKFLOW: Final = ".github/workflows/registry-check.yml"
+
+README: Final = """\
+# Camera calibrations
+
+One YAML file a camera, in `cameras/<make>/<model>/<variant>.yaml`; a unit with a calibration of its own has a
+folder `sn-<hash>/` between the two, and its serial number itself stands nowhere. The history of a camera is the
+history of its file, in git and nowhere else. `registry.yaml` says by which rules this is kept.
+
+## An entry
+
+```yaml
+{example}```
+
+- `status`: `draft` is proposed, `approved` is used, `held` is used and pinned by a person, `retired` is used no more.
+- `intrinsics` is K. `distortion` stands apart and is no part of it: `null` is unknown, `model: none` is known to
+  be none.
+- `grade`, best first: `calibrated` (measured on this unit), `adjusted` (from a bundle adjustment), `design` (the
+  maker's nominal), `derived` (focal length over pixel pitch).
+- `digest` seals the numbers. To change one by hand, take that line out and run `calibrary registry add FILE`.
+
+## Reading it with git alone
+
+    git log -p --follow cameras/dji/fc6310r/5472x3648.yaml     what became of a camera, and why
+    git log --grep '^Camera: dji/fc6310r'                      the commits that name it
+    git diff main...proposal                                   what a branch proposes
+    git show v2026.1:cameras/dji/fc6310r/5472x3648.yaml        as it was at a tag
+
+Each commit says in trailers which cameras it is of (`Camera:`), from which files (`Source-File:`,
+`Source-Sha256:`), of which grade, for which firmware, and why (`Reason:`). With calibrary installed git shows
+entries by their fields, with one line a number:
+
+    git config {driver} '{command}'
+
+## Reviewing a change
+
+1. Is the camera the right one: make, model, sub-camera, lens, image size?
+2. Do fx and fy move by more than their uncertainty? 0.05 % of the focal length is a drift, and some per cent are
+   another lens, another frame or a wrong sensor.
+3. Are cx and cy near the middle, within 5 % of the sides?
+4. Does `provenance` name a file with its sha256 and say when it was made, and does the `Reason:` tell why?
+5. Does `calibrary registry check` pass? It runs on every push ({workflow}).
+
+## With calibrary
+
+    calibrary registry list                       what there is
+    calibrary registry add camera.xml             propose; shows the difference, and asks
+    calibrary registry approve KEY                put it to use
+    calibrary registry log KEY                    what became of it
+    calibrary diff KEY@2026-05-01 KEY             whether it moved by more than noise
+"""
+
+CHECK: Final = """\
+# Holds every entry against the schema, its digest, its path and the policy of registry.yaml.
+name: registry check
+on: [push, pull_request]
+permissions:
+  contents: read
+jobs:
+  check:
+    runs-on: ubuntu-latest
+    steps:
+      - uses: actions/checkout@v4
+        with:
+          fetch-depth: 0
+          persist-credentials: false
+      - uses: actions/setup-python@v5
+        with:
+          python-version: "3.13"
+      - run: pip install "calibrary{requirement}"
+      - run: calibrary registry check --registry .
+"""
+
+
+def scaffold() -> dict[str, bytes]:
+    """The files of a new registry by their paths."""
+    readme = README.format(
+        example=entry_yaml(example_entry()).decode(),
+        driver=DRIVER,
+        command=DRIVER_COMMAND,
+        workflow=WORKFLOW,
+    )
+    return {
+        CONFIGURATION_FILE: configuration_yaml(),
+        "README.md": readme.encode(),
+        ".gitattributes": ATTRIBUTES + b"/cameras/**/*.yaml diff=calibrary\n",
+        WORKFLOW: CHECK.format(requirement=_requirement()).encode(),
+    }
+
+
+def example_entry() -> Entry:
+    """An entry of no real camera."""
+    size = (4000, 3000)
+    return Entry.of(
+        Calibration(
+            camera=CameraKey(make="Example", model="Camera One", focal_mm=8.8, image_size=size),
+            intrinsics=Intrinsics(fx=2931.4, fy=2930.85, cx=2004.25, cy=1496.1, image_size=size),
+            distortion=BrownConrady(k1=-0.021, k2=0.0135, p1=0.0002, p2=-0.0001, k3=-0.004),
+            grade=Grade.CALIBRATED,
+            quality=Quality(rms_px=0.31, views=42, std={"fx": 0.41, "fy": 0.4, "cx": 0.29, "cy": 0.33}),
+            provenance=Provenance(
+                kind="calibration-file",
+                source="camera-one.xml",
+                sha256="0" * 64,
+                tool="board calibration 1.0",
+                date=date(2026, 1, 31).isoformat(),
+                operator="A. Keeper",
+            ),
+        )
+    )
+
+
+def _requirement() -> str:
+    """At least the version that began this registry, so that its check reads what it writes."""
+    try:
+        return f">={version('calibrary')}"
+    except PackageNotFoundError:
+        return ""

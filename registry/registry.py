@@ -13,25 +13,21 @@ from typing import Final
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.registry import history as entry_history
 from calibrary.registry import proposals as proposing
-from calibrary.registry import status as statuses
 from calibrary.registry import sync
-from calibrary.registry.charter import CHARTER, Charter, parse_charter
-from calibrary.registry.entry import ROOT, Entry, Status
+from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, parse_configuration
+from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.firmware import compare
-from calibrary.registry.folder import read_entry_file
 from calibrary.registry.git import maintenance
-from calibrary.registry.git.fast_import import Person
-from calibrary.registry.git.history import ChangedFile, changed, newest_where
+from calibrary.registry.git.commits import Person
+from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
 from calibrary.registry.git.remotes import Pulled, clone, push
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.revisions import Firmware, commit_at, parse_rev
 from calibrary.registry.git.writing import Change, Written
 from calibrary.registry.history import EntryRevision, FieldOrigin
-from calibrary.registry.keys import find_path, id_of
-from calibrary.registry.layout import CAMERAS, check_path
+from calibrary.registry.paths import CAMERAS, ROOT, check_path, find_path, id_of
 from calibrary.registry.proposals import Proposals
-from calibrary.registry.snapshot import Snapshot, StoredEntry, in_its_place
+from calibrary.registry.snapshot import Snapshot, StoredEntry, in_its_place, read_entry_file
 from calibrary.registry.sync import Choice
 from calibrary.registry.writing import Note, note_of, parsed, write_changes
 
@@ -125,7 +121,7 @@ class Registry:
         """The entry that ``KEY`` or ``KEY@REV`` means.
 
         Args:
-            key: see :func:`calibrary.registry.keys.find_path`, and :mod:`calibrary.registry.git.revisions` for REV.
+            key: see :func:`calibrary.registry.paths.find_path`, and :mod:`calibrary.registry.git.history` for REV.
 
         Raises:
             UnknownCameraError: no such camera, or not at that revision.
@@ -233,7 +229,7 @@ class Registry:
         branch: str | None = None,
         successor: str | None = None,
     ) -> Proposals:
-        """Entries approved, held or retired, checked; nothing is written. See :mod:`calibrary.registry.status`.
+        """Entries approved, held or retired, checked; nothing is written. See :mod:`calibrary.registry.proposals`.
 
         Args:
             keys: of the entries, without a revision.
@@ -248,8 +244,8 @@ class Registry:
                 supersedes another already.
         """
         if branch is not None:
-            return statuses.from_branch(self.snapshot(), self.snapshot(branch), keys, status, reason)
-        return statuses.of_current(self.snapshot(), keys, status, reason, successor)
+            return proposing.from_branch(self.snapshot(), self.snapshot(branch), keys, status, reason)
+        return proposing.of_current(self.snapshot(), keys, status, reason, successor)
 
     def history(self, key: str | None = None, *, most: int | None = None) -> tuple[EntryRevision, ...]:
         """Every revision of an entry, or of the whole registry, newest first; the entry's own if KEY is given.
@@ -342,35 +338,35 @@ def _in_git(place: Path) -> Registry | None:
     if is_checkout:
         # A folder of entries in a repository of scripts is not a registry in git.
         tip = repo.tip()
-        if tip is None or repo.read(tip, CHARTER) is None:
+        if tip is None or repo.read(tip, CONFIGURATION_FILE) is None:
             return None
     return Registry(repo)
 
 
-def _configuration_in(place: Path) -> Charter:
-    if not (place / CHARTER).is_file():
-        return Charter()
+def _configuration_in(place: Path) -> Configuration:
+    if not (place / CONFIGURATION_FILE).is_file():
+        return Configuration()
     try:
-        return parse_charter(read_entry_file(place, CHARTER))
+        return parse_configuration(read_entry_file(place, CONFIGURATION_FILE))
     except InputError as error:
         raise RegistryError(str(error)) from None
 
 
-def _configuration_of(repo: Repository) -> Charter:
+def _configuration_of(repo: Repository) -> Configuration:
     """What a registry says of itself; one that was made by hand, of entries alone, has the common configuration."""
     tip = repo.tip()
     if tip is None:
-        return Charter()
-    blob = repo.read(tip, CHARTER)
+        return Configuration()
+    blob = repo.read(tip, CONFIGURATION_FILE)
     if blob is None:
         if repo.listing(tip, CAMERAS):
-            return Charter()
+            return Configuration()
         raise RegistryError(
-            f"{repo.path}: a git repository, but no registry: it has neither {CHARTER} nor entries in cameras/; "
-            "'calibrary registry init FOLDER' makes one of its own"
+            f"{repo.path}: a git repository, but no registry: it has neither {CONFIGURATION_FILE} nor entries in "
+            "cameras/; 'calibrary registry init FOLDER' makes one of its own"
         )
     try:
-        return parse_charter(blob.data)
+        return parse_configuration(blob.data)
     except InputError as error:
         raise RegistryError(f"{repo.path}: {error}") from None
 

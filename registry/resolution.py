@@ -11,10 +11,10 @@ from typing import Final, TypeAlias
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, RegistryError
-from calibrary.registry.entry import ROOT, SUFFIX, USABLE, Entry, Status, folder_of, is_entry
+from calibrary.registry.entry import USABLE, Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.fitting import Fit, fit
-from calibrary.registry.slug import match_key, slug
+from calibrary.registry.image_size_match import Fit, fit
+from calibrary.registry.paths import ROOT, SUFFIX, folder_of, is_entry, match_key, slug
 
 __all__ = [
     "AliasMap",

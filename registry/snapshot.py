@@ -7,6 +7,7 @@ in it, is read as the files that lie there.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -17,17 +18,20 @@ from types import MappingProxyType
 from calibrary.calibration import CameraKey
 from calibrary.errors import RegistryError
 from calibrary.registry.alias_cache import names_at, names_kept
-from calibrary.registry.charter import Charter
-from calibrary.registry.entry import USABLE, Entry, Status, folder_of
-from calibrary.registry.folder import entry_paths, read_entry_file
+from calibrary.registry.configuration import Configuration
+from calibrary.registry.entry import USABLE, Entry, Status
+from calibrary.registry.entry_yaml import LARGEST_ENTRY
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.keys import find_path, id_of
-from calibrary.registry.layout import CAMERAS
+from calibrary.registry.paths import CAMERAS, ROOT, find_path, folder_of, id_of, is_entry, match_key
 from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
-from calibrary.registry.slug import match_key
 from calibrary.registry.writing import parsed
 
-__all__ = ["Snapshot", "StoredEntry"]
+__all__ = [
+    "Snapshot",
+    "StoredEntry",
+    "entry_paths",
+    "read_entry_file",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +69,7 @@ class Snapshot:
     """
 
     place: Path
-    configuration: Charter
+    configuration: Configuration
     repo: Repository | None = None
     commit: str | None = None
     known_paths: Mapping[str, str | None] | None = None
@@ -167,7 +171,7 @@ class Snapshot:
         """The entry that a KEY means.
 
         Args:
-            key: see :func:`calibrary.registry.keys.find_path`.
+            key: see :func:`calibrary.registry.paths.find_path`.
 
         Raises:
             UnknownCameraError: no such camera.
@@ -239,3 +243,45 @@ def in_its_place(stored: StoredEntry) -> StoredEntry:
             f"'calibrary registry log {stored.id}' tells who put it there"
         )
     return stored
+
+
+def entry_paths(root: Path) -> list[str]:
+    """The paths of all entries below a registry's root, sorted; links to folders are not followed.
+
+    Raises:
+        RegistryError: there is no registry here, or a folder of it cannot be read.
+    """
+    cameras = root / ROOT
+    if not cameras.is_dir():
+        raise RegistryError(
+            f"{root}: no registry here: wanted a folder 'cameras' with one YAML file a camera"
+        )
+
+    def refuse(error: OSError) -> None:
+        raise RegistryError(f"{error.filename}: cannot be read: {error.strerror}") from None
+
+    start = len(str(root)) + 1 if str(root) != "." else 0
+    found = []
+    for folder, _, names in os.walk(cameras, onerror=refuse):
+        below = folder[start:].replace(os.sep, "/")
+        found += [f"{below}/{name}" for name in names if is_entry(name)]
+    return sorted(found)
+
+
+def read_entry_file(root: Path, path: str) -> bytes:
+    """The bytes of one entry.
+
+    Raises:
+        RegistryError: it is no regular file, too large, or cannot be read.
+    """
+    file = root / path
+    try:
+        if file.is_symlink() or not file.is_file():
+            raise RegistryError(f"{path}: wanted a regular file")
+        with file.open("rb") as opened:
+            data = opened.read(LARGEST_ENTRY + 1)
+    except OSError as error:
+        raise RegistryError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(data) > LARGEST_ENTRY:
+        raise RegistryError(f"{path}: is larger than {LARGEST_ENTRY >> 10} KiB, wanted one camera's entry")
+    return data

@@ -12,13 +12,12 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import Field, entry_fields
 from calibrary.registry.git import remotes
-from calibrary.registry.git.conflicts import Conflict, FileConflictError
+from calibrary.registry.git.errors import Conflict, FileConflictError
+from calibrary.registry.git.names import check_url, without_secret
 from calibrary.registry.git.remotes import Pulled, set_remote
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.urls import check_url, without_secret
 from calibrary.registry.git.writing import Change
-from calibrary.registry.keys import find_path, id_of
-from calibrary.registry.layout import CAMERAS
+from calibrary.registry.paths import CAMERAS, find_path, id_of
 from calibrary.registry.writing import Note, write_changes
 
 __all__ = ["DEFAULT", "Choice", "FieldConflict", "field_conflicts", "pull", "remote_named", "sync_json"]

@@ -11,12 +11,11 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git import maintenance
-from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.commits import Person, compose
 from calibrary.registry.git.history import MOVED_FROM
-from calibrary.registry.git.messages import compose
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import ANY, Change, Written, write
-from calibrary.registry.layout import CAMERAS
+from calibrary.registry.paths import CAMERAS
 
 __all__ = ["SOURCE_FILE", "SOURCE_SHA256", "Note", "note_of", "parsed", "write_changes"]
 

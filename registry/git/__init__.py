@@ -1,7 +1,7 @@
-"""A git repository that files are read from and written to, so that nothing is lost; it knows no camera.
+"""A git repository that files are read from and written to without losing a change; it knows no camera.
 
-``repository`` is the one module that starts git. Over it: ``objects`` and ``history`` (what was), ``writing`` with
-``commits``, ``fast_import``, ``conflicts``, ``locks`` and ``worktree`` (what shall be), ``remotes`` with ``replay``
-and ``urls`` (other copies), ``revisions``, ``signatures``, ``maintenance``; ``foreign`` says what the configuration
-of a foreign repository may not do. Nothing here imports anything else of :mod:`calibrary.registry`.
+``repository`` is the only module that starts git. It builds on ``objects``, ``names`` (what may reach git) and
+``foreign`` (what the configuration of a foreign repository may not do). Above it: ``history`` and ``signatures`` (what
+was committed), ``writing`` with ``commits``, ``locks``, ``worktree`` and ``errors`` (what is written), ``remotes``
+(other copies) and ``maintenance``. Nothing here imports anything else of :mod:`calibrary.registry`.
 """

@@ -1,28 +1,46 @@
-"""Making commits and moving a branch onto them, in one step that either happened or did not.
+"""Making commits and moving a branch onto them, as one step that either happened or did not.
 
-Without signatures one ``git fast-import`` writes the objects and moves the branch. A signature needs the finished
-tree first, and a replay moves a branch to where fast-import alone would not (it only goes forward): both build
-on a ref of ours and then move the branch by ``git update-ref``, in one transaction that also removes that ref.
+A message is a line for people, then trailers for programs, as ``git interpret-trailers`` reads them. Without
+signatures one ``git fast-import`` writes the objects and moves the branch. Two lines of its stream make that atomic:
+with ``feature done`` a stream that breaks off is an error instead of a commit of what had arrived, and
+``from <commit>`` names the parent that was read, so that git refuses to move a branch that another writer has moved
+meanwhile (git-fast-import(1)). A signature needs the finished tree first, and a replay moves a branch to where
+fast-import alone would not, because it only goes forward: both build on a temporary ref and then move the branch by
+``git update-ref``, in one transaction that also deletes that ref.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git import worktree
-from calibrary.registry.git.failures import explain
-from calibrary.registry.git.fast_import import Person, Step, stream
+from calibrary.registry.git.errors import explain
 from calibrary.registry.git.locks import WriterLock, lock_in_the_way
 from calibrary.registry.git.objects import HEX
 from calibrary.registry.git.repository import Output, Repository
 
-__all__ = ["advance", "build", "is_signing", "land", "move_branch"]
+__all__ = [
+    "File",
+    "Person",
+    "Step",
+    "Trailers",
+    "advance",
+    "build",
+    "compose",
+    "is_signing",
+    "land",
+    "move_branch",
+    "stream",
+    "subject_of",
+    "trailers_of",
+]
 
 BUILD_REF = "refs/calibrary/build"
 NOBODY = "0" * 40
@@ -60,7 +78,7 @@ def advance(
         worktree.begin(repo, ref, old)
     try:
         output = move()
-        new = _commit(repo, lock, output)
+        new = _commit_of(repo, lock, output)
     except BaseException:
         if shown and repo.tip(ref) == old:
             worktree.give_up(repo)
@@ -75,7 +93,7 @@ def advance(
     return new, (behind,) if behind else ()
 
 
-def _commit(repo: Repository, lock: WriterLock, output: Output) -> str | None:
+def _commit_of(repo: Repository, lock: WriterLock, output: Output) -> str | None:
     if output.code == 0:
         new = output.out.split()[-1].decode("ascii", "replace") if output.out.strip() else ""
         if HEX.match(new) is None:
@@ -159,3 +177,132 @@ def _fast_import(repo: Repository, written: bytes, *options: str) -> Output:
 def is_signing(repo: Repository) -> bool:
     """Whether the person's configuration asks for signed commits."""
     return (repo.setting("commit.gpgsign") or "").lower() in {"true", "yes", "on", "1"}
+
+
+DROPPED = str.maketrans("", "", "<>\n\r\0")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Person:
+    """Who answers for a commit."""
+
+    name: str
+    email: str
+
+    def at(self, moment: datetime) -> bytes:
+        """As git writes it, with the moment in seconds and the zone it was told in."""
+        name, email = (text.translate(DROPPED).strip() for text in (self.name, self.email))
+        return f"{name or email} <{email}> {int(moment.timestamp())} {moment:%z}".encode()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class File:
+    """One file of a commit.
+
+    Attributes:
+        data: its whole new content; ``None`` removes it.
+    """
+
+    path: str
+    data: bytes | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One commit of a stream.
+
+    Attributes:
+        authored: when it was first made; ``committed`` is when it came to stand where it stands.
+    """
+
+    files: Sequence[File]
+    message: str
+    author: Person
+    authored: datetime
+    committer: Person
+    committed: datetime
+
+
+def stream(ref: str, parent: str | None, steps: Sequence[Step]) -> bytes:
+    """Commits one after the other on a ref; git prints the id of each.
+
+    Args:
+        ref: full name of the branch, ``refs/heads/…``.
+        parent: 40 hex digits of the commit that was read; ``None`` begins a history.
+        steps: at least one.
+
+    Raises:
+        RegistryError: a moment states no time zone.
+    """
+    parts = [b"feature done\n"]
+    origin = parent
+    for number, step in enumerate(steps, start=1):
+        parts += _commit(ref, origin, step, number)
+        origin = f":{number}"
+    parts.append(b"done\n")
+    return b"".join(parts)
+
+
+def _commit(ref: str, origin: str | None, step: Step, number: int) -> Iterable[bytes]:
+    if step.authored.tzinfo is None or step.committed.tzinfo is None:
+        raise RegistryError("the time of a commit states no zone: wanted one with an offset from UTC")
+    yield f"commit {ref}\nmark :{number}\n".encode()
+    yield b"author " + step.author.at(step.authored) + b"\n"
+    yield b"committer " + step.committer.at(step.committed) + b"\n"
+    yield from _data(step.message.replace("\0", "").encode())
+    if origin is not None:
+        yield f"from {origin}\n".encode()
+    # What goes first: a file may take the place of a folder that this very commit empties.
+    for file in sorted(step.files, key=lambda file: file.data is not None):
+        if file.data is None:
+            yield f"D {file.path}\n".encode()
+        else:
+            yield f"M 100644 inline {file.path}\n".encode()
+            yield from _data(file.data)
+    yield f"get-mark :{number}\n".encode()
+
+
+def _data(content: bytes) -> Iterable[bytes]:
+    yield b"data %d\n" % len(content)
+    yield content
+    yield b"\n"
+
+
+Trailers = Sequence[tuple[str, str]]
+
+TRAILER = re.compile(r"(?P<key>[A-Za-z][A-Za-z0-9-]*): (?P<value>.*)")
+LONGEST_SUBJECT = 100
+LONGEST_VALUE = 500
+
+
+def compose(subject: str, *, body: str = "", trailers: Trailers = ()) -> str:
+    """A message: what a value holds of line breaks and control characters becomes blanks."""
+    first = _line(subject, LONGEST_SUBJECT) or "Change the registry"
+    paragraphs = [first]
+    if body.strip():
+        paragraphs.append("\n".join(_line(line, LONGEST_VALUE) for line in body.strip().splitlines()))
+    lines = [f"{key}: {text}" for key, value in trailers if (text := _line(value, LONGEST_VALUE))]
+    if lines:
+        paragraphs.append("\n".join(lines))
+    return "\n\n".join(paragraphs) + "\n"
+
+
+def subject_of(message: str) -> str:
+    """The first line."""
+    return message.strip().partition("\n")[0]
+
+
+def trailers_of(message: str) -> tuple[tuple[str, str], ...]:
+    """The trailers of a message: its last paragraph, if there is another before it and every line is one."""
+    paragraphs = [part for part in re.split(r"\n[ \t]*\n", message.strip()) if part.strip()]
+    if len(paragraphs) < 2:
+        return ()
+    found = [TRAILER.fullmatch(line) for line in paragraphs[-1].splitlines()]
+    pairs = tuple((match["key"], match["value"].strip()) for match in found if match)
+    return pairs if len(pairs) == len(found) else ()
+
+
+def _line(text: str, longest: int) -> str:
+    printable = "".join(letter if letter.isprintable() else " " for letter in text)
+    folded = " ".join(printable.split())
+    return folded if len(folded) <= longest else f"{folded[: longest - 1]}…"

@@ -1,24 +1,37 @@
-"""What became of a file: every commit that changed it, by git's own log, whatever taste its user has set.
+"""The history of a file, what differs between two commits, and the commit that a revision (``@REV``) means.
 
-``log.showRoot=false`` in a person's configuration makes the first revision of every entry vanish, and others turn
-the output's colours on or follow renames by guess; every such option is said here, so that none is left open.
+``log.showRoot=false`` in a user's configuration hides the first revision of every entry, and other options add
+colours or follow renames by guessing; every such option is therefore set explicitly.
 """
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git.fast_import import Person
-from calibrary.registry.git.messages import subject_of, trailers_of
+from calibrary.registry.git.commits import Person, subject_of, trailers_of
 from calibrary.registry.git.objects import HEX, Blob
 from calibrary.registry.git.repository import REGULAR, Repository
 from calibrary.registry.git.worktree import EMPTY_TREE
 
-__all__ = ["ChangedFile", "Revision", "changed", "history", "newest_where"]
+__all__ = [
+    "ChangedFile",
+    "Firmware",
+    "Named",
+    "OnDate",
+    "Rev",
+    "Revision",
+    "changed",
+    "commit_at",
+    "history",
+    "newest_where",
+    "parse_rev",
+    "split_key",
+]
 
 MOVED_FROM = "Moved-From"
 FIELDS = ("%H", "%P", "%an", "%ae", "%ad", "%cn", "%ce", "%cd", "%B")
@@ -205,3 +218,85 @@ def at_date(repo: Repository, moment: datetime, at: str) -> str:
         hint = "; this clone is shallow: git fetch --unshallow brings the rest" if repo.is_shallow else ""
         raise RegistryError(f"no commit as old as {moment:%Y-%m-%d %H:%M %Z}; the history begins later{hint}")
     return commit
+
+
+DATE = re.compile(r"\d{4}-\d{2}-\d{2}(?P<time>[T ]\d{2}:\d{2}(:\d{2})?(Z|[+-]\d{2}:?\d{2})?)?\Z")
+NAME = re.compile(r"[\w./~^@{}+-]+\Z")
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A commit, tag or branch."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class OnDate:
+    """The state at a moment, in UTC."""
+
+    moment: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class Firmware:
+    """The newest revision of an entry that was made for a firmware."""
+
+    version: str
+
+
+Rev = Named | OnDate | Firmware
+
+
+def split_key(text: str) -> tuple[str, Rev | None]:
+    """A key and, behind the first ``@``, its revision."""
+    key, at, rev = text.partition("@")
+    return key, parse_rev(rev) if at else None
+
+
+def parse_rev(text: str) -> Rev:
+    """What kind of revision a text is.
+
+    A tag that looks like a date is reached as ``refs/tags/2026-05-01``.
+
+    Raises:
+        RegistryError: it is none.
+    """
+    if text.startswith("firmware:"):
+        version = text.removeprefix("firmware:").strip()
+        if version and version.isprintable():
+            return Firmware(version)
+    elif DATE.match(text):
+        return OnDate(_moment_of(text))
+    elif NAME.match(text) and not text.startswith("-") and len(text) <= 250:
+        return Named(text)
+    raise RegistryError(
+        f"{text!r} is no revision: wanted a commit, tag or branch, a date such as 2026-05-01, or firmware:01.09"
+    )
+
+
+def _moment_of(text: str) -> datetime:
+    try:
+        moment = datetime.fromisoformat(text)
+        if moment.tzinfo is None:
+            moment = moment.replace(tzinfo=UTC)
+        is_day = len(text) == len("2026-05-01")
+        return moment + timedelta(days=1, seconds=-1) if is_day else moment.astimezone(UTC)
+    except (ValueError, OverflowError):
+        raise RegistryError(
+            f"{text!r} is no date: wanted one such as 2026-05-01 or 2026-05-01T12:30Z"
+        ) from None
+
+
+def commit_at(repo: Repository, rev: Rev | None) -> str:
+    """The commit that a revision means; for a firmware the newest, since that is searched in an entry's history.
+
+    Raises:
+        RegistryError: there is none, or none yet.
+    """
+    if isinstance(rev, Named):
+        return repo.commit_of(rev.name)
+    tip = repo.tip()
+    if tip is None:
+        raise RegistryError(f"{repo.path}: an empty registry, without a first commit")
+    return at_date(repo, rev.moment, tip) if isinstance(rev, OnDate) else tip

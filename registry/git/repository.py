@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git.failures import explain
+from calibrary.registry.git.errors import explain
 from calibrary.registry.git.foreign import (
     ALWAYS,
     PEACE,
@@ -30,8 +30,8 @@ from calibrary.registry.git.foreign import (
     parse_settings,
     repository_environment,
 )
+from calibrary.registry.git.names import check_path
 from calibrary.registry.git.objects import HEX, Blob, ObjectReader, object_id
-from calibrary.registry.git.paths import check_path
 
 if TYPE_CHECKING:
     from git import Git

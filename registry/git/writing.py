@@ -21,12 +21,11 @@ from typing import Final
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git import worktree
-from calibrary.registry.git.commits import advance, land
-from calibrary.registry.git.conflicts import Conflict, FileConflictError
-from calibrary.registry.git.fast_import import File, Person, Step
+from calibrary.registry.git.commits import File, Person, Step, advance, land
+from calibrary.registry.git.errors import Conflict, FileConflictError
 from calibrary.registry.git.locks import backoff, writer_lock
+from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.objects import LARGEST_FILE, blob_id
-from calibrary.registry.git.paths import check_branch
 from calibrary.registry.git.repository import Repository
 
 __all__ = ["ANY", "Base", "Change", "Written", "branch_ref", "identity", "moment_after", "still_due", "write"]

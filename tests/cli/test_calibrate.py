@@ -25,8 +25,8 @@ from calibrary.records import replace
 from calibrary.registry.check import BOARD_BLOCK
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.init import init
+from calibrary.registry.paths import slug
 from calibrary.registry.registry import Registry
-from calibrary.registry.slug import slug
 from calibrary.schemas import require
 from tests.calib.photographs import CAMERA, SIZE, encoded, photograph
 from tests.calib.solving import Session, camera

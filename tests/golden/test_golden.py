@@ -16,9 +16,9 @@ from calibrary.cli.main import main
 from calibrary.distortion import MODELS
 from calibrary.jobs.demo.flight import write_flight
 from calibrary.records import to_json
-from calibrary.registry.digest import digest
+from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from calibrary.registry.pins import lock_yaml, parse_lock, pin_of
+from calibrary.registry.locking import lock_yaml, parse_lock, pin_of
 
 HERE = Path(__file__).parent
 ENTRIES = sorted((HERE / "entries").glob("*.yaml"))

@@ -14,11 +14,10 @@ from hypothesis import strategies as st
 from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, ParseError
 from calibrary.quality import Quality
-from calibrary.registry.digest import digest
 from calibrary.registry.entry import UNSTATED, Alias, Entry, Sensor, Status
-from calibrary.registry.entry_yaml import LARGEST_ENTRY, entry_yaml, parse_entry
+from calibrary.registry.entry_form import digest
+from calibrary.registry.entry_yaml import LARGEST_ENTRY, block, entry_yaml, number, parse_entry, quoted
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.yaml_text import block, number, quoted
 from calibrary.schemas import require
 from calibrary.strictyaml import load_yaml
 from tests.registry.entries import an_entry, covariance, entries, texts

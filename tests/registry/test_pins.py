@@ -10,7 +10,16 @@ import pytest
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.pins import Lock, Pin, lock_yaml, parse_lock, pin_of, read_lock, refuse_drift, verify
+from calibrary.registry.locking import (
+    Lock,
+    Pin,
+    lock_yaml,
+    parse_lock,
+    pin_of,
+    read_lock,
+    refuse_drift,
+    verify,
+)
 from tests.registry.entries import an_entry
 
 COMMIT = "4f" * 20

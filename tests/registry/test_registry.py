@@ -9,18 +9,18 @@ import pytest
 from calibrary.calibration import Provenance
 from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.records import replace
-from calibrary.registry.charter import charter_yaml
+from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git import maintenance
-from calibrary.registry.git.conflicts import FileConflictError
+from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import ANY, Change, write
 from calibrary.registry.history import history, recorded
 from calibrary.registry.init import init
-from calibrary.registry.keys import find_path, find_paths
+from calibrary.registry.paths import find_path, find_paths
 from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.writing import Note, note_of, write_changes
 from tests.registry.entries import FILE, an_entry
@@ -166,7 +166,7 @@ def test_a_plain_folder_is_a_snapshot_by_its_own_configuration(tmp_path: Path) -
     entry = an_entry()
     (tmp_path / entry.path).parent.mkdir(parents=True)
     (tmp_path / entry.path).write_bytes(entry_yaml(entry))
-    (tmp_path / "registry.yaml").write_bytes(charter_yaml("source"))
+    (tmp_path / "registry.yaml").write_bytes(configuration_yaml("source"))
     snapshot = open_snapshot(tmp_path)
     assert (snapshot.commit, snapshot.repo, snapshot.configuration.policy.name) == (None, None, "source")
     assert snapshot.get("fc6310r").entry == entry

@@ -208,7 +208,7 @@ def _fleet(arguments: argparse.Namespace) -> int:
 
     from calibrary.cli.console import make_console
     from calibrary.jobs.diff.fleet import by_firmware, since
-    from calibrary.registry.locate import require_registry
+    from calibrary.registry.configuration import require_registry
     from calibrary.registry.registry import Registry
 
     registry, policy = Registry.open(require_registry(arguments.registry)), _policy(arguments)

@@ -14,11 +14,11 @@ from calibrary.calibration import Grade, Quality
 from calibrary.cli.main import main
 from calibrary.parsers.imagery import hash_serial
 from calibrary.records import replace
+from calibrary.registry.configuration import default_place
 from calibrary.registry.entry import Alias, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.writing import Written
-from calibrary.registry.locate import default_place
 from calibrary.registry.proposals import Proposals
 from calibrary.registry.registry import Registry
 from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, printed, run, xml
@@ -269,9 +269,9 @@ def test_what_the_check_objects_to_is_not_written(
 def test_the_registrys_own_policy_decides(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    charter = fleet / "registry.yaml"
+    configuration = fleet / "registry.yaml"
     ours = '{schema: "calibrary/policy-1", name: "ours", principal_point_drift_max: 0.0001}'
-    charter.write_text(charter.read_text().replace('policy: "fleet"\n', f"policy: {ours}\n"))
+    configuration.write_text(configuration.read_text().replace('policy: "fleet"\n', f"policy: {ours}\n"))
     git(fleet, "commit", "--quiet", "-am", "Ask for more")
     assert run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--approve", "--yes")[0] == 1
 

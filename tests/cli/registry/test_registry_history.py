@@ -11,7 +11,7 @@ import pytest
 from calibrary.calibration import Quality
 from calibrary.cli.main import main
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.scaffold import DRIVER, DRIVER_COMMAND
+from calibrary.registry.init import DRIVER, DRIVER_COMMAND
 from tests.cli.registry.fleets import P4R, add, held, printed, run, xml
 from tests.registry.entries import an_entry, covariance
 from tests.registry.git.repositories import git

@@ -10,10 +10,10 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.errors import InputError
 from calibrary.policy import SOURCE
-from calibrary.registry.charter import charter_yaml, parse_charter
+from calibrary.registry.configuration import configuration_yaml, parse_configuration
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.init import DRIVER, DRIVER_COMMAND, example_entry
 from calibrary.registry.registry import Registry
-from calibrary.registry.scaffold import DRIVER, DRIVER_COMMAND, example_entry
 from calibrary.schemas import require
 from calibrary.strictyaml import load_yaml
 from tests.cli.registry.fleets import CAMERA, P4R, add, run, xml
@@ -166,8 +166,8 @@ def test_a_bare_registry_takes_entries(tmp_path: Path, capsys: pytest.CaptureFix
 def test_a_newer_registry_is_refused_with_what_was_found_and_the_way_out(
     fleet: Path, before: str, after: str, place: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    charter = fleet / "registry.yaml"
-    charter.write_text(charter.read_text().replace(before, after))
+    configuration = fleet / "registry.yaml"
+    configuration.write_text(configuration.read_text().replace(before, after))
     git(fleet, "commit", "--quiet", "-am", "Move on")
     code, _, told = run(capsys, "list")
     assert code == 4
@@ -184,23 +184,25 @@ def test_a_registry_begun_by_hand_is_one_by_its_entries(
     assert run(capsys, "list")[0] == 0
 
 
-def test_a_broken_charter_is_told_by_its_line(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_broken_configuration_is_reported_by_its_line(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (fleet / "registry.yaml").write_text('schema: "calibrary/registry-1"\nlayout: "one"\n')
     git(fleet, "commit", "--quiet", "-am", "Break")
     code, _, told = run(capsys, "list")
     assert (code, "registry.yaml: line 2" in told) == (4, True)
 
 
-def test_the_charter_it_writes_reads_back() -> None:
-    assert isinstance(load_yaml(charter_yaml(), source="registry.yaml"), dict)
-    assert parse_charter(charter_yaml("source")).policy == SOURCE
+def test_the_configuration_it_writes_reads_back() -> None:
+    assert isinstance(load_yaml(configuration_yaml(), source="registry.yaml"), dict)
+    assert parse_configuration(configuration_yaml("source")).policy == SOURCE
 
 
-def test_limits_of_its_own_stand_in_the_charter() -> None:
+def test_limits_of_its_own_are_in_the_configuration() -> None:
     text = (
         b'schema: "calibrary/registry-1"\nlayout: 1\n'
         b'policy: {schema: "calibrary/policy-1", name: "ours", principal_point_drift_max: 0.02}\n'
     )
-    assert parse_charter(text).policy.principal_point_drift_max == 0.02
+    assert parse_configuration(text).policy.principal_point_drift_max == 0.02
     with pytest.raises(InputError):
-        parse_charter(text.replace(b"0.02", b"2"))
+        parse_configuration(text.replace(b"0.02", b"2"))

@@ -13,7 +13,7 @@ from calibrary.cli.main import build_parser, main
 from calibrary.cli.registry import lock
 from calibrary.records import replace
 from calibrary.registry.entry import Status
-from calibrary.registry.pins import LOCK_FILE, read_lock
+from calibrary.registry.locking import LOCK_FILE, read_lock
 from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, printed, run
 from tests.jobs.extract.fleet import picture

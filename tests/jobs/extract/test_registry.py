@@ -10,7 +10,7 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.errors import RegistryError
 from calibrary.jobs.extract.extraction import CameraReport
-from calibrary.registry.pins import Lock, lock_yaml, pin_of
+from calibrary.registry.locking import Lock, lock_yaml, pin_of
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, gate, only, picture
 

@@ -12,7 +12,7 @@ from calibrary.jobs.site.past import steps
 from calibrary.jobs.site.work import entry_files
 from calibrary.policy import FLEET
 from calibrary.registry.entry import Entry
-from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.commits import Person
 from calibrary.registry.git.history import Revision
 from calibrary.registry.history import EntryRevision
 from tests.registry.entries import entries

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.registry.git.creating import create
+from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, Written, write
-from calibrary.registry.layout import check_path
+from calibrary.registry.paths import check_path
 
 ENTRY = "cameras/dji/fc6310/5472x3648.yaml"
 OTHER = "cameras/dji/fc330/4000x3000.yaml"

@@ -38,7 +38,7 @@ COUNT = """
 import os, sys
 from pathlib import Path
 import git
-from calibrary.registry.git.conflicts import FileConflictError
+from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
 
@@ -63,7 +63,7 @@ KILL = """
 import os, random, signal, sys, time
 from pathlib import Path
 import git
-from calibrary.registry.git.conflicts import FileConflictError
+from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry.charter import CHARTER, charter_yaml
+from calibrary.registry.configuration import CONFIGURATION_FILE, configuration_yaml
 from calibrary.registry.git import worktree
 from calibrary.registry.git.foreign import judge_settings, parse_settings
 from calibrary.registry.git.history import history
@@ -68,7 +68,7 @@ def test_a_configuration_that_is_a_link_is_the_repositorys_own_all_the_same(
 
 @pytest.mark.parametrize("ignore", ["", "\tignore = none\n"])
 def test_a_repository_inside_is_not_looked_into(checked_out: Repository, ran: Path, ignore: str) -> None:
-    put(checked_out, {CHARTER: charter_yaml()})
+    put(checked_out, {CONFIGURATION_FILE: configuration_yaml()})
     inner = checked_out.path / "cameras" / "inner"
     inner.mkdir()
     git(inner, "init", "-q")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from calibrary.registry.git.fast_import import Person
+from calibrary.registry.git.commits import Person, compose, subject_of, trailers_of
 from calibrary.registry.git.history import ChangedFile, changed, history
-from calibrary.registry.git.messages import compose, subject_of, trailers_of
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository

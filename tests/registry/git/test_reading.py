@@ -12,11 +12,18 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git.creating import create
-from calibrary.registry.git.history import newest_where
+from calibrary.registry.git.history import (
+    Firmware,
+    Named,
+    OnDate,
+    commit_at,
+    newest_where,
+    parse_rev,
+    split_key,
+)
+from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.revisions import Firmware, Named, OnDate, commit_at, parse_rev, split_key
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

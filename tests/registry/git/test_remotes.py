@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import ConflictError, RegistryError
-from calibrary.registry.git.conflicts import FileConflictError
-from calibrary.registry.git.creating import create
+from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.history import changed, history
-from calibrary.registry.git.maintenance import maintain
+from calibrary.registry.git.maintenance import create, maintain
+from calibrary.registry.git.names import check_url, without_secret
 from calibrary.registry.git.remotes import clone, fetch, pull, push, set_remote, sync
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.signatures import signatures
-from calibrary.registry.git.urls import check_url, without_secret
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

@@ -11,7 +11,7 @@ import pytest
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git import worktree
-from calibrary.registry.git.creating import create
+from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.repository import Repository
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 

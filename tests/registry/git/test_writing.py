@@ -14,18 +14,16 @@ import pytest
 
 from calibrary.errors import ConflictError, RegistryError
 from calibrary.registry.git import writing
-from calibrary.registry.git.commits import land
-from calibrary.registry.git.conflicts import FileConflictError
-from calibrary.registry.git.creating import create
-from calibrary.registry.git.fast_import import File, Person, Step, stream
+from calibrary.registry.git.commits import File, Person, Step, land, stream
+from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.locks import writer_lock
-from calibrary.registry.git.maintenance import is_due, maintain
+from calibrary.registry.git.maintenance import create, is_due, maintain
+from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.objects import LARGEST_FILE, blob_id
-from calibrary.registry.git.paths import check_branch
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.signatures import require_signed, signatures
 from calibrary.registry.git.writing import ANY, Change, identity, write
-from calibrary.registry.layout import check_path
+from calibrary.registry.paths import check_path
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]

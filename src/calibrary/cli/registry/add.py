@@ -97,7 +97,7 @@ def _run(arguments: argparse.Namespace) -> int:
     )
     from calibrary.jobs.exchange.add import propose_file, save_file
     from calibrary.jobs.exchange.argument import Reading
-    from calibrary.registry.git.conflicts import FileConflictError
+    from calibrary.registry.git.errors import FileConflictError
 
     registry, note = _registry(arguments), make_console(stderr=True)
     answers, request = Answers.of(arguments), _request(arguments)
@@ -140,8 +140,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _registry(arguments: argparse.Namespace) -> Registry:
     from calibrary.cli.console import make_console, plain
+    from calibrary.registry.configuration import default_place, find_registry
     from calibrary.registry.init import init
-    from calibrary.registry.locate import default_place, find_registry
     from calibrary.registry.registry import Registry
 
     place = find_registry(arguments.registry)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from calibrary.registry.fields import Field, FieldChange
-    from calibrary.registry.git.conflicts import FileConflictError
+    from calibrary.registry.git.errors import FileConflictError
     from calibrary.registry.git.writing import Written
     from calibrary.registry.proposals import Proposal, Proposals
     from calibrary.registry.registry import Registry

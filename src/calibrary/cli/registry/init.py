@@ -49,8 +49,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console, plain
-    from calibrary.registry.init import folder_for, init, init_from, install_driver
-    from calibrary.registry.scaffold import DRIVER, DRIVER_COMMAND
+    from calibrary.registry.init import DRIVER, DRIVER_COMMAND, folder_for, init, init_from, install_driver
 
     if arguments.remote is not None:
         place = arguments.path or folder_for(arguments.remote)

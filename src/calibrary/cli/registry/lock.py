@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["add_parser"]
 
 LOCK_FILE = "calibrary.lock"
-"""As :data:`calibrary.registry.pins.LOCK_FILE`, without what that module loads."""
+"""As :data:`calibrary.registry.locking.LOCK_FILE`, without what that module loads."""
 
 EXAMPLES = """\
 examples:
@@ -56,8 +56,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from calibrary.atomic import write_files
     from calibrary.cli.console import make_console, plain
     from calibrary.errors import RegistryError
-    from calibrary.registry.locking import lock_json, pinned, usable_paths
-    from calibrary.registry.pins import lock_yaml
+    from calibrary.registry.locking import lock_json, lock_yaml, pinned, usable_paths
 
     note, snapshot = make_console(stderr=True), snapshot_of(arguments, arguments.at)
     if arguments.what:
@@ -85,7 +84,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _paths(snapshot: Snapshot, word: str, console: Console, *, recursive: bool) -> list[str]:
-    from calibrary.registry.keys import find_path
+    from calibrary.registry.paths import find_path
 
     folder = Path(word)
     if folder.is_dir():

@@ -29,7 +29,7 @@ def opened(arguments: argparse.Namespace) -> Registry:
     Raises:
         RegistryError: there is none.
     """
-    from calibrary.registry.locate import require_registry
+    from calibrary.registry.configuration import require_registry
     from calibrary.registry.registry import Registry
 
     return Registry.open(require_registry(arguments.registry))
@@ -41,7 +41,7 @@ def snapshot_of(arguments: argparse.Namespace, rev: str | None = None) -> Snapsh
     Raises:
         RegistryError: there is none, or no such revision.
     """
-    from calibrary.registry.locate import require_registry
+    from calibrary.registry.configuration import require_registry
     from calibrary.registry.registry import open_snapshot
 
     return open_snapshot(require_registry(arguments.registry), rev)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from calibrary.registry.fields import Field
-    from calibrary.registry.git.conflicts import Conflict, FileConflictError
+    from calibrary.registry.git.errors import Conflict, FileConflictError
     from calibrary.registry.git.remotes import Pulled
 
 __all__ = ["add_parser"]
@@ -65,7 +65,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console
-    from calibrary.registry.git.conflicts import FileConflictError
+    from calibrary.registry.git.errors import FileConflictError
     from calibrary.registry.sync import Choice, remote_named, sync_json
 
     note, registry = make_console(stderr=True), opened(arguments)
@@ -116,7 +116,7 @@ def _tell(console: Console, remote: str, pulled: Pulled) -> None:
 
 def _show_conflicts(console: Console, error: FileConflictError) -> None:
     from calibrary.cli.console import plain
-    from calibrary.registry.keys import id_of
+    from calibrary.registry.paths import id_of
 
     count = len(error.conflicts)
     what = "an entry was" if count == 1 else f"{count} entries were"

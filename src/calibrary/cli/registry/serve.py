@@ -47,7 +47,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from calibrary.cli.console import make_console, plain
     from calibrary.jobs.site.server import Server
-    from calibrary.registry.locate import require_registry
+    from calibrary.registry.configuration import require_registry
 
     console = make_console(stderr=True)
     registry = require_registry(arguments.registry)

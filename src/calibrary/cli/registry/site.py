@@ -54,7 +54,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import make_console, plain
     from calibrary.jobs.site.building import build
     from calibrary.jobs.site.place import check_out
-    from calibrary.registry.locate import require_registry
+    from calibrary.registry.configuration import require_registry
 
     registry, out = require_registry(arguments.registry), arguments.out
     check_out(out)

@@ -7,7 +7,7 @@ from datetime import date
 from calibrary.jobs.audit.agreement import MEASURED
 from calibrary.jobs.audit.rules import Rule
 from calibrary.registry.entry import Entry
-from calibrary.registry.keys import id_of
+from calibrary.registry.paths import id_of
 from calibrary.validation import Finding, Severity
 
 __all__ = ["age_finding"]

@@ -10,7 +10,7 @@ from calibrary.errors import RegistryError
 from calibrary.jobs.audit.flights import Flown
 from calibrary.jobs.audit.rules import Rule
 from calibrary.registry.entry import Status
-from calibrary.registry.keys import id_of
+from calibrary.registry.paths import id_of
 from calibrary.registry.resolution import RegistryIndex, Resolution
 from calibrary.validation import Finding, Severity
 

@@ -17,7 +17,7 @@ from calibrary.jobs.audit.rules import Rule
 from calibrary.policy import Policy
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.keys import id_of
+from calibrary.registry.paths import id_of
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 

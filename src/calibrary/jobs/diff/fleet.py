@@ -14,7 +14,7 @@ from calibrary.policy import FLEET, Policy
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare as compare_versions
-from calibrary.registry.keys import id_of
+from calibrary.registry.paths import id_of
 from calibrary.registry.registry import Registry
 
 __all__ = ["Change", "Progress", "by_firmware", "since"]

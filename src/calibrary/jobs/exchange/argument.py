@@ -10,8 +10,8 @@ from typing import Final
 from calibrary import parsers
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
+from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
-from calibrary.registry.locate import require_registry
 from calibrary.registry.registry import Registry
 
 __all__ = ["Argument", "Reading", "entry_file", "read_argument", "read_arguments"]

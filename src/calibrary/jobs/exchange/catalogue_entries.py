@@ -17,7 +17,8 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Pro
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.records import replace
 from calibrary.registry.catalogue import load_catalogue
-from calibrary.registry.entry import Alias, Entry, Sensor, folder_of
+from calibrary.registry.entry import Alias, Entry, Sensor
+from calibrary.registry.paths import folder_of
 
 __all__ = ["KIND", "NotImported", "catalogue_entries"]
 

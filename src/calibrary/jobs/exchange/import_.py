@@ -19,8 +19,8 @@ from calibrary.jobs.exchange.argument import Reading
 from calibrary.jobs.exchange.catalogue_entries import KIND, catalogue_entries
 from calibrary.parsers.image_names import is_image
 from calibrary.records import Json, replace, to_json
-from calibrary.registry.digest import digest
 from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.writing import Written
 from calibrary.registry.proposals import Proposal, Proposals, checked, proposal_of

@@ -15,7 +15,7 @@ from calibrary.parsers.image_names import is_image
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.history import recorded, recorded_json
-from calibrary.registry.keys import find_path, find_paths, id_of
+from calibrary.registry.paths import find_path, find_paths, id_of
 from calibrary.registry.resolution import Near, RegistryIndex, Resolution
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.writing import parsed

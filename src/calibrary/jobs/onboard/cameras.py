@@ -18,7 +18,7 @@ from calibrary.jobs.onboard.classify import LARGEST_CALIBRATION, Payload
 from calibrary.known_camera import normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.slug import match_key
+from calibrary.registry.paths import match_key
 
 __all__ = ["FileCalibration", "PayloadCamera", "PayloadCameras", "find_cameras", "sha256_of"]
 

@@ -15,9 +15,9 @@ from calibrary.jobs.onboard.cameras import PayloadCamera
 from calibrary.jobs.onboard.estimates import Estimate, Kind, expected_of, gap
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.entry import Entry, folder_of
+from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.keys import id_of
+from calibrary.registry.paths import folder_of, id_of
 from calibrary.registry.registry import Registry
 from calibrary.validation import Circumstances, NamedFocal, Report, Verdict, validate
 

@@ -38,9 +38,9 @@ from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.writing import Written
+from calibrary.registry.paths import slug
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import Resolution
-from calibrary.registry.slug import slug
 from calibrary.registry.writing import note_of
 
 __all__ = ["BRANCHES", "branch_name", "branch_of", "onboard", "write_drafts"]

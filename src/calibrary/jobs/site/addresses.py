@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from urllib.parse import quote
 
-from calibrary.registry.entry import ROOT, SUFFIX
+from calibrary.registry.paths import ROOT, SUFFIX
 
 __all__ = ["INDEX", "Place", "way"]
 

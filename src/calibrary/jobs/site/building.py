@@ -21,7 +21,7 @@ from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.git.history import changed, history
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.layout import CAMERAS
+from calibrary.registry.paths import CAMERAS
 from calibrary.registry.registry import Registry
 from calibrary.workers import end_with_parent
 

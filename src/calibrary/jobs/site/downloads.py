@@ -10,7 +10,7 @@ from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
-from calibrary.registry.slug import slug
+from calibrary.registry.paths import slug
 
 __all__ = ["Download", "downloads"]
 

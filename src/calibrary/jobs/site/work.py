@@ -25,7 +25,7 @@ from calibrary.policy import Policy
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.history import EntryRevision, of_path
-from calibrary.registry.keys import id_of
+from calibrary.registry.paths import id_of
 from calibrary.registry.registry import Registry
 
 __all__ = ["Card", "Job", "Task", "entry_files", "write_entries"]

@@ -15,7 +15,7 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.known_camera import normalise_sub_camera
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.slug import match_key
+from calibrary.registry.paths import match_key
 
 __all__ = ["FOCAL_TOLERANCE", "Fit", "fit"]
 

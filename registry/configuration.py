@@ -1,23 +1,37 @@
-"""``registry.yaml``: by which rules a registry is kept, and how its files lie. Read before anything else in it."""
+"""``registry.yaml``, the configuration at a registry's root, and which folder is the registry that is meant."""
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Final, cast
 
-from calibrary.errors import InputError, ParseError
+from platformdirs import user_data_path
+
+from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.policy import FLEET, POLICIES, Policy
 from calibrary.policy_file import policy_from
-from calibrary.registry.migrations import CURRENT
+from calibrary.registry.entry_form import CURRENT
 from calibrary.schemas import require
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
-__all__ = ["CHARTER", "LAYOUT", "Charter", "charter_yaml", "parse_charter"]
+__all__ = [
+    "CONFIGURATION_FILE",
+    "LAYOUT",
+    "VARIABLE",
+    "Configuration",
+    "configuration_yaml",
+    "default_place",
+    "find_registry",
+    "parse_configuration",
+    "require_registry",
+]
 
-CHARTER: Final = "registry.yaml"
+CONFIGURATION_FILE: Final = "registry.yaml"
 """The file at a registry's root."""
 
 LAYOUT: Final = 1
@@ -39,7 +53,7 @@ policy: "{policy}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Charter:
+class Configuration:
     """What a registry says of itself.
 
     Attributes:
@@ -49,7 +63,7 @@ class Charter:
     policy: Policy = FLEET
 
 
-def charter_yaml(policy: str = FLEET.name) -> bytes:
+def configuration_yaml(policy: str = FLEET.name) -> bytes:
     """The file of a new registry.
 
     Args:
@@ -58,7 +72,7 @@ def charter_yaml(policy: str = FLEET.name) -> bytes:
     return TEXT.format(layout=LAYOUT, entries=CURRENT, policy=policy).encode()
 
 
-def parse_charter(data: bytes, name: str = CHARTER) -> Charter:
+def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configuration:
     """Read it.
 
     Raises:
@@ -71,9 +85,9 @@ def parse_charter(data: bytes, name: str = CHARTER) -> Charter:
     require(value, "registry-1", source=name, locate=partial(line_of, data))
     policy = cast("Mapping[str, YamlValue]", value).get("policy", FLEET.name)
     if isinstance(policy, str):
-        return Charter(policy=POLICIES[policy])
+        return Configuration(policy=POLICIES[policy])
     try:
-        return Charter(policy=policy_from(cast("Mapping[str, YamlValue]", policy)))
+        return Configuration(policy=policy_from(cast("Mapping[str, YamlValue]", policy)))
     except InputError as error:
         raise type(error)(error.message, source=name, place="policy") from None
 
@@ -97,3 +111,49 @@ def _newer(name: str, place: str, found: str, supported: str) -> ParseError:
         source=name,
         place=place,
     )
+
+
+VARIABLE: Final = "CALIBRARY_REGISTRY"
+
+
+def find_registry(named: Path | None = None, *, environment: Mapping[str, str] | None = None) -> Path | None:
+    """The registry's folder: as named, else ``$CALIBRARY_REGISTRY``, else around here, else a user's own.
+
+    Args:
+        named: on the command line.
+        environment: in place of the process's own.
+
+    Returns:
+        None where there is none yet. What is named is returned whether or not it is there.
+    """
+    if named is not None:
+        return named
+    variable = (os.environ if environment is None else environment).get(VARIABLE)
+    if variable:
+        return Path(variable)
+    here = Path.cwd()
+    for folder in (here, *here.parents):
+        if (folder / CONFIGURATION_FILE).is_file():
+            return folder
+    own = default_place()
+    return own if own.exists() else None
+
+
+def require_registry(named: Path | None = None) -> Path:
+    """The same, where there has to be one.
+
+    Raises:
+        RegistryError: there is none; the message says how to come by one.
+    """
+    place = find_registry(named)
+    if place is None:
+        raise RegistryError(
+            f"no registry: none named with --registry or ${VARIABLE}, no {CONFIGURATION_FILE} in this folder or "
+            f"above it, none at {default_place()}; 'calibrary registry init' makes one"
+        )
+    return place
+
+
+def default_place() -> Path:
+    """Where a user's own registry lies on this system."""
+    return user_data_path("calibrary", appauthor=False) / "registry"

@@ -1,0 +1,255 @@
+"""Paths of a registry's files: cameras' names in them, which paths are allowed, and the KEYs that abbreviate them.
+
+A make or model may be any text; its slug is valid on any file system, and two texts have the same slug exactly if
+their match keys are equal. A slug that loses nothing contains ``a-z 0-9 . - _`` only (``_`` is a blank). A name that
+cannot be written so, or that has a meaning to a file system or to git, ends in ``~`` and ten digits of a hash, and
+``~`` is in no other slug. KEY is the shortest way to name an entry, ``make/model[/variant]``, in any case and spelling.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import unicodedata
+from collections.abc import Collection, Sequence
+from difflib import get_close_matches
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final
+
+from calibrary.calibration import CameraKey
+from calibrary.errors import InputError, RegistryError, UnknownCameraError
+from calibrary.registry.git.names import is_safe_name
+
+if TYPE_CHECKING:
+    from calibrary.registry.firmware import FirmwareRange
+
+__all__ = [
+    "CAMERAS",
+    "ROOT",
+    "SUFFIX",
+    "check_path",
+    "find_path",
+    "find_paths",
+    "folder_of",
+    "id_of",
+    "is_entry",
+    "match_key",
+    "path_of",
+    "scripts",
+    "slug",
+]
+
+LONGEST_TEXT: Final = 1000
+"""Characters that are looked at; an EXIF string has some tens."""
+LONGEST_SLUG: Final = 48
+LONGEST_STEM: Final = 32
+ROUNDS: Final = 4
+
+_LOSSLESS = re.compile(r"[a-z0-9. -]+")
+_DEVICES = r"con|prn|aux|nul|conin\$|conout\$|com[0-9]|lpt[0-9]"
+_SPECIAL = re.compile(
+    # What Windows, git or a shell take for something else: devices, options, hidden files, git's own names.
+    rf"(?:{_DEVICES})(?:[. ].*)?|[-. ].*|.*[. ]|.*\.\..*|\.?git|.*\.(?:lock|yaml)",
+    re.DOTALL,
+)
+
+
+@lru_cache(maxsize=1 << 14)
+def match_key(text: str) -> str:
+    """What of a name counts: letters and digits, not their case, width, padding or invisible company.
+
+    The text is cut at its first NUL; control and format characters (writing direction, zero-width joiners) are
+    dropped, blanks are folded, compatibility forms and letter case undone, and × is x, as in "zoom 2×".
+    """
+    key = text[:LONGEST_TEXT].partition("\0")[0]
+    for _ in range(ROUNDS):
+        folded = _folded(key)
+        if folded == key:
+            break
+        key = folded
+    return key
+
+
+@lru_cache(maxsize=1 << 14)
+def slug(text: str) -> str:
+    """A match key as one part of a path: lower-case ASCII, at most 48 characters."""
+    key = match_key(text)
+    if _LOSSLESS.fullmatch(key) and len(key) <= LONGEST_SLUG and not _SPECIAL.fullmatch(key):
+        return key.replace(" ", "_")
+    digits = hashlib.sha256(key.encode("utf-8", "surrogatepass")).hexdigest()[:10]
+    return f"{_stem(key)}~{digits}"
+
+
+def scripts(text: str) -> frozenset[str]:
+    """The scripts of its letters ("LATIN", "CYRILLIC", …); more than one in a name is most likely a mistake."""
+    return frozenset(unicodedata.name(c, "UNKNOWN").partition(" ")[0] for c in text if c.isalpha())
+
+
+def _folded(text: str) -> str:
+    kept = "".join(" " if c.isspace() else c for c in text if c.isspace() or not _is_invisible(c))
+    folded = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", kept).casefold())
+    return " ".join(folded.replace("×", "x").split())
+
+
+def _is_invisible(character: str) -> bool:
+    return unicodedata.category(character) in {"Cc", "Cf"}
+
+
+def _stem(key: str) -> str:
+    """What of a key can be shown, for people; the hash behind it tells it from others."""
+    shown = re.sub(r"[^a-z0-9. -]", "", key).replace(" ", "_")
+    shown = re.sub(r"\.{2,}", ".", shown).lstrip("-._")[:LONGEST_STEM].rstrip("._-")
+    if not shown or _SPECIAL.fullmatch(shown.replace("_", " ")):
+        return f"x{shown}"
+    return shown
+
+
+CAMERAS = "cameras"
+DEEPEST = 8
+SINGLE_FILES = frozenset({".gitattributes", "README.md", "registry.yaml"})
+WORKFLOW = re.compile(r"\.github/workflows/[a-z0-9][a-z0-9._-]*\.yml\Z")
+SCHEMA = re.compile(r"schema/[a-z0-9][a-z0-9._-]*\.json\Z")
+NAME = re.compile(r"[a-z0-9_][a-z0-9._~+-]*\Z")
+
+
+def check_path(path: str) -> str:
+    """The path itself, if a registry may hold a file there.
+
+    Raises:
+        RegistryError: it is no ``cameras/**.yaml`` and none of the few files beside it.
+    """
+    if path in SINGLE_FILES or WORKFLOW.match(path) or SCHEMA.match(path):
+        return path
+    root, *names = path.split("/")
+    if (
+        root != CAMERAS
+        or not 1 <= len(names) <= DEEPEST
+        or not names[-1].endswith(".yaml")
+        or any(name.endswith(".yaml") for name in names[:-1])
+        or not all(NAME.match(name) and is_safe_name(name) for name in names)
+    ):
+        raise RegistryError(
+            f"{path!r} is no place in a registry: wanted cameras/<make>/<model>/<variant>.yaml in lower-case "
+            f"letters, digits and . _ ~ + -, or one of {', '.join(sorted(SINGLE_FILES))}, schema/*.json, "
+            ".github/workflows/*.yml"
+        )
+    return path
+
+
+ROOT: Final = "cameras/"
+SUFFIX: Final = ".yaml"
+LONGEST_LEAF: Final = 110
+
+MOST_LISTED: Final = 8
+
+
+def folder_of(make: str, model: str) -> str:
+    """The folder of a model's entries, with the slash behind it."""
+    return f"{ROOT}{slug(make)}/{slug(model)}/"
+
+
+def is_entry(path: str) -> bool:
+    """Whether a file below the root is to be read as an entry, by its name."""
+    return path.endswith(SUFFIX) and not path.rpartition("/")[2].startswith(".")
+
+
+def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
+    """``cameras/<make>/<model>/[sn-<serial>/]<width>x<height>[+…].yaml``.
+
+    Every part after the size names the field it is of, and ``+`` is in no slug, so different keys have different
+    paths; where that gets too long, a hash stands for it. The leaf starts with a digit and a unit's folder with
+    ``sn-``: neither can take the other's place.
+
+    Raises:
+        InputError: the key has no make, no model or no image size.
+    """
+    if not camera.make or not camera.model or camera.image_size is None:
+        raise InputError(f"{camera} has no place in a registry, wanted make, model and image size")
+    width, height = camera.image_size
+    parts = [f"{width}x{height}"]
+    stated = (("mode", camera.capture_mode), ("sub", camera.sub_camera), ("lens", camera.lens))
+    parts += [f"{name}-{slug(text)}" for name, text in stated if text is not None]
+    if camera.focal_mm is not None:
+        parts.append(f"f{camera.focal_mm!r}".removesuffix(".0"))
+    if firmware is not None:
+        parts.append(f"fw-{slug(firmware.min)}" if firmware.min else f"fw-to-{slug(firmware.max or '')}")
+    leaf = "+".join(parts)
+    if len(leaf) > LONGEST_LEAF:
+        leaf = f"{parts[0]}~{hashlib.sha256(leaf.encode()).hexdigest()[:10]}"
+    unit = f"sn-{slug(camera.serial)}/" if camera.serial is not None else ""
+    return f"{folder_of(camera.make, camera.model)}{unit}{leaf}{SUFFIX}"
+
+
+def id_of(path: str) -> str:
+    """An entry's id, which is also its longest KEY: its path without ``cameras/`` and ``.yaml``."""
+    return path.removeprefix(ROOT).removesuffix(SUFFIX)
+
+
+def find_path(paths: Collection[str], key: str) -> str:
+    """The one entry that a KEY means.
+
+    Args:
+        paths: of all entries.
+        key: ``make/model[/variant]`` or a part that ends it early: ``fc6310r``, ``dji/fc6310r``,
+            ``dji/fc6310r/5472``; make and model may be written as EXIF writes them.
+
+    Raises:
+        UnknownCameraError: none; the message names those that are nearly so called.
+        RegistryError: several; the message names them.
+    """
+    found = find_paths(paths, key)
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise UnknownCameraError(f"{key}: no such camera in the registry{_nearly(paths, key)}")
+    listed = ", ".join(id_of(path) for path in found[:MOST_LISTED])
+    more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
+    raise RegistryError(f"{key} fits {len(found)} entries: {listed}{more}; name one of them")
+
+
+def find_paths(paths: Collection[str], key: str) -> list[str]:
+    """Every entry that a KEY may mean, sorted; an exact id, or the plain entry of a model, means itself alone."""
+    path = f"{ROOT}{key.strip('/')}{SUFFIX}" if not key.startswith(ROOT) else key
+    for exact in (path, path.lower()):
+        if exact in paths:
+            return [exact]
+    asked = [part for part in key.removeprefix(ROOT).removesuffix(SUFFIX).split("/") if part.strip()]
+    if not asked:
+        return []
+    found = [path for path in paths if _fits(id_of(path).split("/"), asked)]
+    return sorted(found)
+
+
+def _fits(parts: Sequence[str], asked: Sequence[str]) -> bool:
+    """Whether the words asked for are an entry's own: from its make on, or from its model on."""
+    return any(_fits_from(parts[start:], asked) for start in (0, 1))
+
+
+def _fits_from(parts: Sequence[str], asked: Sequence[str]) -> bool:
+    if len(asked) > len(parts) or not parts:
+        return False
+    *whole, last = asked
+    if not all(_is(part, word) for part, word in zip(parts, whole, strict=False)):
+        return False
+    part, is_variant = parts[len(whole)], parts[len(whole)] == parts[-1]
+    # A make or model is said in full; what comes after it may be cut short.
+    return part.startswith(last.lower()) if is_variant else _is(part, last)
+
+
+def _is(part: str, word: str) -> bool:
+    """Whether a word names a part of a path: as the path writes it, or as EXIF does."""
+    return part == word.lower() or part == slug(word)
+
+
+def _nearly(paths: Collection[str], key: str) -> str:
+    words = [word for word in key.lower().split("/") if word]
+    if not words:
+        return ""
+    names = sorted({"/".join(id_of(path).split("/")[:2]) for path in paths})
+    by_model = {name.rpartition("/")[2]: name for name in names}
+    close = get_close_matches("/".join(words[:2]), names, n=3, cutoff=0.5)
+    close += [by_model[model] for model in get_close_matches(words[-1], by_model, n=3, cutoff=0.6)]
+    near = list(dict.fromkeys(close))[:3]
+    if near:
+        return f"; nearest: {', '.join(near)}"
+    return "; it holds no entry yet: 'calibrary registry add' puts one in" if not names else ""
