@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_c
 from calibrary.jobs.extract.gather import Gathered, SkippedFile, collect_images, gather
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.policy import FLEET, Policy
-from calibrary.progress import Progress
+from calibrary.progress import Progress, counted
 from calibrary.validation import Finding, Report, Severity, Verdict
 
 __all__ = ["Request", "run"]
@@ -69,7 +69,7 @@ def run(request: Request) -> Extraction:
         found.paths,
         found.root,
         workers=request.workers,
-        progress=_counted(request.progress, len(found.paths)),
+        progress=counted(request.progress, len(found.paths), "images"),
         stop_at_first=request.strict,
     )
     _set_contradictions_aside(gathered)
@@ -103,21 +103,6 @@ def run(request: Request) -> Extraction:
         rejected=tuple(gathered.rejected),
         warnings=(*knowledge.warnings, *warnings),
     )
-
-
-def _counted(progress: Progress | None, total: int) -> Callable[[int], None] | None:
-    """From "so many more" to "so many of so many"."""
-    if progress is None:
-        return None
-    done = 0
-    progress(done, total, "images")
-
-    def advance(more: int) -> None:
-        nonlocal done
-        done += more
-        progress(done, total, "images")
-
-    return advance
 
 
 def _set_contradictions_aside(gathered: Gathered) -> None:
