@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from calibrary.records import Record
-from calibrary.records.schema import URN, schema
+from calibrary.records.schema import URN, parts, schema
 
 FOLDER: Final = Path(__file__).parents[1] / "schemas"
 
@@ -21,6 +21,8 @@ PRINTED: Final[Mapping[str, str]] = {
     "fleet-diff-1": "calibrary.jobs.diff.report:FleetDiffReport",
     "corners-1": "calibrary.calib.corners_file:CornersFile",
     "calibration-result-1": "calibrary.jobs.calibrate_board.report:CalibrateReport",
+    "registry-audit-1": "calibrary.jobs.audit.report:AuditReport",
+    "onboard-1": "calibrary.jobs.onboard.report:OnboardReport",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its
 schema in the first, and the others refer to it there."""
@@ -34,12 +36,13 @@ WRITTEN_BY_PEOPLE: Final[Mapping[str, str]] = {
 def schemas() -> dict[str, dict[str, Any]]:
     """Every generated schema by its name."""
     made: dict[str, dict[str, Any]] = {}
-    homes: dict[str, str] = {}
+    homes: dict[type, str] = {}
     for name, path in PRINTED.items():
         kind = _record(path)
         made[name] = schema(kind, name, printed=True, homes=homes)
-        homes |= {part: f"{URN}{name}#/$defs/{part}" for part in made[name].get("$defs", {})}
-        homes[kind.__name__] = f"{URN}{name}"
+        defined = made[name].get("$defs", {})
+        homes |= {part: f"{URN}{name}#/$defs/{key}" for key, part in parts(kind).items() if key in defined}
+        homes[kind] = f"{URN}{name}"
     return made | {name: schema(_record(path), name) for name, path in WRITTEN_BY_PEOPLE.items()}
 
 

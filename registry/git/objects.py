@@ -8,13 +8,15 @@ import re
 import subprocess
 import weakref
 from dataclasses import dataclass
-from typing import IO, Final, cast
+from typing import IO, Annotated, Final, TypeAlias, cast
 
 from calibrary.errors import RegistryError
+from calibrary.records import Meta
 
-__all__ = ["HEX", "LARGEST_FILE", "Blob", "ObjectReader", "blob_id", "object_id"]
+__all__ = ["HEX", "LARGEST_FILE", "Blob", "CommitId", "ObjectReader", "blob_id", "object_id"]
 
 HEX: Final = re.compile(r"[0-9a-f]{40}\Z")
+CommitId: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{40}$")]
 LARGEST_FILE: Final = 1 << 20
 """Bytes; an entry with a full covariance takes some four thousand."""
 

@@ -103,10 +103,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.atomic import write_files
     from calibrary.cli.console import make_console
-    from calibrary.jobs.onboard.onboard_json import onboard_json
     from calibrary.jobs.onboard.page import onboard_page
+    from calibrary.jobs.onboard.report import report_of
     from calibrary.jobs.onboard.run import write_drafts
     from calibrary.pages import render_page
+    from calibrary.records import to_json
 
     if arguments.html is not None:
         from calibrary.jobs.extract.outputs import check_page_place
@@ -131,7 +132,7 @@ def _run(arguments: argparse.Namespace) -> int:
             note, "nothing was written into the registry, since one was refused; --only TEXT takes one camera"
         )
     if arguments.json:
-        document = onboard_json(done, written, page.name)
+        document = to_json(report_of(done, written, page.name))
         sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
     return 0 if done.is_good else EXIT_REFUSED
 

@@ -17,7 +17,7 @@ from msgspec import NODEFAULT, inspect
 
 from calibrary.records import Record
 
-__all__ = ["descriptions", "schema"]
+__all__ = ["descriptions", "parts", "schema"]
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 URN: Final = "urn:calibrary:schema:"
@@ -45,7 +45,7 @@ def schema(
     name: str | None = None,
     *,
     printed: bool = False,
-    homes: Mapping[str, str] | None = None,
+    homes: Mapping[type, str] | None = None,
 ) -> Schema:
     """The schema of a record's documents.
 
@@ -54,13 +54,20 @@ def schema(
         name: of the schema's file, for its ``$id``.
         printed: whether calibrary writes the documents: then every field is there. Where people write them, those
             with a default may be absent.
-        homes: where other files define some classes: a reference by the class's name.
+        homes: where other files define some classes: a reference by the class.
     """
     builder = _Builder(printed=printed, homes=homes or {})
     body = builder.body(kind)
     head: Schema = {"$schema": DIALECT} | ({"$id": URN + name} if name is not None else {})
     defs = {key: builder.defs[key] for key in sorted(builder.defs)}
     return head | body | ({"$defs": defs} if defs else {})
+
+
+def parts(kind: type[Record]) -> dict[str, type]:
+    """The classes that a record's schema defines, by their names under ``$defs``."""
+    builder = _Builder(printed=True, homes={})
+    builder.body(kind)
+    return builder.kinds
 
 
 @cache
@@ -91,10 +98,11 @@ def _prose(text: str) -> str:
 
 
 class _Builder:
-    def __init__(self, *, printed: bool, homes: Mapping[str, str]) -> None:
+    def __init__(self, *, printed: bool, homes: Mapping[type, str]) -> None:
         self.printed = printed
         self.homes = homes
         self.defs: dict[str, Schema] = {}
+        self.kinds: dict[str, type] = {}
 
     def body(self, kind: type[Record]) -> Schema:
         """A record's own schema; those of the records in it go to ``defs``."""
@@ -187,9 +195,9 @@ class _Builder:
         """Records told apart by their tag: each one's schema holds where its tag is found."""
         field = cast("str", kinds[0].__struct_config__.tag_field)
         base = next(one for one in reversed(kinds[0].__mro__) if _tag_field(one) == field)
-        if base.__name__ in self.homes:
-            return {"$ref": self.homes[base.__name__]}
-        if base.__name__ not in self.defs:
+        if base in self.homes:
+            return {"$ref": self.homes[base]}
+        if self.is_new(base):
             self.defs[base.__name__] = {
                 "type": "object",
                 "required": [field],
@@ -207,19 +215,31 @@ class _Builder:
             }
         return {"$ref": f"#/$defs/{base.__name__}"}
 
+    def is_new(self, kind: type) -> bool:
+        """Whether ``defs`` lacks a class.
+
+        Raises:
+            TypeError: another class of this name is there.
+        """
+        known = self.kinds.setdefault(kind.__name__, kind)
+        if known is not kind:
+            raise TypeError(f"{known} and {kind} would share one place in a schema, rename one")
+        return kind.__name__ not in self.defs
+
     def enum(self, kind: type[Enum]) -> Schema:
         """To an enum's schema."""
-        if kind.__name__ in self.homes:
-            return {"$ref": self.homes[kind.__name__]}
+        if kind in self.homes:
+            return {"$ref": self.homes[kind]}
+        self.is_new(kind)
         self.defs[kind.__name__] = {"title": _title(kind), "enum": [member.value for member in kind]}
         return {"$ref": f"#/$defs/{kind.__name__}"}
 
     def reference(self, kind: type[Record]) -> Schema:
         """To a record's schema, in this file or the one it is at home in."""
         name = kind.__name__
-        if name in self.homes:
-            return {"$ref": self.homes[name]}
-        if name not in self.defs:
+        if kind in self.homes:
+            return {"$ref": self.homes[kind]}
+        if self.is_new(kind):
             self.defs[name] = {}  # A record may hold others of its kind.
             self.defs[name] = self.body(kind)
         return {"$ref": f"#/$defs/{name}"}

@@ -101,9 +101,12 @@ def _run(arguments: argparse.Namespace) -> int:
 
         write_files({arguments.html: render_page(audit_page(done)).encode()})
     if arguments.json:
-        from calibrary.jobs.audit.audit_json import audit_json
+        from calibrary.jobs.audit.report import report_of
+        from calibrary.records import to_json
 
-        sys.stdout.write(json.dumps(audit_json(done), indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        sys.stdout.write(
+            json.dumps(to_json(report_of(done)), indent=2, ensure_ascii=True, allow_nan=False) + "\n"
+        )
     else:
         _show(make_console(stderr=False), done)
     return 0 if done.is_clean else EXIT_FINDINGS
