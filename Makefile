@@ -11,7 +11,7 @@ DEMO_RESULT := demo-result
 # corpus.py makes what the others measure.
 BENCHMARKS = $(filter-out benchmarks/corpus.py, $(wildcard benchmarks/*.py))
 SECONDS ?= 60
-EXTRACT := calibrary extract --image-dir $(DEMO) --recursive --output-matrix $(DEMO_RESULT)/K_matrix.npy
+EXTRACT := calibrary extract $(DEMO) --recursive --output-matrix $(DEMO_RESULT)/K_matrix.npy
 UV := $(shell command -v uv 2>/dev/null)
 
 ifdef UV
@@ -39,8 +39,7 @@ help: ## List what can be made
 
 demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
 	@rm -rf $(DEMO) $(DEMO_RESULT)
-	$(BIN)/python -m calibrary.jobs.demo $(DEMO)
-	@mkdir -p $(DEMO_RESULT)
+	$(BIN)/calibrary demo $(DEMO)
 	@printf '\n%s\n\n' '$(EXTRACT)'
 	@status=0; $(BIN)/$(EXTRACT) || status=$$?; \
 	if [ $$status -ne 1 ]; then \

@@ -141,7 +141,7 @@ def cold(snapshot: Snapshot, entries: int, repeats: int) -> None:
     command = [
         sys.executable,
         "-m",
-        "calibrary.cli.main",
+        "calibrary",
         "registry",
         "resolve",
         "--registry",
@@ -163,7 +163,7 @@ def cold(snapshot: Snapshot, entries: int, repeats: int) -> None:
         "forgetful": forgetful,
         "named": lambda: process(named),
         "own": lambda: process(own),
-        "version": lambda: process([sys.executable, "-m", "calibrary.cli.main", "--version"]),
+        "version": lambda: process([sys.executable, "-m", "calibrary", "--version"]),
         "git": lambda: process(["git", "-C", str(folder), "show", f"HEAD:{path}"]),
         "python": lambda: process([sys.executable, "-c", "pass"]),
     }

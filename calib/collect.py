@@ -5,12 +5,9 @@ A frame that cannot be used stops no other; it is listed with the reason.
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import partial
@@ -27,7 +24,7 @@ from calibrary.calib.view_quality import judge_repeats, judge_view
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
-from calibrary.workers import end_with_parent
+from calibrary.workers import end_with_parent, mapped
 
 __all__ = ["Collected", "NamedRemark", "collect", "try_board_sizes"]
 
@@ -266,21 +263,12 @@ def _mapped(look: Callable[[Path], _Looked], frames: Sequence[Path], workers: in
     if workers <= 1:
         yield from _mapped_here(look, frames)
         return
-    # A forked worker would inherit the threads of whoever draws the progress bar.
-    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(method)
-    if method == "forkserver":
-        context.set_forkserver_preload([__name__, "cv2"])
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool:
-        try:
-            yield from pool.map(look, frames)
-        except BrokenProcessPool:
-            raise CalibrationError(
-                "a process that looks at frames was ended from outside, as when memory runs out; use --workers 1"
-            ) from None
-        finally:
-            # After Ctrl-C, or when nobody wants the rest, only the frames in hand are finished.
-            pool.shutdown(wait=True, cancel_futures=True)
+    try:
+        yield from mapped(look, frames, workers, preload=[__name__, "cv2"], begin=_start_worker)
+    except BrokenProcessPool:
+        raise CalibrationError(
+            "a process that looks at frames was ended from outside, as when memory runs out; use --workers 1"
+        ) from None
 
 
 def _mapped_here(look: Callable[[Path], _Looked], frames: Sequence[Path]) -> Iterator[_Looked]:
@@ -292,9 +280,8 @@ def _mapped_here(look: Callable[[Path], _Looked], frames: Sequence[Path]) -> Ite
 
 
 def _start_worker() -> None:
-    """One thread each; Ctrl-C is the parent's affair, and no worker outlives it."""
+    """One thread each, and no worker outlives the command."""
     import cv2
 
     cv2.setNumThreads(1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()

@@ -25,7 +25,7 @@ from calibrary.calib.board import Board
 from calibrary.calib.synthesis import Settings, Truth, poses
 from calibrary.calib.synthesis.cameras import example_camera, head
 from calibrary.calib.synthesis.files import write_frames
-from calibrary.cli.extract_display import judgement
+from calibrary.cli.extract_display import judgement, verdict
 from calibrary.cli.main import main as command
 from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
 from calibrary.jobs.calibrate_board.page import calibration_page
@@ -140,7 +140,7 @@ def draw(outcome: Extraction) -> str:
         record=True, width=WIDTH, file=io.StringIO(), force_terminal=True, color_system="truecolor"
     )
     console.print(Text.assemble(("$ ", "cyan"), COMMAND, "\n"))
-    console.print(judgement(outcome, width=WIDTH), "", highlight=False)
+    console.print(judgement(outcome, width=WIDTH), "", verdict(outcome), "", highlight=False)
     return console.export_svg(title="calibrary", theme=THEME, code_format=FRAME, unique_id="extract")
 
 

@@ -176,7 +176,7 @@ def test_another_lens_in_exif_is_refused_on_board_and_the_entry_stays(
 ) -> None:
     before = commit_of(fleet)
     assert main(["onboard", str(thermal(tmp_path / "wrong", WRONG)), "--yes"]) == 1
-    assert "refused" in capsys.readouterr().err
+    assert "refused" in capsys.readouterr().out
     assert commit_of(fleet) == before
     assert [one.entry.calibration.intrinsics.fx for one in Registry.open(fleet).snapshot().entries()] == [
         1004.0
@@ -189,7 +189,7 @@ def test_a_measurement_and_the_registry_outvote_another_lens_in_exif(
     payload = thermal(tmp_path / "wrong", WRONG)
     xml(payload / "new.xml", 1002.0, FRAME, 2.0)
     assert main(["onboard", str(payload), "--yes"]) == 0
-    assert "not believed" in capsys.readouterr().err
+    assert "not believed" in capsys.readouterr().out
     [proposed] = [
         one.entry.calibration for one in Registry.open(fleet).snapshot("onboard/dji-zh20n").entries()
     ]

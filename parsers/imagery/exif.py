@@ -9,6 +9,7 @@ outside the block, a type that does not exist) is a fault with a name.
 from __future__ import annotations
 
 import io
+import logging
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -177,6 +178,8 @@ def _decode(byte_order: str, fields: tuple[_Field, ...]) -> ExifValues:
     """Through exifread, keyed by tag number; the frames of one camera have equal fields and share the answer."""
     import exifread
 
+    # At DEBUG it would log every value, serial numbers too, wherever the program that uses us sends its log.
+    logging.getLogger("exifread").setLevel(logging.CRITICAL + 1)
     if not fields:
         return {}
     block = io.BytesIO(_encode(byte_order, fields))

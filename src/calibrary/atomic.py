@@ -2,36 +2,63 @@
 
 from __future__ import annotations
 
+import logging
 import os
-import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+import secrets
+import signal
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from calibrary.errors import InputError
 
-__all__ = ["write_files"]
+__all__ = ["check_folder", "write_files"]
+
+log = logging.getLogger(__name__)
+
+
+def check_folder(path: Path, *, place: str | None = None) -> None:
+    """Find out, before any work is done for it, whether a file can be written in a folder, which may be absent.
+
+    Raises:
+        InputError: what lies there is no folder, or nothing may be written in it.
+    """
+    folder = _existing(path.parent)
+    if not folder.is_dir():
+        raise InputError("is a file; wanted a folder", source=str(folder), place=place)
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError("the folder may not be written to", source=str(folder), place=place)
 
 
 def write_files(files: Mapping[Path, bytes]) -> None:
     """Write several files; each is complete or as it was before, and none is written unless all can be.
 
-    Everything is written beside its place first, then moved there.
+    Everything is written beside its place first, then moved there; folders that are absent are made. Whatever ends
+    the writing, a signal included, leaves no half-written file behind.
 
     Raises:
-        InputError: a folder is missing or may not be written to, or the disk is full; the message says what
-            was changed all the same.
+        InputError: a folder may not be written to, or the disk is full; the message says what was changed all
+            the same.
     """
-    staged: list[tuple[str, Path]] = []
+    staged: list[tuple[Path, Path]] = []
+    made: list[Path] = []
     done: list[str] = []
     try:
         for path, content in files.items():
-            staged.append((_stage(path, content), path))
-        while staged:
-            temporary, path = staged[0]
-            Path(temporary).replace(path)
-            del staged[0]
-            done.append(path.name)
+            _make_folder(path.parent, made)
+            if path.is_dir():
+                raise IsADirectoryError(None, "is a directory")
+            temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+            staged.append((temporary, path))
+            _stage(temporary, content)
+        with _undisturbed():
+            while staged:
+                temporary, path = staged[0]
+                temporary.replace(path)
+                del staged[0]
+                made.clear()
+                done.append(path.name)
+                log.info("wrote %s (%d bytes)", path, len(files[path]))
     except OSError as error:
         written = f"only {', '.join(done)}" if done else "nothing"
         raise InputError(
@@ -40,27 +67,45 @@ def write_files(files: Mapping[Path, bytes]) -> None:
     finally:
         for temporary, _ in staged:
             with suppress(OSError):
-                Path(temporary).unlink()
+                temporary.unlink()
+        for folder in reversed(made):
+            with suppress(OSError):
+                folder.rmdir()
 
 
-def _stage(path: Path, content: bytes) -> str:
-    if path.is_dir():
-        raise IsADirectoryError(None, "is a directory")
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+def _existing(folder: Path) -> Path:
+    """The folder, or the nearest one above it that is there."""
+    while not os.path.lexists(folder) and folder != folder.parent:
+        folder = folder.parent
+    return folder
+
+
+def _make_folder(folder: Path, made: list[Path]) -> None:
+    """Make a folder with those above it, and note which were made."""
+    if folder.is_dir():
+        return
+    _make_folder(folder.parent, made)
+    with suppress(FileExistsError):
+        folder.mkdir()
+        made.append(folder)
+
+
+def _stage(temporary: Path, content: bytes) -> None:
+    # As open() makes a file: readable by whom the umask lets, and not in place of another.
+    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Hold Ctrl-C and SIGTERM back for the moment in which files take their places."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(temporary).chmod(0o666 & ~_umask())
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-    return temporary
-
-
-def _umask() -> int:
-    """The process's umask; reading it means setting it for a moment."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from calibrary import parsers
-from calibrary.cli.main import COMMANDS, main
+from calibrary.cli.main import GROUPS, main
 
 ASK = """\
 source {script}
@@ -45,7 +45,7 @@ def test_a_command_is_completed(script: Path) -> None:
 
 
 def test_every_command_is_offered(script: Path) -> None:
-    names = {module.__name__.rpartition(".")[2] for module in COMMANDS}
+    names = {module.__name__.rpartition(".")[2] for _, modules in GROUPS for module in modules}
     assert names <= offered(script, "")
 
 

@@ -164,7 +164,7 @@ class TestDryRun:
         picture(tmp_path / "input/b.jpg")
         assert extract("--dry-run", "--hand-off", "opencv") == 1
         assert left_in(tmp_path) == []
-        told = capsys.readouterr().err
+        told = capsys.readouterr().out
         assert "K_matrix.dji-fc6310r-5472x3648.npy" in told
         assert "dji-fc6310r-5472x3648.opencv.yml" in told
 
@@ -189,15 +189,15 @@ class TestStreams:
         assert printed == (tmp_path / "K_matrix.json").read_text()
         require(json.loads(printed), "report-1")
 
-    def test_what_people_read_leaves_standard_output_alone(
+    def test_what_people_read_is_on_standard_output_too(
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
     ) -> None:
         picture(tmp_path / "input/a.jpg", **P4R, dewarp=DEWARP)
         extract()
         captured = capsys.readouterr()
-        assert captured.out == ""
+        assert captured.err == ""
         for text in ("FC6310R", "3660.50", "0.669", "calibrated", "valid", "DewarpData", "K_matrix.npy"):
-            assert text in captured.err
+            assert text in captured.out
 
     def test_a_refused_sensor_is_told_with_json_as_well(
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
@@ -214,7 +214,7 @@ class TestStreams:
     ) -> None:
         picture(tmp_path / "input/a.jpg", **NOBODY)
         assert extract() == 1
-        assert "--sensor-width-mm" in capsys.readouterr().err
+        assert "--sensor-width-mm" in capsys.readouterr().out
         assert extract("--sensor-width-mm", "13.2", "--sensor-height-mm", "8.8") == 0
 
     def test_a_camera_a_solver_does_not_get_is_named(
@@ -223,7 +223,7 @@ class TestStreams:
         picture(tmp_path / "input/a.jpg", **P4R)
         picture(tmp_path / "input/b.jpg", **NOBODY)
         assert extract("--hand-off", "colmap") == 1
-        told = " ".join(capsys.readouterr().err.split())
+        told = " ".join(capsys.readouterr().out.split())
         assert "not handed to colmap" in told
         assert "example-one-5472x3648" in told
         assert "example" not in (tmp_path / "colmap.sh").read_text()

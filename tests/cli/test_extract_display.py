@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
+from rich.text import Text
 
-from calibrary.cli.extract_display import WIDEST, Display, judgement
+from calibrary.cli.console import Screen
+from calibrary.cli.extract_display import WIDEST, Display, judgement, verdict
 from calibrary.jobs.extract.extraction import Extraction
 from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
@@ -36,8 +38,8 @@ def lines(outcome: Extraction, width: int) -> list[str]:
 
 def shown(outcome: Extraction, folder: Path, width: int = 100) -> str:
     written = io.StringIO()
-    console = Console(file=written, width=width)
-    with Display(quiet=False, console=console) as display:
+    screen = Screen(file=written, width=width)
+    with Display(screen, screen) as display:
         display.show(
             outcome, plan(outcome, folder / "K_matrix.npy", Solver.NONE), solver=Solver.NONE, dry_run=True
         )
@@ -59,15 +61,16 @@ def test_the_same_is_told_in_every_width(outcome: Extraction, width: int) -> Non
     assert sorted(words(lines(outcome, width))) == sorted(words(lines(outcome, 110)))
 
 
-def test_cameras_that_need_somebody_stand_last(outcome: Extraction) -> None:
+def test_cameras_that_need_attention_come_last(outcome: Extraction) -> None:
     assert [c.verdict for c in outcome.cameras] != [*Verdict]
     heads = [line for line in lines(outcome, 100) if line.startswith(tuple(Verdict))]
     assert [head.split()[0] for head in heads] == ["valid", "unproven", "rejected"]
 
 
-def test_the_first_line_counts_the_verdicts(outcome: Extraction) -> None:
-    first = lines(outcome, 100)[0]
-    assert first == "3 cameras, judged by the fleet policy: 1 valid, 1 unproven, 1 rejected"
+def test_the_last_line_counts_the_verdicts(outcome: Extraction, tmp_path: Path) -> None:
+    last = shown(outcome, tmp_path).splitlines()[-1]
+    assert last == "3 cameras, judged by the fleet policy: 1 valid, 1 unproven, 1 rejected"
+    assert Text.from_markup(verdict(outcome)).plain == last
 
 
 def test_k_and_where_it_is_from_stand_below_the_camera(outcome: Extraction) -> None:
@@ -93,7 +96,7 @@ def test_what_to_do_is_said_once_and_follows_the_reason(outcome: Extraction) -> 
             assert f"{camera.reason} → {camera.advice}" in told
 
 
-def test_a_camera_that_needs_somebody_names_its_images(tmp_path: Path) -> None:
+def test_a_camera_that_needs_attention_names_its_images(tmp_path: Path) -> None:
     for name in ("a", "b", "c"):
         picture(tmp_path / f"{name}.jpg", **NOBODY)
     assert "          images: a.jpg and 2 more" in lines(gate(tmp_path), 80)
@@ -165,9 +168,9 @@ def test_a_files_name_cannot_drive_the_terminal(tmp_path: Path) -> None:
     assert "a\\x1b[2J[red]\\x0a.jpg" in told
 
 
-def test_a_long_list_of_images_set_aside_is_cut_and_says_so(tmp_path: Path) -> None:
+def test_a_long_list_of_skipped_images_is_cut_and_says_so(tmp_path: Path) -> None:
     for number in range(15):
         (tmp_path / f"{number}.jpg").write_bytes(b"")
     told = lines(gate(tmp_path), 80)
-    assert "15 images set aside" in told
+    assert "15 images skipped" in told
     assert told[-1] == "  … and 3 more, listed in the report"

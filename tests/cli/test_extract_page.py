@@ -30,7 +30,7 @@ def test_writes_the_page_beside_the_rest_and_says_so(
     assert main(["extract", "--html", "flight.html"]) == 0
     assert left_in(tmp_path) == ["K_matrix.json", "K_matrix.npy", "flight.html"]
     assert (tmp_path / "flight.html").read_text(encoding="utf-8").startswith("<!doctype html>")
-    assert "flight.html" in capsys.readouterr().err
+    assert "flight.html" in capsys.readouterr().out
 
 
 def test_leaves_the_exit_code_and_the_document_as_they_are(
@@ -68,7 +68,7 @@ def test_a_place_where_no_page_can_be_is_named_before_any_image_is_read(
 def test_a_dry_run_names_the_page_and_writes_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["extract", "--html", "flight.html", "--dry-run"]) == 0
     assert left_in(tmp_path) == []
-    assert "flight.html" in capsys.readouterr().err
+    assert "flight.html" in capsys.readouterr().out
 
 
 def test_a_page_that_cannot_be_written_leaves_nothing_behind(

@@ -11,7 +11,7 @@ from importlib.metadata import version
 
 import pytest
 
-from calibrary.cli.main import build_parser, main
+from calibrary.cli.main import GROUPS, build_parser, main
 from calibrary.errors import (
     CalibraryError,
     CalibrationError,
@@ -88,11 +88,49 @@ def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None
     assert printed_by(["--version"], capsys) == f"calibrary {version('calibrary')}\n"
 
 
-def test_no_command_is_a_misunderstanding(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_name_alone_shows_the_commands_by_job(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    told = capsys.readouterr().err
+    titles = re.findall(r"^(\w.*):\n  \w", told, re.MULTILINE)
+    assert [title for title in titles if title not in {"options", "exit codes"}] == [
+        name for name, _ in GROUPS
+    ]
+    assert set(re.findall(r"^  (\w+) +\w", told, re.MULTILINE)) >= set(commands())
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (["extract", "--no-such-flag"], "calibrary extract: unrecognized arguments: --no-such-flag"),
+        (
+            ["extract", "a", "--image-dir", "b"],
+            "calibrary extract: DIR and --image-dir are the same; give one of them",
+        ),
+        (["extract", "--workers", "x"], "calibrary extract: argument --workers: 'x': wanted a whole number"),
+        (["extract", "--quiet", "--verbose"], "calibrary extract: argument --verbose/-v: not allowed with"),
+        (
+            ["registry", "hold", "x"],
+            "calibrary registry hold: the following arguments are required: --reason",
+        ),
+        (["registry"], "calibrary registry: the following arguments are required: COMMAND"),
+        (["registry", "show"], "calibrary registry show: wanted KEY[@REV], or --textconv FILE"),
+        (
+            ["calibrate", "board", "x"],
+            "calibrary calibrate board: the following arguments are required: --square-mm",
+        ),
+        (["extrct"], "calibrary: argument COMMAND: invalid choice: 'extrct'"),
+    ],
+)
+def test_a_misunderstanding_is_one_line_that_says_where_help_is(
+    argv: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as ended:
-        main([])
-    assert ended.value.code == 2
-    assert "COMMAND" in capsys.readouterr().err
+        main(argv)
+    told = capsys.readouterr()
+    assert (ended.value.code, told.out, told.err.count("\n")) == (2, "", 1)
+    assert told.err.startswith(said)
+    prog = said.partition(":")[0]
+    assert told.err.endswith(f"; see '{prog} --help'\n")
 
 
 @pytest.mark.parametrize(
@@ -132,13 +170,13 @@ def test_a_bug_is_called_one_and_shows_no_traceback(
         main(["catalogue"])
 
 
-def test_a_reader_that_has_seen_enough_is_no_error() -> None:
-    """As in ``calibrary catalogue --json | head -1``."""
-    command = [sys.executable, "-m", "calibrary.cli.main", "catalogue", "--json"]
+@pytest.mark.parametrize("flags", [["catalogue", "--json"], ["catalogue"]])
+def test_a_reader_that_has_gone_ends_the_command_quietly_as_it_ends_others(flags: list[str]) -> None:
+    """As in ``calibrary catalogue --json | head -1``: 141, which a shell gives a command that SIGPIPE ended."""
+    command = [sys.executable, "-m", "calibrary", *flags]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stderr is not None
-        process.stdout.readline()
         process.stdout.close()
         told = process.stderr.read()
-    assert (process.returncode, told) == (0, b"")
+    assert (process.returncode, told) == (141, b"")

@@ -107,7 +107,7 @@ class TestOnTheCommandLine:
         policy_file(tmp_path, "assumed_sensor_is_unproven: false\n")
         assert self.extract() == 1
         assert self.extract("--policy", "ours.yaml") == 0
-        assert "ours" in capsys.readouterr().err
+        assert "ours" in capsys.readouterr().out
 
     def test_a_file_that_is_wrong_ends_with_3(self, tmp_path: Path) -> None:
         picture(tmp_path / "input/a.jpg", **P4R)

@@ -140,7 +140,7 @@ def test_the_licence_travels_with_the_wheel(unpacked_wheel: Path) -> None:
 
 def test_the_wheel_declares_the_command(unpacked_wheel: Path) -> None:
     (entry_points,) = unpacked_wheel.glob("*.dist-info/entry_points.txt")
-    assert "calibrary = calibrary.cli.main:main" in entry_points.read_text().splitlines()
+    assert "calibrary = calibrary.__main__:main" in entry_points.read_text().splitlines()
 
 
 def test_the_sdist_holds_the_rooms_the_tests_and_the_papers(unpacked_sdist: Path) -> None:

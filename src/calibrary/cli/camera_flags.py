@@ -6,7 +6,6 @@ import argparse
 from typing import TYPE_CHECKING
 
 from calibrary.cli.reading import image_size
-from calibrary.records import replace
 
 if TYPE_CHECKING:
     from calibrary.calibration import CameraKey
@@ -41,6 +40,8 @@ def add_camera_flags(parser: argparse.ArgumentParser, *, with_image_size: bool =
 
 def camera_of(arguments: argparse.Namespace, known: CameraKey) -> CameraKey:
     """What is known of a camera, and what the user said of it in its place."""
+    from calibrary.records import replace
+
     said: dict[str, str] = {
         name: getattr(arguments, name) for name in TEXTS if getattr(arguments, name) is not None
     }

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING
+
+from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rich.table import Table
+    from rich.text import Text
 
+    from calibrary.cli.console import Screen
     from calibrary.known_camera import KnownCamera
 
 __all__ = ["add_parser"]
@@ -34,16 +36,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="print the known cameras, their pixels and where each number is from",
         description="Print the known cameras, their pixels and where each number is from.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "model", nargs="?", metavar="MODEL", help="part of a make, EXIF Model, name or lens (default: all)"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import errors, out, plain
     from calibrary.registry.catalogue import load_catalogue, to_json
 
     catalogue = load_catalogue()
@@ -53,63 +55,67 @@ def _run(arguments: argparse.Namespace) -> int:
             "schema": "calibrary/catalogue-listing-1",
             "cameras": [to_json(camera) for camera in cameras],
         }
-        sys.stdout.flush()
-        sys.stdout.buffer.write((json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
+        print_json(document)
     elif not cameras:
-        sys.stderr.write(
-            f"calibrary: the catalogue has no camera like {arguments.model!r}; "
-            "'calibrary catalogue' lists them all\n"
-        )
+        complaint = f"calibrary: the catalogue has no camera like {arguments.model!r}"
+        errors().say(plain(f"{complaint}; 'calibrary catalogue' lists them all"))
     else:
-        _show(cameras)
+        _show(out(arguments), cameras)
     return 0 if cameras else 1
 
 
-def _show(cameras: Sequence[KnownCamera]) -> None:
-    from calibrary.cli.console import make_console, plain
-
-    console = make_console(stderr=False)
-    console.print(_table(cameras))
-    if len(cameras) > DETAILS_UP_TO:
-        console.print("[dim]calibrary catalogue MODEL tells where each number is from[/]")
-        return
-    for camera in cameras:
-        console.print(f"\n[bold]{plain(camera.title)}[/] — where the numbers are from")
-        for field, source in camera.sources:
-            console.print(f"  {field}: {plain(source)}", highlight=False, soft_wrap=True)
-        for conflict in camera.conflicts:
-            console.print(
-                f"  [yellow]sources disagree[/]: {plain(conflict)}", highlight=False, soft_wrap=True
-            )
-        for note in camera.notes:
-            console.print(f"  [dim]{plain(note)}[/]", highlight=False, soft_wrap=True)
+COLUMNS = (
+    Column(name="EXIF Model", wraps=True),
+    Column(name="camera", rank=5, wraps=True),
+    Column(name="sub-camera", rank=1),
+    Column(name="native px", rank=2, right=True),
+    Column(name="pitch µm", rank=6, right=True),
+    Column(name="f mm", rank=4, right=True),
+    Column(name="fx/W", rank=3, right=True),
+    Column(name="±", rank=7, right=True),
+    Column(name="projection", rank=8),
+    Column(name="make", rank=9),
+)
 
 
-def _table(cameras: Sequence[KnownCamera]) -> Table:
-    from rich.table import Table
-
+def _show(screen: Screen, cameras: Sequence[KnownCamera]) -> None:
     from calibrary.cli.console import plain
 
-    table = Table(title=f"{len(cameras)} known cameras", title_justify="left")
-    for heading in ("make", "EXIF Model", "camera", "sub-camera"):
-        table.add_column(heading, overflow="fold")
-    for heading in ("native px", "pitch µm", "f mm", "fx/W", "±"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("projection", no_wrap=True)
+    screen.show(_table(cameras, screen.width))
+    screen.say(f"{len(cameras)} known cameras" if len(cameras) > 1 else "1 known camera")
+    if len(cameras) > DETAILS_UP_TO:
+        screen.say("[dim]calibrary catalogue MODEL shows the source of each number[/]")
+        return
     for camera in cameras:
-        table.add_row(
-            plain(camera.make),
+        screen.say("")
+        screen.say(f"[bold]{plain(camera.title)}[/] — sources")
+        for field, source in camera.sources:
+            screen.say(f"  {field}: {plain(source)}")
+        for conflict in camera.conflicts:
+            screen.say(f"  [yellow]sources disagree[/]: {plain(conflict)}")
+        for remark in camera.notes:
+            screen.say(f"  [dim]{plain(remark)}[/]")
+
+
+def _table(cameras: Sequence[KnownCamera], width: int) -> list[Text]:
+    from calibrary.cli.console import plain
+
+    rows = [
+        (
             plain(", ".join(camera.models)),
             plain(" ".join(part for part in (camera.title, camera.lens) if part)),
-            camera.sub_camera or "",
+            plain(camera.sub_camera or ""),
             "{}×{}".format(*camera.native_size) if camera.native_size else "",
             _g(camera.pitch_um),
             _g(camera.focal_mm),
             f"{camera.fx_over_w:.3f}" if camera.fx_over_w is not None else "",
             f"{camera.spread:.1%}" if camera.spread is not None else "",
             camera.projection.value,
+            plain(camera.make),
         )
-    return table
+        for camera in cameras
+    ]
+    return fitted(COLUMNS, rows, width)
 
 
 def _g(value: float | None) -> str:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import Answers, add_reading_flags
 from calibrary.errors import InputError
 
@@ -31,7 +30,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="write a calibration in another program's format",
         description="Write a calibration in another program's format, and say what survived.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("input", type=Path, metavar="IN", help="a calibration file or an image")
     parser.add_argument("output", type=Path, metavar="OUT", help="the file to write")
@@ -44,12 +42,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="largest error a refit may leave anywhere in the image (default: 0.05)",
     )
     add_reading_flags(parser)
-    parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary import parsers
+    from calibrary.cli.console import out, plain
 
     calibrations = Answers.of(arguments).read(arguments.input)
     if arguments.camera is not None:
@@ -72,9 +71,11 @@ def _run(arguments: argparse.Namespace) -> int:
             "radius_px": verdict.radius_px,
             "dropped": list(verdict.dropped),
         }
-        sys.stdout.write(json.dumps(document, indent=2) + "\n")
+        print_json(document)
     else:
-        sys.stdout.write(f"wrote {arguments.output} ({target}): {verdict}\n")
+        screen = out(arguments)
+        screen.say(plain(f"wrote {arguments.output} ({target})"))
+        screen.say(plain(str(verdict)))
     return 0
 
 

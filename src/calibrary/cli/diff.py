@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import Answers, add_reading_flags
+from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rich.console import Console
+    from rich.text import Text
 
+    from calibrary.cli.console import Screen
     from calibrary.jobs.diff.comparison import Comparison, Numbers
     from calibrary.jobs.diff.fleet import Change
     from calibrary.pages import Page
     from calibrary.policy import Policy
-    from calibrary.records import Record
 
 __all__ = ["add_parser"]
 
@@ -55,7 +55,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         description="Compare two calibrations of one camera, or every entry of a registry with what it was: in "
         "numbers, in pixels and on the ground, against their noise.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "operands", nargs="*", metavar="A B", help="a file of any format, an image, or KEY[@REV]"
@@ -76,7 +75,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--policy", default="fleet", metavar="NAME|FILE", help="whose limits make an alarm")
     add_reading_flags(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.add_argument(
         "--html", type=Path, metavar="FILE", help="also write a page with maps of the difference, to show"
     )
@@ -97,7 +96,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _pair(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import out
     from calibrary.jobs.diff.comparison import compare
     from calibrary.jobs.diff.report import diff_report
     from calibrary.jobs.exchange.argument import Reading, read_arguments
@@ -117,11 +116,11 @@ def _pair(arguments: argparse.Namespace) -> int:
     if arguments.html is not None:
         from calibrary.jobs.diff.page import comparison_page
 
-        _write(comparison_page(comparison, labels, arguments.altitude_m), arguments.html)
+        _write(comparison_page(comparison, labels, arguments.altitude_m), arguments)
     if arguments.json:
-        _print(diff_report(comparison, labels, arguments.altitude_m))
+        print_json(diff_report(comparison, labels, arguments.altitude_m))
     else:
-        _show(make_console(stderr=False), comparison, labels, arguments.altitude_m)
+        _show(out(arguments), comparison, labels, arguments.altitude_m)
     return EXIT_ALARM if comparison.alarm else 0
 
 
@@ -131,50 +130,64 @@ def _policy(arguments: argparse.Namespace) -> Policy:
     return policy_named(arguments.policy)
 
 
-def _show(console: Console, comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> None:
-    from calibrary.cli.console import plain
+PARAMETERS = (
+    Column(name=""),
+    Column(name="A", right=True),
+    Column(name="± σ of A", rank=2, right=True),
+    Column(name="B", right=True),
+    Column(name="± σ of B", rank=2, right=True),
+    Column(name="Δ", right=True),
+    Column(name="Δ / σ", rank=1, right=True),
+)
+
+
+def _show(screen: Screen, comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> None:
+    """The inputs, the numbers, the reasons, and last the verdict."""
+    from calibrary.cli.console import plain, printable
+    from calibrary.cli.tables import facts
 
     verdict = comparison.verdict.value
-    console.print(f"A  {plain(labels[0])}\nB  {plain(labels[1])}", highlight=False, soft_wrap=True)
+    for name, label in zip("AB", labels, strict=True):
+        screen.say(f"{name}  {plain(label)}", hang=3)
     for step in comparison.steps:
-        console.print(f"   [dim]{plain(step)}[/]", highlight=False, soft_wrap=True)
+        screen.say(f"   [dim]{plain(step)}[/]")
     numbers = comparison.numbers
     if numbers is not None:
-        console.print()
-        console.print(_parameters(numbers))
-        console.print()
-        for name, text in _findings(numbers, altitude_m):
-            console.print(f"[dim]{name:<14}[/]{plain(text)}", highlight=False, soft_wrap=True)
-    kinds = ", ".join(one.kind.value for one in comparison.structural)
-    console.print(
-        f"\n[bold {STYLES[verdict]}]{verdict}{f': {kinds}' if kinds else ''}[/]"
-        + ("  [red]look at it[/]" if comparison.alarm else ""),
-        highlight=False,
-    )
+        screen.say("")
+        screen.show(_parameters(numbers, screen.width))
+        screen.say("")
+        screen.show(
+            facts([(name, printable(text)) for name, text in _findings(numbers, altitude_m)], screen.width)
+        )
+    if comparison.reasons:
+        screen.say("")
     for reason in comparison.reasons:
-        console.print(f"  {plain(reason)}", highlight=False, soft_wrap=True)
+        screen.say(plain(reason))
+    kinds = ", ".join(one.kind.value for one in comparison.structural)
+    screen.say("")
+    screen.say(
+        f"[bold {STYLES[verdict]}]{verdict}{f': {kinds}' if kinds else ''}[/]"
+        + ("  [red]needs attention[/]" if comparison.alarm else "")
+    )
 
 
-def _parameters(numbers: Numbers) -> object:
-    from rich.table import Table
-
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("")
-    for name in ("A", "± σ", "B", "± σ", "Δ", "Δ / σ"):
-        table.add_column(name, justify="right")
+def _parameters(numbers: Numbers, width: int) -> list[Text]:
+    rows = []
     for row in numbers.parameters:
         in_px = row.name in {"fx", "fy", "cx", "cy", "skew"}
         form = "{:.3f}" if in_px else "{:.6g}"
-        table.add_row(
-            row.name,
-            _cell(row.a, form),
-            _cell(row.std_a, "{:.2g}"),
-            _cell(row.b, form),
-            _cell(row.std_b, "{:.2g}"),
-            _cell(row.delta, "{:+.3f}" if in_px else "{:+.3g}"),
-            _cell(row.z, "{:+.1f}"),
+        rows.append(
+            (
+                row.name,
+                _cell(row.a, form),
+                _cell(row.std_a, "{:.2g}"),
+                _cell(row.b, form),
+                _cell(row.std_b, "{:.2g}"),
+                _cell(row.delta, "{:+.3f}" if in_px else "{:+.3g}"),
+                _cell(row.z, "{:+.1f}"),
+            )
         )
-    return table
+    return fitted(PARAMETERS, rows, width)
 
 
 def _cell(value: float | None, form: str) -> str:
@@ -206,14 +219,14 @@ def _findings(numbers: Numbers, altitude_m: float) -> list[tuple[str, str]]:
 def _fleet(arguments: argparse.Namespace) -> int:
     from rich.progress import Progress
 
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import note, out
     from calibrary.jobs.diff.fleet import by_firmware, since
     from calibrary.registry.configuration import require_registry
     from calibrary.registry.registry import Registry
 
     registry, policy = Registry.open(require_registry(arguments.registry)), _policy(arguments)
-    console = make_console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    remarks = note(arguments)
+    with Progress(console=remarks, transient=True, disable=not remarks.is_terminal or remarks.quiet) as bar:
         task = bar.add_task("comparing", total=None)
 
         def progress(done: int, total: int) -> None:
@@ -229,13 +242,13 @@ def _fleet(arguments: argparse.Namespace) -> int:
     if arguments.html is not None:
         from calibrary.jobs.diff.page import fleet_page
 
-        _write(fleet_page(changes, _title(arguments), arguments.altitude_m), arguments.html)
+        _write(fleet_page(changes, _title(arguments), arguments.altitude_m), arguments)
     if arguments.json:
         from calibrary.jobs.diff.report import fleet_diff_report
 
-        _print(fleet_diff_report(changes))
+        print_json(fleet_diff_report(changes))
     else:
-        _show_fleet(make_console(stderr=False), changes)
+        _show_fleet(out(arguments), changes)
     return EXIT_ALARM if any(change.alarm for change in changes) else 0
 
 
@@ -246,45 +259,55 @@ def _title(arguments: argparse.Namespace) -> str:
     return f"The fleet from firmware {old} to {new}"
 
 
-def _write(page: Page, path: Path) -> None:
+def _write(page: Page, arguments: argparse.Namespace) -> None:
     from calibrary.atomic import write_files
+    from calibrary.cli.console import note, plain
     from calibrary.pages import render_page
 
-    write_files({path: render_page(page).encode()})
+    write_files({arguments.html: render_page(page).encode()})
+    note(arguments).say(plain(f"wrote {arguments.html}"))
 
 
-def _show_fleet(console: Console, changes: Sequence[Change]) -> None:
-    from rich.table import Table
+CHANGES = (
+    Column(name="entry"),
+    Column(name="verdict", rank=1),
+    Column(name="Δf / f", rank=2, right=True),
+    Column(name="rms px", rank=3, right=True),
+    Column(name="why", rank=4, wraps=True),
+)
+
+
+def _show_fleet(screen: Screen, changes: Sequence[Change]) -> None:
+    from collections import Counter
 
     from calibrary.cli.console import plain
 
     if not changes:
-        console.print("no entry differs")
+        screen.say("no entry differs")
         return
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for name, justify in (("entry", "left"), ("verdict", "left"), ("Δf / f", "right"), ("rms px", "right")):
-        table.add_column(name, justify="right" if justify == "right" else "left", overflow="fold")
-    table.add_column("why", overflow="fold")
+    rows, verdicts = [], Counter[str]()
     for change in changes:
         found = change.comparison
         numbers = found.numbers if found is not None else None
         verdict = found.verdict.value if found is not None else "not compared"
+        verdicts[verdict] += 1
         why = (
             ", ".join(one.kind.value for one in found.structural)
             if found is not None
             else change.reason or ""
         )
-        table.add_row(
-            plain(change.id),
-            f"[{STYLES.get(verdict, 'dim')}]{verdict}[/]",
-            f"{numbers.focal_change:+.3%}" if numbers is not None else "–",
-            f"{numbers.difference.rms_px:.3g}" if numbers is not None else "–",
-            plain(why),
+        rows.append(
+            (
+                plain(change.id),
+                f"[{STYLES.get(verdict, 'dim')}]{verdict}[/]",
+                f"{numbers.focal_change:+.3%}" if numbers is not None else "–",
+                f"{numbers.difference.rms_px:.3g}" if numbers is not None else "–",
+                plain(why),
+            )
         )
-    console.print(table)
-
-
-def _print(report: Record) -> None:
-    from calibrary.records import to_json
-
-    sys.stdout.write(json.dumps(to_json(report), indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    screen.show(fitted(CHANGES, rows, screen.width))
+    counts = ", ".join(f"{number} {verdict}" for verdict, number in verdicts.items())
+    alarms = sum(change.alarm for change in changes)
+    judged = f"[bold red]{alarms} need attention[/]" if alarms else "[bold green]nothing to do[/]"
+    screen.say("")
+    screen.say(f"{judged}: {len(changes)} {'entry' if len(changes) == 1 else 'entries'}: {counts}")

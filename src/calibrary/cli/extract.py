@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag
+
 if TYPE_CHECKING:
     from calibrary.jobs.extract.extraction import Extraction
     from calibrary.jobs.extract.outputs import Outputs
@@ -16,14 +18,18 @@ __all__ = ["add_parser"]
 
 EXAMPLES = """\
 examples:
-  calibrary extract --image-dir flight/                      one K per camera, from what the images say
-  calibrary extract --image-dir flight/ --recursive --json   the same for machines
-  calibrary extract --image-dir flight/ --sensor-width-mm 13.2 --sensor-height-mm 8.8
-  calibrary extract --image-dir flight/ --registry ../fleet-registry --hand-off colmap
-  calibrary extract --image-dir flight/ --html flight.html   the same as a page to show
+  calibrary extract flight/                      one K per camera, from what the images say
+  calibrary extract flight/ --recursive --json   the same for machines
+  calibrary extract flight/ --sensor-width-mm 13.2 --sensor-height-mm 8.8
+  calibrary extract flight/ --registry ../fleet-registry --hand-off colmap
+  calibrary extract flight/ --html flight.html   the same as a page to show
 
 exit code 0: every camera has a valid K; 1: at least one has not.
 """
+
+
+IMAGE_DIR = "".join(("./", "input/"))
+"""Made here, so that it is told from the same text typed."""
 
 
 class _Given(float):
@@ -37,7 +43,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="derive and validate one K per camera from a directory of images",
         description="Derive and validate one K per camera from a directory of images.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     _add_source_flags(parser)
     parser.add_argument(
@@ -82,19 +87,18 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         default="none",
         help="also write what this solver needs, for cameras with a valid K (default: none)",
     )
-    parser.add_argument("--json", action="store_true", help="print the report as JSON on standard output")
+    add_json_flag(parser)
     parser.add_argument(
         "--html", type=Path, metavar="FILE", help="also write the report as a page, to look at and to hand on"
     )
     parser.add_argument("--dry-run", action="store_true", help="judge everything, write nothing")
-    parser.set_defaults(run=_run, parser=parser)
+    parser.set_defaults(run=_run)
 
 
 def _add_source_flags(parser: argparse.ArgumentParser) -> None:
     """The eight flags of the source document, names and defaults as they stand there."""
-    parser.add_argument(
-        "--image-dir", default="./input/", metavar="DIR", help="directory of images (default: ./input/)"
-    )
+    parser.add_argument("folder", nargs="?", metavar="DIR", help="folder of images (default: ./input/)")
+    parser.add_argument("--image-dir", default=IMAGE_DIR, metavar="DIR", help="the same as DIR, as a flag")
     parser.add_argument(
         "--sensor-width-mm",
         type=_millimetres,
@@ -141,6 +145,7 @@ def _add_source_flags(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.atomic import write_files
+    from calibrary.cli.console import note, out
     from calibrary.cli.extract_display import Display
     from calibrary.jobs.extract.hand_off import Solver
     from calibrary.jobs.extract.outputs import check_page_place, check_place, plan
@@ -154,10 +159,10 @@ def _run(arguments: argparse.Namespace) -> int:
     check_place(matrix_path)
     if arguments.html is not None:
         check_page_place(arguments.html)
-    with Display(quiet=arguments.json) as display:
+    with Display(out(arguments), note(arguments)) as display:
         outcome = run(
             Request(
-                images=(Path(arguments.image_dir),),
+                images=(_folder(arguments),),
                 sensor_mm=_sensor(arguments),
                 policy=_policy(arguments),
                 fallback_k=Path(arguments.fallback_k) if arguments.fallback_k else None,
@@ -175,7 +180,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if not arguments.dry_run:
         write_files(outputs.files)
     if arguments.json:
-        # JSON is UTF-8 whatever the terminal's language; text would be encoded for that.
+        # The very bytes of the report's file, whatever the terminal's encoding.
         sys.stdout.flush()
         sys.stdout.buffer.write(encode(outputs.document))
     display.show(outcome, outputs, solver=solver, dry_run=arguments.dry_run)
@@ -187,6 +192,14 @@ def _page(outcome: Extraction, outputs: Outputs) -> bytes:
     from calibrary.pages import render_page
 
     return render_page(outcome_page(outcome, outputs)).encode()
+
+
+def _folder(arguments: argparse.Namespace) -> Path:
+    if arguments.folder is None:
+        return Path(arguments.image_dir)
+    if arguments.image_dir is not IMAGE_DIR:
+        arguments.parser.error("DIR and --image-dir are the same; give one of them")
+    return Path(arguments.folder)
 
 
 def _sensor(arguments: argparse.Namespace) -> tuple[float | None, float | None]:

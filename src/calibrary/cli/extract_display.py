@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.constrain import Constrain
 from rich.padding import Padding
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -18,7 +18,8 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from calibrary.cli.console import make_console, plain, printable
+from calibrary.cli.console import Screen, plain, printable
+from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.gather import SkippedFile
@@ -26,7 +27,7 @@ from calibrary.jobs.extract.hand_off import Solver, seed_command
 from calibrary.jobs.extract.outputs import STALE, Outputs
 from calibrary.validation import Verdict
 
-__all__ = ["Display", "judgement"]
+__all__ = ["Display", "judgement", "verdict"]
 
 STYLES = {Verdict.VALID: "bold green", Verdict.UNPROVEN: "bold yellow", Verdict.REJECTED: "bold red"}
 MOST_REJECTED = 12
@@ -37,23 +38,28 @@ GAP = 2
 COLUMNS = {"verdict": 8, "images": 6, "fx/W": 6, "grade": 10}
 """Widths beside the camera's, which takes what is left."""
 
+CHAIN = (Column(name="step"), Column(name="outcome"), Column(name="", rank=1, wraps=True))
 INDENT = COLUMNS["verdict"] + GAP
 
 
 class Display:
-    """The terminal's side of one run; with ``quiet`` only what is urgent is said."""
+    """The terminal's side of one run.
 
-    def __init__(self, *, quiet: bool, console: Console | None = None) -> None:
-        self._quiet = quiet
-        self._console = console or make_console(stderr=True)
+    Args:
+        screen: where the results go.
+        remarks: where progress and notes go.
+    """
+
+    def __init__(self, screen: Screen, remarks: Screen) -> None:
+        self._screen, self._remarks = screen, remarks
         self._progress = Progress(
             TextColumn("reading images"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeRemainingColumn(),
-            console=self._console,
+            console=remarks,
             transient=True,
-            disable=not self._console.is_terminal,
+            disable=not remarks.is_terminal or remarks.quiet,
         )
         self._task = self._progress.add_task("reading", total=None)
 
@@ -71,20 +77,21 @@ class Display:
         self._progress.update(self._task, completed=done, total=total)
 
     def show(self, outcome: Extraction, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
-        """Tell the whole outcome."""
+        """Tell the whole outcome, its verdict last."""
         for warning in outcome.warnings:
-            self._say(f"[yellow]note[/]: {plain(warning)}")
-        if self._quiet:
-            return
-        self._print(judgement(outcome, width=min(self._console.width, WIDEST)))
+            self._remarks.say(f"[yellow]note[/]: {plain(warning)}")
+        self._screen.print(judgement(outcome, width=min(self._screen.width, WIDEST)), highlight=False)
         self._tell_fallbacks(outcome)
         self._tell_files(outputs, solver=solver, dry_run=dry_run)
         unmeasured = sum(c.uncalibrated for c in outcome.cameras if c.calibration is not None)
         if unmeasured:
-            self._say(
-                f"\n[yellow]uncalibrated[/]: for {unmeasured} of {len(outcome.cameras)} cameras nobody measured the "
-                "principal point and the distortion; good enough for SfM to converge, not for survey accuracy"
+            self._screen.say("")
+            self._screen.say(
+                f"[yellow]uncalibrated[/]: for {unmeasured} of {len(outcome.cameras)} cameras the principal point "
+                "and the distortion were not measured; good enough for SfM to converge, not for survey accuracy"
             )
+        self._screen.say("")
+        self._screen.say(verdict(outcome))
 
     def _tell_fallbacks(self, outcome: Extraction) -> None:
         """The chain of each camera that went through it; cameras for which it ended alike are told together."""
@@ -94,54 +101,59 @@ class Display:
                 told.setdefault(camera.fallback.steps, []).append(camera)
         for steps, cameras in told.items():
             names = "; ".join(plain(str(camera.camera.key)) for camera in cameras)
-            self._say(f"\n[bold]Fallbacks tried[/] for {names}")
-            chain = Table.grid(padding=(0, GAP))
-            for step in steps:
-                why = f"{step.source}: {step.why}" if step.source else step.why
-                chain.add_row(step.step.value, Text(step.outcome.value, "bold"), Text(printable(why)))
-            self._print(Padding(chain, (0, 0, 0, GAP)))
+            self._screen.say("")
+            self._screen.say(f"[bold]Fallbacks tried[/] for {names}")
+            chain = [
+                (
+                    step.step.value,
+                    f"[bold]{step.outcome.value}[/]",
+                    plain(f"{step.source}: {step.why}" if step.source else step.why),
+                )
+                for step in steps
+            ]
+            width = min(self._screen.width, WIDEST) - GAP
+            self._screen.show(fitted(CHAIN, chain, width, header=False), indent=GAP)
             self._tell_seeds(cameras)
 
     def _tell_seeds(self, cameras: list[CameraReport]) -> None:
         seeds = [c.fallback.seed for c in cameras if c.fallback is not None and c.fallback.seed is not None]
         if len(seeds) == 1:
-            command = plain(seed_command(seeds[0])).replace(" && ", " &&\n    ")
-            text = f"  To self-calibrate from the seed:\n    [dim]{command}[/]"
-            self._console.print(text, highlight=False, soft_wrap=True)
+            self._screen.say("  To self-calibrate from the seed:")
+            for command in seed_command(seeds[0]).replace(" && ", " &&\n").splitlines():
+                self._screen.verbatim(f"    {printable(command)}", style="dim")
         elif seeds:
-            self._say("  To self-calibrate from a seed, take its COLMAP commands from the report.")
+            self._screen.say("  To self-calibrate from a seed, take its COLMAP commands from the report.")
 
     def _tell_files(self, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
-        self._say("\n[bold]Would write[/]" if dry_run else "\n[bold]Wrote[/]")
+        self._screen.say("")
+        self._screen.say("[bold]Would write[/]" if dry_run else "[bold]Wrote[/]")
         for path in outputs.files:
-            self._console.print(f"  {plain(str(path))}", highlight=False, soft_wrap=True)
+            self._screen.say(f"  {plain(str(path))}")
         for path in outputs.stale:
-            self._say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
+            self._remarks.say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
         for slug, why in outputs.not_handed_over.items():
-            self._say(f"[yellow]not handed to {solver.value}[/]: {plain(slug)}: {plain(why)}")
-
-    def _say(self, text: str) -> None:
-        self._print(Text.from_markup(text))
-
-    def _print(self, text: RenderableType) -> None:
-        self._console.print(Constrain(text, WIDEST), highlight=False)
+            self._screen.say(f"[yellow]not handed to {solver.value}[/]: {plain(slug)}: {plain(why)}")
 
 
 def judgement(outcome: Extraction, *, width: int) -> RenderableType:
     """Every camera, and the images no camera could be told from, in so many columns."""
     parts = [_cameras(outcome, width)]
     if outcome.rejected:
-        parts.append(_set_aside(outcome.rejected))
+        parts.append(_skipped(outcome.rejected))
     return Constrain(Group(*parts), width)
 
 
-def _cameras(outcome: Extraction, width: int) -> RenderableType:
-    """Those that need somebody stand last, nearest to the prompt."""
-    cameras = sorted(outcome.cameras, key=lambda camera: list(Verdict).index(camera.verdict))
-    counts = [(verdict, sum(c.verdict is verdict for c in cameras)) for verdict in Verdict]
+def verdict(outcome: Extraction) -> str:
+    """The last line, in rich's markup: what became of how many cameras."""
+    counts = [(verdict, sum(c.verdict is verdict for c in outcome.cameras)) for verdict in Verdict]
     found = ", ".join(f"[{STYLES[verdict]}]{count} {verdict}[/]" for verdict, count in counts if count)
-    policy = plain(outcome.policy.name)
-    title = f"[bold]{_count(len(cameras), 'camera')}[/], judged by the {policy} policy: {found or 'none'}"
+    policy, cameras = plain(outcome.policy.name), _count(len(outcome.cameras), "camera")
+    return f"[bold]{cameras}[/], judged by the {policy} policy: {found or 'none'}"
+
+
+def _cameras(outcome: Extraction, width: int) -> RenderableType:
+    """Those that need attention come last, nearest to the prompt."""
+    cameras = sorted(outcome.cameras, key=lambda camera: list(Verdict).index(camera.verdict))
     left = max(12, width - sum(COLUMNS.values()) - GAP * len(COLUMNS))
     name_width = min(left, max((len(str(c.camera.key)) for c in cameras), default=0))
     head = _line(
@@ -149,7 +161,7 @@ def _cameras(outcome: Extraction, width: int) -> RenderableType:
     )
     line_width = min(width, name_width + sum(COLUMNS.values()) + GAP * len(COLUMNS))
     rule = Padding(Rule(style="dim"), (0, width - line_width, 0, 0))
-    return Group(Text.from_markup(title), "", head, rule, *(_camera(c, name_width) for c in cameras))
+    return Group(head, rule, *(_camera(c, name_width) for c in cameras))
 
 
 def _camera(camera: CameraReport, name_width: int) -> RenderableType:
@@ -211,8 +223,8 @@ def _below(camera: CameraReport) -> Iterator[Text]:
             yield Text(printable(f"{dropped.tag} is not believed: {dropped.reason}"), "dim")
 
 
-def _set_aside(rejected: tuple[SkippedFile, ...]) -> RenderableType:
-    lines: list[RenderableType] = [Text(f"{_count(len(rejected), 'image')} set aside", "bold")]
+def _skipped(rejected: tuple[SkippedFile, ...]) -> RenderableType:
+    lines: list[RenderableType] = [Text(f"{_count(len(rejected), 'image')} skipped", "bold")]
     for item in rejected[:MOST_REJECTED]:
         lines.append(Padding(Text(printable(item.name)), (0, 0, 0, GAP)))
         lines.append(Padding(Text(printable(item.reason)), (0, 0, 0, 2 * GAP)))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from typing import TYPE_CHECKING
+
+from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from calibrary.cli.console import Screen
     from calibrary.parsers.format import Format
 
 __all__ = ["add_parser", "markdown"]
@@ -29,31 +32,30 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="list the calibration files that are read and written",
         description="List the calibration files that are read and written.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="part of a format's name or title")
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import errors, out, plain
     from calibrary.parsers import formats
 
     wanted = (arguments.name or "").casefold()
     records = [r for r in formats() if wanted in r.name.casefold() or wanted in r.title.casefold()]
     if not records:
-        sys.stderr.write(
-            f"calibrary: no format is called {arguments.name!r}; 'calibrary formats' lists them all\n"
-        )
+        complaint = f"calibrary: no format is called {arguments.name!r}"
+        errors().say(plain(f"{complaint}; 'calibrary formats' lists them all"))
         return 1
     if arguments.json:
         document = {"schema": "calibrary/formats-1", "formats": [_json(record) for record in records]}
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+        print_json(document)
     elif arguments.markdown:
         sys.stdout.write(markdown(records))
     else:
-        _show(records, details=bool(wanted))
+        _show(out(arguments), records, details=bool(wanted))
     return 0
 
 
@@ -81,31 +83,31 @@ def _counts(record: Format) -> str:
     return "; ".join(sentences)
 
 
-def _show(records: Sequence[Format], *, details: bool) -> None:
-    from rich.table import Table
+COLUMNS = (
+    Column(name="name"),
+    Column(name="what it is", rank=2, wraps=True),
+    Column(name="", rank=1),
+    Column(name="usual names", rank=3, wraps=True),
+)
 
-    from calibrary.cli.console import make_console, plain
 
-    console = make_console(stderr=False)
-    table = Table(title=f"{len(records)} formats", title_justify="left")
-    table.add_column("name", no_wrap=True)
-    table.add_column("what it is", ratio=3)
-    table.add_column("", no_wrap=True)
-    table.add_column("usual names", ratio=1)
-    for record in records:
-        table.add_row(record.name, plain(record.title), _abilities(record), plain(" ".join(record.suffixes)))
-    console.print(table)
+def _show(screen: Screen, records: Sequence[Format], *, details: bool) -> None:
+    from calibrary.cli.console import plain
+
+    rows = [(r.name, plain(r.title), _abilities(r), plain(" ".join(r.suffixes))) for r in records]
+    screen.show(fitted(COLUMNS, rows, screen.width))
+    screen.say(f"{len(records)} formats" if len(records) > 1 else "1 format")
     if not details:
         return
     for record in records:
-        console.print(
-            f"\n[bold]{record.name}[/] — {plain(record.title)}\n  [dim]{plain(record.reference)}[/]"
-        )
+        screen.say("")
+        screen.say(f"[bold]{record.name}[/] — {plain(record.title)}")
+        screen.say(f"  [dim]{plain(record.reference)}[/]")
         for sentence in _counts(record).split("; "):
-            console.print(f"  {plain(sentence)}", highlight=False)
+            screen.say(f"  {plain(sentence)}")
         for option in record.options:
             values = "|".join(option.values)
-            console.print(f"  --set {option.name}={values}: {plain(option.meaning)}", highlight=False)
+            screen.say(f"  --set {option.name}={values}: {plain(option.meaning)}")
 
 
 def _json(record: Format) -> dict[str, object]:

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import Answers, add_reading_flags
 from calibrary.errors import CalibraryError
-from calibrary.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from rich.console import Console
-
     from calibrary.calibration import Calibration
+    from calibrary.cli.console import Screen
     from calibrary.records import Json
 
 __all__ = ["add_parser"]
@@ -43,11 +40,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="tell what a calibration file or image is and what it says",
         description="Tell what a calibration file or image is, why we think so, and what it says.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="files or folders")
     add_reading_flags(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
@@ -66,17 +62,16 @@ class Inspected:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import out
 
-    answers = Answers.of(arguments)
     paths = list(_files(arguments.files))
-    inspected = list(_inspect_all(paths, answers))
+    inspected = list(_inspect_all(paths, arguments))
     if arguments.json:
         _print_json(inspected, alone=len(arguments.files) == 1 and not arguments.files[0].is_dir())
     else:
-        console = make_console(stderr=False)
+        screen = out(arguments)
         for one in inspected:
-            _show(console, one)
+            _show(screen, one)
     return EXIT_UNREADABLE if any(one.error is not None for one in inspected) else 0
 
 
@@ -90,18 +85,20 @@ def _files(given: Sequence[Path]) -> Iterator[Path]:
             yield path
 
 
-def _inspect_all(paths: Sequence[Path], answers: Answers) -> Iterator[Inspected]:
+def _inspect_all(paths: Sequence[Path], arguments: argparse.Namespace) -> Iterator[Inspected]:
     from rich.progress import track
 
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import note
 
-    console = make_console(stderr=True)
-    quiet = len(paths) < 2 or not console.is_terminal
-    for path in track(paths, "inspecting", console=console, transient=True, disable=quiet):
+    answers, remarks = Answers.of(arguments), note(arguments)
+    quiet = len(paths) < 2 or not remarks.is_terminal or remarks.quiet
+    for path in track(paths, "inspecting", console=remarks, transient=True, disable=quiet):
         yield _inspect(path, answers)
 
 
 def _inspect(path: Path, answers: Answers) -> Inspected:
+    from calibrary.records import replace
+
     try:
         return replace(_described(path, answers), calibrations=tuple(answers.read(path)))
     except CalibraryError as error:
@@ -133,8 +130,7 @@ def _print_json(inspected: Sequence[Inspected], *, alone: bool) -> None:
     documents = [_json(one) for one in inspected]
     told: dict[str, Json] = documents[0] if alone else {"files": list(documents)}
     document: dict[str, Json] = {"schema": "calibrary/inspect-1", **told}
-    text = json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False)
-    sys.stdout.write(f"{text}\n")
+    print_json(document)
 
 
 def _json(one: Inspected) -> dict[str, Json]:
@@ -151,25 +147,26 @@ def _json(one: Inspected) -> dict[str, Json]:
     }
 
 
-def _show(console: Console, one: Inspected) -> None:
+def _show(screen: Screen, one: Inspected) -> None:
     from calibrary.cli.console import plain
 
-    console.print(f"[bold]{plain(str(one.path))}[/]", highlight=False, soft_wrap=True)
+    screen.say(f"[bold]{plain(str(one.path))}[/]")
     if one.error is not None:
-        console.print(f"  [red]not read[/]: {plain(one.error)}\n", highlight=False, soft_wrap=True)
+        screen.say(f"  [red]not read[/]: {plain(one.error)}")
+        screen.say("")
         return
     why = f": {plain(one.why)}" if one.why else ""
-    console.print(f"  {plain(one.title or '')}{why}", highlight=False, soft_wrap=True)
+    screen.say(f"  {plain(one.title or '')}{why}")
     for calibration in one.calibrations:
-        _show_calibration(console, calibration)
+        _show_calibration(screen, calibration)
     for sentence in one.sentences:
-        console.print(f"  [dim]{plain(sentence)}[/]", highlight=False, soft_wrap=True)
+        screen.say(f"  [dim]{plain(sentence)}[/]")
     for warning in one.warnings:
-        console.print(f"  [yellow]{plain(warning)}[/]", highlight=False, soft_wrap=True)
-    console.print()
+        screen.say(f"  [yellow]{plain(warning)}[/]")
+    screen.say("")
 
 
-def _show_calibration(console: Console, calibration: Calibration) -> None:
+def _show_calibration(screen: Screen, calibration: Calibration) -> None:
     from calibrary.cli.console import plain
 
     K, distortion = calibration.intrinsics, calibration.distortion
@@ -189,4 +186,4 @@ def _show_calibration(console: Console, calibration: Calibration) -> None:
     lines += [f"    assumed: {plain(text)}" for text in calibration.provenance.assumptions]
     lines += [f"    note: {plain(text)}" for text in calibration.notes]
     for line in lines:
-        console.print(line, highlight=False, soft_wrap=True)
+        screen.say(line)

@@ -6,13 +6,15 @@ import argparse
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from calibrary.cli import (
     calibrate,
     catalogue,
     completion,
     convert,
+    demo,
     diff,
     extract,
     formats,
@@ -21,29 +23,31 @@ from calibrary.cli import (
     registry,
     undistort,
 )
+from calibrary.cli.output import add_output_flags
+from calibrary.cli.parser import Parser
+from calibrary.cli.signals import exit_code
 from calibrary.errors import CalibraryError, CalibrationError, RegistryError, ValidationError
 
-__all__ = ["build_parser", "main"]
+if TYPE_CHECKING:
+    import logging
 
-COMMANDS = (
-    extract,
-    calibrate,
-    onboard,
-    registry,
-    diff,
-    inspect,
-    convert,
-    undistort,
-    catalogue,
-    formats,
-    completion,
+__all__ = ["build_parser", "leaves", "main"]
+
+GROUPS = (
+    ("the images of a flight", (extract, undistort)),
+    ("a camera that is calibrated", (calibrate, onboard)),
+    ("the fleet", (registry, diff)),
+    ("calibration files", (inspect, convert, formats, catalogue)),
+    ("to begin with", (demo, completion)),
 )
 
 EXIT_POLICY = 1
+EXIT_USAGE = 2
 EXIT_INPUT = 3
 EXIT_REGISTRY = 4
 EXIT_BUG = 70
-EXIT_INTERRUPTED = 130
+EXIT_BROKEN_PIPE = 141
+"""As of a command that SIGPIPE ended: what was found did not arrive, so it is no 0."""
 
 EPILOG = """\
 exit codes:
@@ -52,33 +56,69 @@ exit codes:
   2  the command was not understood
   3  an input cannot be read
   4  the registry cannot be read or written
+
+130 after Ctrl-C, 143 after SIGTERM, 141 where the reader of the output has gone (calibrary … | head).
 """
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     _spell_out_what_cannot_be_printed()
-    arguments = build_parser().parse_args(argv)
+    parser = build_parser()
+    given = sys.argv[1:] if argv is None else list(argv)
+    if not given:
+        parser.print_help(sys.stderr)
+        return EXIT_USAGE
     try:
-        code: int = arguments.run(arguments)
-        sys.stdout.flush()
+        return _run(parser.parse_args(given))
     except CalibraryError as error:
-        print(f"calibrary: {_printable(error)}", file=sys.stderr)  # noqa: T201 — the command line may print
+        _complain(_printable(error))
         return _exit_code(error)
-    except KeyboardInterrupt:
-        print("calibrary: interrupted; nothing was half written", file=sys.stderr)  # noqa: T201 — as above
-        return EXIT_INTERRUPTED
+    except KeyboardInterrupt as error:
+        _complain("; ".join(("interrupted", *map(str, error.args))) if error.args else INTERRUPTED)
+        return exit_code(error)
     except BrokenPipeError:
         # Whoever read the output has seen enough; keep the interpreter from complaining on exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return EXIT_BROKEN_PIPE
     except Exception as error:
         if os.environ.get("CALIBRARY_DEBUG"):
             raise
-        message = f"calibrary: this is a bug: {type(error).__name__}: {_printable(error)}"
-        print(f"{message}; CALIBRARY_DEBUG=1 shows where, please report it", file=sys.stderr)  # noqa: T201
+        said = f"this is a bug: {type(error).__name__}: {_printable(error)}"
+        _complain(f"{said}; CALIBRARY_DEBUG=1 shows where, please report it")
         return EXIT_BUG
+
+
+INTERRUPTED = "interrupted; nothing was half written"
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    handler = _log(arguments.verbose) if arguments.verbose else None
+    try:
+        code: int = arguments.run(arguments)
+        sys.stdout.flush()
+    finally:
+        if handler is not None:
+            import logging
+
+            logging.getLogger("calibrary").removeHandler(handler)
     return code
+
+
+def _log(verbose: int) -> logging.Handler:
+    """Send what the library logs to standard error, a line each."""
+    import logging
+
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("calibrary: %(message)s"))
+    logger = logging.getLogger("calibrary")
+    logger.setLevel(logging.DEBUG if verbose > 1 else logging.INFO)
+    logger.addHandler(handler)
+    return handler
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(f"calibrary: {text}\n")
 
 
 def _spell_out_what_cannot_be_printed() -> None:
@@ -99,19 +139,48 @@ def _exit_code(error: CalibraryError) -> int:
     return EXIT_REGISTRY if isinstance(error, RegistryError) else EXIT_INPUT
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The whole command line."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="calibrary",
+        usage="calibrary COMMAND …",
         description="The library of a fleet's camera calibrations: derives, validates and keeps K.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        command.add_parser(subparsers)
+    subparsers = parser.add_subparsers(
+        prog="calibrary", metavar="COMMAND", required=True, help=argparse.SUPPRESS
+    )
+    listed = []
+    for title, commands in GROUPS:
+        before = len(subparsers._choices_actions)
+        for command in commands:
+            command.add_parser(subparsers)
+        added = subparsers._choices_actions[before:]
+        listed += [f"{title}:", *(f"  {each.dest:<12}{each.help}" for each in added), ""]
+    parser.epilog = "\n".join(
+        [*listed, "calibrary COMMAND --help explains a command, with examples.", "", EPILOG]
+    )
+    # argparse would list them a second time, without the groups.
+    subparsers._choices_actions.clear()
+    for leaf in leaves(parser):
+        add_output_flags(leaf)
+        leaf.set_defaults(parser=leaf)
     return parser
+
+
+def leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """The parsers of the commands that can be given, without those that only group others."""
+    below = [
+        child
+        for action in parser._actions
+        if isinstance(action, argparse._SubParsersAction)
+        for child in action.choices.values()
+    ]
+    for child in below:
+        yield from leaves(child)
+    yield from getattr(parser, "words", {}).values()
+    if not below:
+        yield parser
 
 
 class _Version(argparse.Action):
@@ -122,7 +191,3 @@ class _Version(argparse.Action):
 
         sys.stdout.write(f"calibrary {version('calibrary')}\n")
         parser.exit()
-
-
-if __name__ == "__main__":
-    sys.exit(main())

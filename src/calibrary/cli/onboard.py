@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from calibrary.cli.calibrate.flags import number
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
-from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask, deciding_screen
 from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
+from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rich.console import Console
+    from rich.text import Text
 
     from calibrary.calib.board import Board
+    from calibrary.cli.console import Screen
     from calibrary.jobs.onboard.proposal import Serves
     from calibrary.jobs.onboard.records import CameraDecision, Onboarding, Questions
     from calibrary.registry.git.writing import Written
@@ -53,7 +55,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="take a new payload on board: classify, identify, compare the sources, propose an entry",
         description=DESCRIPTION,
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", type=Path, metavar="DIR", help="what came with the payload")
     asked = parser.add_argument_group("what only a person knows", "asked where it is needed and not said")
@@ -90,7 +91,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_camera_flags(parser)
     add_registry_flag(parser)
     add_yes_flag(parser, "write the draft without asking, and ask nothing else")
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.add_argument(
         "--html",
         type=Path,
@@ -102,7 +103,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.atomic import write_files
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import note
     from calibrary.jobs.onboard.page import onboard_page
     from calibrary.jobs.onboard.report import report_of
     from calibrary.jobs.onboard.run import write_drafts
@@ -113,31 +114,33 @@ def _run(arguments: argparse.Namespace) -> int:
         from calibrary.jobs.extract.outputs import check_page_place
 
         check_page_place(arguments.html)
-    note = make_console(stderr=True)
-    done = _onboarded(arguments, note)
+    screen, remarks = deciding_screen(arguments), note(arguments)
+    done = _onboarded(arguments, remarks)
     page = arguments.html or Path(_page_name(done))
-    _show(note, done)
+    _show(screen, done)
     write_files({page: render_page(onboard_page(done)).encode()})
-    _say(note, f"the report: {page}")
+    _say(screen, "")
+    _say(screen, f"wrote {page}")
     written: Mapping[str, Written] = {}
     if not done.outcomes:
         _unknown(arguments, done)
     elif done.drafts and agreed(arguments, _question(done)):
         written = write_drafts(done, arguments.reason)
-        _tell_written(note, done, written)
+        _tell_written(screen, done, written)
     elif done.drafts:
-        _say(note, "nothing was written into the registry")
+        _say(screen, "nothing was written into the registry")
     elif not done.is_good and len(done.outcomes) > 1:
         _say(
-            note, "nothing was written into the registry, since one was refused; --only TEXT takes one camera"
+            screen,
+            "nothing was written into the registry, since one was refused; --only TEXT takes one camera",
         )
+    _show_verdicts(screen, done)
     if arguments.json:
-        document = to_json(report_of(done, written, page.name))
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(to_json(report_of(done, written, page.name)))
     return 0 if done.is_good else EXIT_REFUSED
 
 
-def _onboarded(arguments: argparse.Namespace, note: Console) -> Onboarding:
+def _onboarded(arguments: argparse.Namespace, remarks: Screen) -> Onboarding:
     from functools import partial
 
     from calibrary.cli.registry.progress import Bar
@@ -148,7 +151,7 @@ def _onboarded(arguments: argparse.Namespace, note: Console) -> Onboarding:
     registry = opened(arguments)
     board = _board(arguments)
     bars = {
-        words: Bar(note, text) for words, text in (("sorting", "sorting"), ("board", "finding the board"))
+        words: Bar(remarks, text) for words, text in (("sorting", "sorting"), ("board", "finding the board"))
     }
 
     def progress(words: str, done: int, total: int) -> None:
@@ -237,57 +240,70 @@ def _page_name(done: Onboarding) -> str:
     return f"onboard-{names.pop() if len(names) == 1 else 'payload'}.html"
 
 
-def _show(console: Console, done: Onboarding) -> None:
+def _show(screen: Screen, done: Onboarding) -> None:
     payload, skipped = done.payload, (*done.payload.others, *done.cameras.skipped)
     flown, frames, files = payload.images - len(payload.frames), len(payload.frames), len(payload.files)
     _say(
-        console,
+        screen,
         f"{flown} image{'s' * (flown != 1)}, {frames} frame{'s' * (frames != 1)} of a board, "
         f"{files} calibration file{'s' * (files != 1)}, {len(skipped)} skipped",
     )
     for item in skipped[:8]:
-        _say(console, f"  skipped {item.name}: {item.reason}", "dim")
+        _say(screen, f"  skipped {item.name}: {item.reason}", "dim")
     if len(skipped) > 8:
-        _say(console, f"  and {len(skipped) - 8} more, listed in the report", "dim")
+        _say(screen, f"  and {len(skipped) - 8} more, listed in the report", "dim")
     for one in done.outcomes:
-        _show_camera(console, one)
+        _show_camera(screen, one)
 
 
-def _show_camera(console: Console, one: CameraDecision) -> None:
+def _show_camera(screen: Screen, one: CameraDecision) -> None:
     from calibrary.cli.console import plain
 
-    console.print()
-    console.print(f"[bold]{plain(str(one.camera.key))}[/]", highlight=False, soft_wrap=True)
+    screen.say("")
+    screen.say(f"[bold]{plain(str(one.camera.key))}[/]")
     if one.estimates:
-        console.print(_estimates(one))
+        screen.show(_sources(one, screen.width - 2), indent=2)
     if one.board is not None and one.board.reason is not None:
-        _say(console, f"  the frames of a board give no K: {one.board.reason}", "yellow")
+        _say(screen, f"  the frames of a board give no K: {one.board.reason}", "yellow")
     for relative in one.relatives:
         found = relative.comparison
         numbers = found.numbers if found is not None else None
         told = found.verdict.value if found is not None else relative.reason or ""
         if numbers is not None:
             told += f", Δf/f {numbers.focal_change:+.3%}"
-        _say(console, f"  against {relative.id}: {told}", "dim")
+        _say(screen, f"  against {relative.id}: {told}", "dim")
     for finding in one.findings:
-        _say(console, f"  {finding}", "yellow")
-    style = STYLES[one.decision.value]
-    console.print(f"[{style}]{one.decision.value}[/]  {plain(one.reason)}", highlight=False, soft_wrap=True)
+        _say(screen, f"  {finding}", "yellow")
+    screen.say(f"  {plain(one.reason)}")
     if one.advice is not None:
-        console.print(f"  [cyan]next[/] {plain(one.advice)}", highlight=False, soft_wrap=True)
+        screen.say(f"  [cyan]next[/] {plain(one.advice)}")
 
 
-def _estimates(one: CameraDecision) -> object:
-    from rich.table import Table
-
+def _show_verdicts(screen: Screen, done: Onboarding) -> None:
+    """What was decided on each camera, last of all."""
     from calibrary.cli.console import plain
 
-    table = Table(box=None, padding=(0, 2, 0, 2))
-    table.add_column("source", overflow="fold")
-    table.add_column("grade")
-    for name in ("fx", "fy", "cx", "cy", "difference"):
-        table.add_column(name, justify="right")
-    table.add_column("")
+    _say(screen, "")
+    for one in done.outcomes:
+        screen.say(f"[{STYLES[one.decision.value]}]{one.decision.value}[/]: {plain(str(one.camera.key))}")
+
+
+SOURCES = (
+    Column(name="source", wraps=True),
+    Column(name="grade", rank=3),
+    Column(name="fx", rank=1, right=True),
+    Column(name="fy", rank=4, right=True),
+    Column(name="cx", rank=5, right=True),
+    Column(name="cy", rank=5, right=True),
+    Column(name="difference", rank=2, right=True),
+    Column(name=""),
+)
+
+
+def _sources(one: CameraDecision, width: int) -> list[Text]:
+    from calibrary.cli.console import plain
+
+    rows = []
     comparison = one.comparison
     others = comparison.others if comparison is not None else ()
     for estimate in one.estimates:
@@ -300,32 +316,34 @@ def _estimates(one: CameraDecision) -> object:
             stands = "[yellow]not believed[/]" if compared in comparison.overruled else stands
         elif comparison.dispute is not None:
             stands = "[yellow]in dispute[/]"
-        table.add_row(
-            f"{estimate.kind.value}: {plain(estimate.name)}",
-            estimate.grade.value if estimate.grade is not None else "–",
-            f"{K.fx:.1f}",
-            f"{K.fy:.1f}",
-            f"{K.cx:.1f}" if estimate.measured_centre else "–",
-            f"{K.cy:.1f}" if estimate.measured_centre else "–",
-            f"{compared.difference:+.2%}" if compared is not None else "",
-            stands,
+        rows.append(
+            (
+                f"{estimate.kind.value}: {plain(estimate.name)}",
+                estimate.grade.value if estimate.grade is not None else "–",
+                f"{K.fx:.1f}",
+                f"{K.fy:.1f}",
+                f"{K.cx:.1f}" if estimate.measured_centre else "–",
+                f"{K.cy:.1f}" if estimate.measured_centre else "–",
+                f"{compared.difference:+.2%}" if compared is not None else "",
+                stands,
+            )
         )
-    return table
+    return fitted(SOURCES, rows, width)
 
 
-def _tell_written(console: Console, done: Onboarding, written: Mapping[str, Written]) -> None:
+def _tell_written(screen: Screen, done: Onboarding, written: Mapping[str, Written]) -> None:
     for branch, one in written.items():
         _say(
-            console,
+            screen,
             f"wrote {len(one.paths)} draft{'s' * (len(one.paths) != 1)} on the branch {branch}, {one.commit[:12]}",
         )
         for warning in one.warnings:
-            _say(console, f"note: {warning}", "yellow")
+            _say(screen, f"note: {warning}", "yellow")
     for one_outcome in done.outcomes:
         entry = one_outcome.entry
         if entry is not None and one_outcome.decision.value == "draft proposed":
             branch = next((name for name in written if entry.path in written[name].paths), "")
-            _say(console, f"look at it: calibrary registry show {entry.id}@{branch}")
+            _say(screen, f"look at it: calibrary registry show {entry.id}@{branch}")
 
 
 def _question(done: Onboarding) -> str:
@@ -334,10 +352,10 @@ def _question(done: Onboarding) -> str:
     return f"Write {what} as a draft on a branch?"
 
 
-def _say(console: Console, text: str, style: str | None = None) -> None:
+def _say(screen: Screen, text: str, style: str | None = None) -> None:
     from calibrary.cli.console import plain
 
-    console.print(plain(text), style=style, highlight=False, soft_wrap=True)
+    screen.say(plain(text), style=style or "")
 
 
 def _count(text: str) -> int:

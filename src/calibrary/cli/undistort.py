@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import Answers, add_reading_flags, image_size
 from calibrary.cli.undistort_work import (
     ALPHAS,
@@ -44,7 +43,6 @@ exit code 0: every picture was undistorted; 3: at least one was not.
 """
 
 EXIT_UNREADABLE = 3
-EXIT_INTERRUPTED = 130
 Size: TypeAlias = "ImageSize | Literal['same-focal'] | None"
 INTERPOLATIONS = ("nearest", "linear", "cubic", "lanczos")
 KINDS = ("jpg", "png", "tif")
@@ -57,7 +55,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="take a lens's distortion out of images, and write the K that then holds",
         description="Take a lens's distortion out of images, and write the K that then holds beside them.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("images", nargs="+", type=Path, metavar="IMAGE", help="images, or folders of them")
     parser.add_argument(
@@ -75,7 +72,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_view_flags(parser)
     _add_output_flags(parser)
     add_reading_flags(parser)
-    parser.add_argument("--json", action="store_true", help="print what was done as JSON")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
@@ -128,7 +125,7 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from rich.progress import track
 
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import note, out
     from calibrary.cli.undistort_display import document, show
     from calibrary.parsers.discovery import format_named
 
@@ -138,20 +135,20 @@ def _run(arguments: argparse.Namespace) -> int:
     cameras = Cameras(arguments=arguments, calibration=calibration, record=record)
     _refuse_what_is_there(jobs, cameras.path(), arguments)
     cameras.rehearse()
-    console = make_console(stderr=True)
-    quiet = len(jobs) < 2 or not console.is_terminal
-    tracked = track(jobs, "undistorting", console=console, transient=True, disable=quiet)
+    remarks = note(arguments)
+    quiet = len(jobs) < 2 or not remarks.is_terminal or remarks.quiet
+    tracked = track(jobs, "undistorting", console=remarks, transient=True, disable=quiet)
     done: list[Done] = []
     try:
         done.extend(undistorted(job, cameras) for job in tracked)
-    except KeyboardInterrupt:
-        sys.stderr.write(f"calibrary: interrupted; {len(done)} of {len(jobs)} images were undistorted\n")
-        return EXIT_INTERRUPTED
+    except KeyboardInterrupt as error:
+        error.args = (f"{len(done)} of {len(jobs)} images were undistorted",)
+        raise
     if arguments.json:
         described = document(arguments, done, cameras.by_size)
-        sys.stdout.write(json.dumps(described, indent=2, allow_nan=False) + "\n")
+        print_json(described)
     else:
-        show(done, cameras.by_size, arguments.out)
+        show(out(arguments), done, cameras.by_size, arguments.out)
     return EXIT_UNREADABLE if any(one.error is not None for one in done) else 0
 
 

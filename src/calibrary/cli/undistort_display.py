@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from calibrary.calibration import ImageSize
+    from calibrary.cli.console import Screen
     from calibrary.cli.undistort_work import Done, Written
     from calibrary.records import Json
 
@@ -53,29 +54,29 @@ def document(
     }
 
 
-def show(done: Sequence[Done], cameras: Mapping[ImageSize, Written], out: Path) -> None:
-    """What was done, for people."""
-    from calibrary.cli.console import make_console, plain
+def show(screen: Screen, done: Sequence[Done], cameras: Mapping[ImageSize, Written], out: Path) -> None:
+    """What was done, for people; what was not, on standard error."""
+    from calibrary.cli.console import errors, plain
 
-    console = make_console(stderr=False)
+    complaints = errors()
     for one in done:
         if one.error is not None:
-            console.print(f"[red]not undistorted[/]: {plain(one.error)}", highlight=False, soft_wrap=True)
+            complaints.say(f"[red]not undistorted[/]: {plain(one.error)}")
         for warning in one.warnings:
-            line = f"[yellow]{plain(one.job.image.name)}: {plain(warning)}[/]"
-            console.print(line, highlight=False, soft_wrap=True)
+            complaints.say(f"[yellow]{plain(one.job.image.name)}: {plain(warning)}[/]")
     made = sum(one.error is None for one in done)
     if not cameras:
         return
-    lines = [f"undistorted {made} of {len(done)} images into {plain(str(out))}"]
     for size, camera in cameras.items():
         K, made_plan = camera.plan.intrinsics, camera.plan
-        lines += [
-            f"  {plain(camera.path.name)}  fx {K.fx:.4f}  fy {K.fy:.4f}  cx {K.cx:.4f}  cy {K.cy:.4f}  in "
-            f"{K.image_size[0]}×{K.image_size[1]} px, no distortion",
-            f"    of {size[0]}×{size[1]} px images: {made_plan.kept:.1%} of the pixels are kept, "
-            f"{made_plan.empty:.1%} of the new ones are empty",
-            *(f"    note: {plain(note)}" for note in camera.notes),
-        ]
-    for line in lines:
-        console.print(line, highlight=False, soft_wrap=True)
+        screen.say(
+            f"{plain(camera.path.name)}  fx {K.fx:.4f}  fy {K.fy:.4f}  cx {K.cx:.4f}  cy {K.cy:.4f}  in "
+            f"{K.image_size[0]}×{K.image_size[1]} px, no distortion"
+        )
+        screen.say(
+            f"  of {size[0]}×{size[1]} px images: {made_plan.kept:.1%} of the pixels are kept, "
+            f"{made_plan.empty:.1%} of the new ones are empty"
+        )
+        for note in camera.notes:
+            screen.say(f"  note: {plain(note)}")
+    screen.say(f"undistorted {made} of {len(done)} images into {plain(str(out))}")

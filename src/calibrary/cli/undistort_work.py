@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from calibrary.errors import CalibraryError, InputError
-from calibrary.records import replace
 
 if TYPE_CHECKING:
     from calibrary.calib.undistort import Plan, Undistorter
@@ -160,6 +159,7 @@ def undistorted(job: Job, cameras: Cameras) -> Done:
     """One picture, written; what is wrong with it stops no other."""
     from calibrary.calib.picture_files import Kind, decode, encode, reframed
     from calibrary.parsers.files import read_regular_file
+    from calibrary.records import replace
 
     given = cameras.arguments
     try:
@@ -196,16 +196,13 @@ def _write(files: Mapping[Path, bytes], *, force: bool) -> None:
     for path in files:
         if path.exists() and not force:
             raise InputError("is there already; --force replaces it", source=str(path))
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot be made: {error.strerror or error}", source=str(path.parent)) from None
     write_files(files)
 
 
 def _pinhole(made: Plan) -> Calibration:
     """The camera of the undistorted pictures."""
     from calibrary.distortion import NoDistortion
+    from calibrary.records import replace
 
     source = made.source
     modes = [mode for mode in (source.camera.capture_mode, "undistorted") if mode]

@@ -21,6 +21,7 @@ CAMERA = ("--make", "DJI", "--model", "FC6310R")
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
     """The exit code of ``calibrary registry …``, and what it said on both streams."""
+    capsys.readouterr()
     code = main(["registry", *map(str, arguments)])
     said = capsys.readouterr()
     return code, said.out, said.err

@@ -111,7 +111,7 @@ def test_what_only_another_program_needs_stays_out(
 ) -> None:
     file = xml(tmp_path / "a.xml")
     file.write_text(file.read_text().replace("</calibration>", "<owner>Jane Doe</owner></calibration>"))
-    code, _, told = run(capsys, "add", file, *CAMERA, "--yes")
+    code, told, _ = run(capsys, "add", file, *CAMERA, "--yes")
     assert (code, "not added, since it was not reviewed" in told) == (0, True)
     assert held(fleet).entry.calibration.extras == ()
     assert b"Jane Doe" not in entry_yaml(held(fleet).entry)
@@ -133,7 +133,7 @@ def test_of_an_image_only_a_measured_k_names_the_unit(
     [one] = Registry.open(fleet).snapshot().entries()
     assert one.entry.calibration.grade is Grade.DERIVED
     assert one.entry.calibration.camera.serial is None
-    assert "no unit is named" in capsys.readouterr().err
+    assert "no unit is named" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("grade", [Grade.PRIOR, Grade.SEED])
@@ -158,7 +158,7 @@ def test_every_camera_of_a_file_enters_in_one_commit_or_one_is_chosen(
         "1 PINHOLE 4000 3000 2931.4 2930.9 2004.3 1496.1\n2 PINHOLE 2000 1500 1465.7 1465.4 1002.1 748.0\n"
     )
     before = commit_of(fleet)
-    code, _, told = run(capsys, "add", file, *CAMERA, "--camera", "2", "--yes")
+    code, told, _ = run(capsys, "add", file, *CAMERA, "--camera", "2", "--yes")
     assert (code, "the file calls it '2'" in told) == (0, True)
     assert [one.id for one in Registry.open(fleet).snapshot().entries()] == ["dji/fc6310r/2000x1500+sub-2"]
     add(file, "--sub-camera", "")
@@ -199,7 +199,7 @@ def test_the_same_file_again_changes_nothing_and_nobodys_approval(
 ) -> None:
     add(xml(tmp_path / "a.xml"), "--approve", "--date", "2019-03-05", "--operator", "Lab")
     before = commit_of(fleet)
-    code, _, told = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--yes")
+    code, told, _ = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--yes")
     assert (code, "is there already" in told) == (0, True)
     assert commit_of(fleet) == before
     assert held(fleet).entry.status is Status.APPROVED
@@ -209,7 +209,7 @@ def test_a_new_k_of_an_approved_camera_is_a_draft_and_that_is_told(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     add(xml(tmp_path / "a.xml"), "--approve")
-    code, _, told = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--yes")
+    code, told, _ = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--yes")
     assert code == 0
     assert "becomes a draft" in told
     assert held(fleet).entry.status is Status.DRAFT
@@ -359,7 +359,7 @@ def test_an_entry_that_cannot_be_read_can_be_replaced(
     file = fleet / f"cameras/{P4R}.yaml"
     file.write_text(file.read_text().replace("fx: 3660.5", "fx: 3999.5"))
     git(fleet, "commit", "--quiet", "-am", "Break the seal")
-    code, _, told = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--yes")
+    code, told, _ = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--yes")
     assert (code, "cannot be read and is replaced" in told) == (0, True)
     assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
 

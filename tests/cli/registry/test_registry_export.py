@@ -49,7 +49,7 @@ def test_odm_and_opensfm_get_one_file_under_their_own_names(
     put(fleet, FIRST, SECOND)
     for form in ("odm", "opensfm"):
         out = tmp_path / f"{form}.json"
-        code, _, told = run(capsys, "export", "--format", form, "--out", out)
+        code, told, _ = run(capsys, "export", "--format", form, "--out", out)
         assert code == 0
         assert "2 entries" in told
         read = sorted(one.intrinsics.fx for one in parsers.read(out))
@@ -81,7 +81,7 @@ def test_what_a_format_cannot_hold_is_left_out_with_the_reason(
         ),
     )
     put(fleet, FIRST, prism)
-    code, _, told = run(capsys, "export", "--format", "opensfm", "--out", tmp_path / "over.json")
+    code, told, _ = run(capsys, "export", "--format", "opensfm", "--out", tmp_path / "over.json")
     assert code == 0
     assert f"left out: {prism.id}: " in told
     assert "max" in told

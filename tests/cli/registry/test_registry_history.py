@@ -167,7 +167,7 @@ def test_git_runs_the_driver_that_init_sets_up_or_shows_the_file(
 ) -> None:
     if at_hand:
         program = tmp_path / "calibrary"
-        program.write_text(f"#!/bin/sh\nexec '{sys.executable}' -m calibrary.cli.main \"$@\"\n")
+        program.write_text(f"#!/bin/sh\nexec '{sys.executable}' -m calibrary \"$@\"\n")
         program.chmod(0o755)
     tools = Path(shutil.which("git") or "").parent
     monkeypatch.setenv("PATH", f"{tmp_path}:{tools}:/usr/bin:/bin")

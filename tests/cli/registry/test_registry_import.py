@@ -29,14 +29,14 @@ class TestCatalogue:
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         before = commit_of(fleet)
-        code, out, told = run(capsys, "import", "catalogue", "--yes")
+        code, out, _ = run(capsys, "import", "catalogue", "--yes")
         entries = [*Registry.open(fleet).snapshot().entries()]
         assert code == 0
         assert len(entries) > 60
         assert {one.entry.status for one in entries} == {Status.DRAFT}
         assert {one.entry.calibration.grade for one in entries} == {Grade.DERIVED}
         assert git(fleet, "rev-list", "--count", f"{before}..HEAD") == "1"
-        assert f"wrote {len(entries)} entries" in told
+        assert f"wrote {len(entries)} entries" in out
         assert f"{len(entries)} new" in out
         assert run(capsys, "check")[0] == 0
 
@@ -154,8 +154,8 @@ class TestFolder:
         command = ["import", str(tmp_path / "lab"), *CAMERA, "--yes"]
         run(capsys, *command)
         commit = commit_of(fleet)
-        code, out, told = run(capsys, *command)
-        assert (code, "1 same" in out, "nothing is new" in told) == (0, True, True)
+        code, out, _ = run(capsys, *command)
+        assert (code, "1 same" in out, "nothing is new" in out) == (0, True, True)
         assert commit_of(fleet) == commit
 
     def test_what_cannot_be_taken_is_told_and_holds_up_no_other(

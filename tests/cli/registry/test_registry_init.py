@@ -112,7 +112,7 @@ def test_a_file_in_the_way_stays_as_it_is(tmp_path: Path, capsys: pytest.Capture
 
 def test_a_registry_in_another_repository_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     git(tmp_path, "init", "--quiet")
-    _, _, told = run(capsys, "init", tmp_path / "fleet")
+    _, told, _ = run(capsys, "init", tmp_path / "fleet")
     assert ".gitignore" in told
 
 
@@ -122,7 +122,7 @@ def test_a_remote_is_copied_with_its_entries(
     add(xml(tmp_path / "a.xml"))
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
-    code, _, told = run(capsys, "init", "--remote", fleet)
+    code, told, _ = run(capsys, "init", "--remote", fleet)
     assert code == 0
     assert "a copy of" in told
     assert [one.id for one in Registry.open(tmp_path / "elsewhere/fleet").snapshot().entries()] == [P4R]
@@ -132,7 +132,7 @@ def test_an_empty_remote_is_begun_and_can_be_pushed_to(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     git(tmp_path, "init", "--quiet", "--bare", "hub.git")
-    code, _, told = run(capsys, "init", tmp_path / "fleet", "--remote", tmp_path / "hub.git")
+    code, told, _ = run(capsys, "init", tmp_path / "fleet", "--remote", tmp_path / "hub.git")
     assert (code, "push it" in told) == (0, True)
     git(tmp_path / "fleet", "push", "--quiet", "origin", "main")
     assert git(tmp_path / "hub.git", "ls-tree", "-r", "--name-only", "main").splitlines() == FILES

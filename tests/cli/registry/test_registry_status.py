@@ -54,7 +54,7 @@ def test_what_is_approved_already_stays_without_a_commit(
 ) -> None:
     run(capsys, "approve", P4R)
     before = commit_of(drafts)
-    code, _, told = run(capsys, "approve", P4R)
+    code, told, _ = run(capsys, "approve", P4R)
     assert (code, "it is approved already" in told) == (0, True)
     assert commit_of(drafts) == before
 

@@ -55,7 +55,7 @@ def test_what_one_pushes_the_other_pulls(fleet: Path, twin: Path, capsys: pytest
     assert (pulled["commit"], pulled["replayed"]) == (commit_of(fleet), 0)
     assert fx_of(twin) == 3600.0
     assert git(twin, "status", "--porcelain") == ""
-    _, _, told = run(capsys, "pull", "--registry", twin)
+    _, told, _ = run(capsys, "pull", "--registry", twin)
     assert told == "origin has nothing new\n"
 
 

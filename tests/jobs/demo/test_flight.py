@@ -8,7 +8,7 @@ import exifread
 import pytest
 from PIL import Image
 
-import calibrary.jobs.demo.__main__ as command
+from calibrary.cli.main import main
 from calibrary.jobs.demo import DemoImage, Expectation
 from tests.jobs.demo.conftest import Flight
 
@@ -130,9 +130,11 @@ def test_the_command_prints_a_row_for_every_story(
     flight: Flight, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, images = flight
-    monkeypatch.setattr(command, "write_flight", lambda _out, *, seed: images if seed == 3 else [])
+    monkeypatch.setattr(
+        "calibrary.jobs.demo.flight.write_flight", lambda _out, *, seed: images if seed == 3 else []
+    )
     monkeypatch.setenv("COLUMNS", "160")
-    assert command.main([str(out), "--seed", "3"]) == 0
+    assert main(["demo", str(out), "--seed", "3"]) == 0
     printed = capsys.readouterr().out
     assert f"{len(images)} files" in printed
     assert all(image.camera in printed for image in images)
@@ -143,9 +145,9 @@ def test_where_there_is_no_terminal_no_file_name_is_broken(
     flight: Flight, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, images = flight
-    monkeypatch.setattr(command, "write_flight", lambda _out, **_flags: images)
+    monkeypatch.setattr("calibrary.jobs.demo.flight.write_flight", lambda _out, **_flags: images)
     monkeypatch.delenv("COLUMNS", raising=False)
-    assert command.main([str(out)]) == 0
+    assert main(["demo", str(out)]) == 0
     printed = capsys.readouterr().out
     first = {image.camera + image.story: image.name for image in reversed(images)}
     assert all(name in printed for name in first.values())
@@ -156,5 +158,5 @@ def test_a_folder_that_cannot_be_made_is_said_without_a_traceback(
 ) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
-    assert command.main([str(blocked / "flight")]) == 3
+    assert main(["demo", str(blocked / "flight")]) == 3
     assert "cannot write the flight" in capsys.readouterr().err

@@ -22,7 +22,7 @@ Judged = tuple[dict[str, Any], str, Path]
 def judged(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Judged:
     """The report, all that was printed, and the folder that was written to."""
     out, result = flight[0], tmp_path_factory.mktemp("result")
-    command = [sys.executable, "-m", "calibrary.cli.main", "extract", "--image-dir", str(out), "--recursive"]
+    command = [sys.executable, "-m", "calibrary", "extract", "--image-dir", str(out), "--recursive"]
     command += ["--output-matrix", str(result / "K_matrix.npy"), "--hand-off", "colmap"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1

@@ -118,7 +118,7 @@ class TestNames:
     def test_json_is_utf8_whatever_the_terminal_speaks(self, tmp_path: Path, encoding: str) -> None:
         picture(tmp_path / "im" / "é.jpg", model="Ünknown")
         ran = subprocess.run(
-            [sys.executable, "-m", "calibrary.cli.main", "extract", "--image-dir", "im", "--json"],
+            [sys.executable, "-m", "calibrary", "extract", "--image-dir", "im", "--json"],
             cwd=tmp_path,
             env={**os.environ, "PYTHONIOENCODING": encoding},
             capture_output=True,

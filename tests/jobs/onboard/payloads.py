@@ -59,6 +59,7 @@ def onboard(
 ) -> tuple[int, str, str]:
     """The exit code of ``calibrary onboard …``, and what it said on both streams."""
     html = page or folder.parent / "onboard.html"
+    capsys.readouterr()
     code = main(["onboard", str(folder), "--html", str(html), *flags])
     said = capsys.readouterr()
     return code, said.out, said.err

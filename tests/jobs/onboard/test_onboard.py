@@ -64,7 +64,7 @@ def test_the_draft_waits_on_a_branch_and_the_main_one_is_left_alone(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = commit_of(fleet)
-    code, _, told = onboard(capsys, payload, *UNIT, "--yes")
+    code, told, _ = onboard(capsys, payload, *UNIT, "--yes")
     assert (code, commit_of(fleet)) == (0, before)
     [entry] = drafted(fleet)
     assert (entry.status, entry.calibration.intrinsics.fx) == (Status.DRAFT, 968.0)
@@ -84,7 +84,7 @@ def test_approving_from_the_branch_puts_it_to_use(
     assert (found.status, found.reason) == (Status.APPROVED, "looked at")
     assert found.calibration.intrinsics == entry.calibration.intrinsics
     before = commit_of(fleet)
-    code, _, told = run(capsys, "approve", entry.id, "--from", BRANCH)
+    code, told, _ = run(capsys, "approve", entry.id, "--from", BRANCH)
     assert (code, commit_of(fleet), "approved already" in told) == (0, before, True)
 
 
@@ -141,7 +141,7 @@ def test_sources_that_disagree_with_nothing_to_decide_are_refused(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, page = survey(tmp_path / "payload", 1300.0), tmp_path / "page.html"
-    code, _, told = onboard(capsys, folder, *UNIT, "--yes", page=page)
+    code, told, _ = onboard(capsys, folder, *UNIT, "--yes", page=page)
     assert (code, branches(fleet)) == (1, ["main"])
     assert "nothing confirms it" in told
     assert "--trust file or --trust tags" in told
@@ -163,7 +163,7 @@ def test_a_sensor_that_nobody_stated_gives_no_k(
 ) -> None:
     (tmp_path / "flight").mkdir()
     picture(tmp_path / "flight" / "a.jpg", make="Example", model="Two", focal_mm=(132, 10))
-    code, _, told = onboard(capsys, tmp_path / "flight", "--yes")
+    code, told, _ = onboard(capsys, tmp_path / "flight", "--yes")
     assert (code, branches(fleet)) == (1, ["main"])
     assert "a sensor size that nobody stated" in told
 
@@ -172,7 +172,7 @@ def test_a_k_that_breaks_the_policy_is_refused(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     xml(payload / "papers" / "camera.xml", 968.0, (1280, 960), 120.0)
-    code, _, told = onboard(capsys, payload, *UNIT, "--yes")
+    code, told, _ = onboard(capsys, payload, *UNIT, "--yes")
     assert (code, branches(fleet)) == (1, ["main"])
     assert "principal point" in told
 
@@ -254,7 +254,7 @@ def test_a_person_is_asked_on_a_terminal(
     assert (code, "[unit/model]" in told) == (0, True)
     assert drafted(fleet)[0].calibration.camera.serial is not None
     monkeypatch.setattr("sys.stdin", Terminal("model\nno\n"))
-    code, _, told = onboard(capsys, payload)
+    code, told, _ = onboard(capsys, payload)
     assert (code, "nothing was written into the registry" in told) == (0, True)
 
 

@@ -193,7 +193,7 @@ def test_a_port_that_is_taken_is_named(server: Server, registry: Path) -> None:
 
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is no signal there")
 def test_ctrl_c_ends_it_in_peace(registry: Path) -> None:
-    command = [sys.executable, "-m", "calibrary.cli.main", "registry", "serve", "--registry", str(registry)]
+    command = [sys.executable, "-m", "calibrary", "registry", "serve", "--registry", str(registry)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         url = process.stdout.readline().strip()

@@ -228,7 +228,7 @@ def test_an_entry_that_is_none_is_told_and_does_not_end_the_others(
     path = "cameras/dji/broken/1x1.yaml"
     write(repo, [Change(path=path, data=b"fx: <script>", base=None)], Note(subject="Break it").message)
     assert main(["registry", "site", str(tmp_path / "out"), "--registry", str(copy)]) == 1
-    assert "9 entries" in capsys.readouterr().err
+    assert "9 entries" in capsys.readouterr().out
     told = text(tmp_path / "out" / "index.html")
     assert "1 that cannot be read" in told
     assert "dji/broken/1x1" in told
@@ -274,6 +274,6 @@ def test_the_command_says_where_to_look(
     out = tmp_path / "out"
     assert main(["registry", "site", str(out), "--registry", str(registry), "--workers", "1"]) == 0
     said = capsys.readouterr()
-    assert said.out == ""
-    assert f"open {out / 'index.html'}" in said.err
+    assert said.err == ""
+    assert f"open {out / 'index.html'}" in said.out
     assert Status.APPROVED.value in text(out / "index.html")

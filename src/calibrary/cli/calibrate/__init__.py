@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any, Final, Protocol
 
 from calibrary.cli.calibrate import board, solve, synth
+from calibrary.cli.parser import Parser
 
 __all__ = ["add_parser"]
 
@@ -36,7 +37,7 @@ in place of FRAMES:
 """
 
 
-class _CalibrateParser(argparse.ArgumentParser):
+class _CalibrateParser(Parser):
     """Hands over to the parser of a first word it knows; what else comes are frames."""
 
     words: dict[str, argparse.ArgumentParser]
@@ -55,20 +56,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     listed = subparsers.add_parser(
         "calibrate", help="find K from frames of a board; print boards, render frames"
     )
-    parser = _CalibrateParser(
-        prog=listed.prog,
-        description=DESCRIPTION,
-        epilog=solve.EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = _CalibrateParser(prog=listed.prog, description=DESCRIPTION, epilog=solve.EXAMPLES)
     solve.add_arguments(parser)
     parser.words = {
-        word: argparse.ArgumentParser(
-            prog=f"{listed.prog} {word}",
-            description=module.DESCRIPTION,
-            epilog=module.EXAMPLES,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
+        word: Parser(prog=f"{listed.prog} {word}", description=module.DESCRIPTION, epilog=module.EXAMPLES)
         for word, module in WORDS.items()
     }
     for word, module in WORDS.items():

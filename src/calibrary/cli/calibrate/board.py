@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from calibrary.cli.calibrate.flags import add_size_flags, board_of
@@ -44,6 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the file."""
     from calibrary.atomic import write_files
     from calibrary.calib.printing import lay_out, page_size, to_pdf, to_svg
+    from calibrary.cli.console import out, plain
 
     writers = {".pdf": to_pdf, ".svg": to_svg}
     write = writers.get(arguments.out.suffix.lower())
@@ -52,8 +52,10 @@ def run(arguments: argparse.Namespace) -> int:
     board = board_of(arguments.board, arguments)
     page = lay_out(board, page_size(arguments.page) if arguments.page else None)
     write_files({arguments.out: write(board, page)})
-    sys.stdout.write(
-        f"wrote {arguments.out}: {board} of {board.square_mm:g} mm squares on {page.width_mm:g}×{page.height_mm:g} mm; "
-        f"print at 100 % and check that the ruler measures {page.ruler_mm:g} mm\n"
+    screen = out(arguments)
+    screen.say(
+        f"wrote {plain(str(arguments.out))}: {plain(str(board))} of {board.square_mm:g} mm squares on "
+        f"{page.width_mm:g}×{page.height_mm:g} mm"
     )
+    screen.say(f"print at 100 % and check that the ruler measures {page.ruler_mm:g} mm")
     return 0

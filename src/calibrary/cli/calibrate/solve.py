@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.calibrate.flags import day, number
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_provenance_flags(parser)
     add_camera_flags(parser)
     _add_solving_flags(parser)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=run, parser=parser)
 
 
@@ -152,13 +151,12 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.calibrate.solve_display import Display
     from calibrary.jobs.calibrate_board.report import report_of
     from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, read_seed
-    from calibrary.records import to_json
 
     _check_usage(arguments)
     places = _places(arguments)
     places.check()
     registry, said = _registry(arguments)
-    with Display(quiet=arguments.json) as display:
+    with Display(arguments) as display:
         collected = _collected(arguments, said, needs_key=registry is not None, display=display)
         size = collected.observations.image_size
         request = SolveRequest(
@@ -176,8 +174,9 @@ def run(arguments: argparse.Namespace) -> int:
     display.tell(files)
     passed = result.verdict is BoardVerdict.PASS
     kept = registry is None or _keep(arguments, registry, result, request, display)
+    display.verdict(result, collected)
     if arguments.json:
-        sys.stdout.write(json.dumps(to_json(report_of(result)), allow_nan=False) + "\n")
+        print_json(report_of(result), indent=None)
     return 0 if passed and kept else EXIT_NOT_PASSED
 
 

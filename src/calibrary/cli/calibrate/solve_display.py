@@ -1,24 +1,25 @@
-"""What a person sees of a calibration: a progress bar, the verdict with its reasons, K with its spread, the views."""
+"""What a person sees of a calibration: progress, the views, K with its spread, the verdict with its reasons."""
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Final, Self
 
 import numpy as np
-from rich.console import Console
-from rich.padding import Padding
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.text import Text
 
 from calibrary.calib.collect import Collected
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Quality
-from calibrary.cli.console import make_console, plain
+from calibrary.cli.console import note, plain, printable
+from calibrary.cli.registry.asking import deciding_screen
 from calibrary.cli.registry.changes import show_changes, show_findings, tell_written
+from calibrary.cli.tables import Column, facts, fitted
 from calibrary.jobs.calibrate_board.outputs import Files
 from calibrary.registry.entry import Status
 from calibrary.registry.git.writing import Written
@@ -40,19 +41,18 @@ MOST_VIEWS: Final = 40
 
 
 class Display:
-    """The terminal's side of one calibration; with ``quiet`` only what is urgent is said."""
+    """The terminal's side of one calibration."""
 
-    def __init__(self, *, quiet: bool, console: Console | None = None) -> None:
-        self._quiet = quiet
-        self._console = console or make_console(stderr=True)
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        self._screen, self._remarks = deciding_screen(arguments), note(arguments)
         self._progress = Progress(
             TextColumn("looking for the board"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeRemainingColumn(),
-            console=self._console,
+            console=self._remarks,
             transient=True,
-            disable=not self._console.is_terminal,
+            disable=not self._remarks.is_terminal or self._remarks.quiet,
         )
         self._task = self._progress.add_task("looking", total=None, visible=False)
 
@@ -74,31 +74,29 @@ class Display:
         self._progress.advance(self._task, count)
 
     def say(self, text: str) -> None:
-        """One line that matters also to who reads the JSON."""
-        self._print(plain(text))
+        """A sentence of what was done, or was not."""
+        self._screen.say(plain(text))
 
     def show(self, result: CalibrationResult, collected: Collected, *, correlations: bool) -> None:
-        """Tell the whole result, refused or not."""
-        if self._quiet:
-            return
-        self._verdict(result, collected)
+        """Tell what the verdict rests on."""
+        for remark in collected.notes:
+            self._remarks.say(f"[dim]note[/]: {plain(remark)}")
+        width = self._screen.width - 2
+        self._screen.show(_views(result, collected, width), indent=2)
+        self._screen.say("")
         # Of a refused calibration there is no K; its report keeps the numbers for who wants to know why.
         if result.verdict is not BoardVerdict.REFUSE:
-            self._indented(_parameters(result.calibration))
+            self._screen.show(_parameters(result.calibration, width), indent=2)
             if correlations and result.calibration.quality is not None:
-                self._indented(_correlations(result.calibration.quality))
-            self._print("")
-        for name, text in _facts(result):
-            self._print(f"  [dim]{name:<15}[/] {plain(text)}")
-        self._print("")
-        self._indented(_views(result, collected))
+                self._screen.say("")
+                self._screen.show(_correlations(result.calibration.quality, width), indent=2)
+            self._screen.say("")
+        self._screen.show(facts([(name, printable(text)) for name, text in _facts(result)], width), indent=2)
 
     def tell(self, files: Files) -> None:
         """What was written, and what was not."""
         for path in files.held_back:
             self.say(f"not written, since the calibration is refused: {path}")
-        if self._quiet:
-            return
         for path in files.content:
             self.say(f"wrote {path}")
         if files.losses:
@@ -110,47 +108,41 @@ class Display:
             self.say(f"{proposal.entry.id}  new")
             for warning in proposal.warnings:
                 self.say(f"  note: {warning}")
-        elif not self._quiet:
-            show_changes(self._console, [proposal])
-        show_findings(self._console, findings)
+        else:
+            show_changes(self._screen, [proposal])
+        show_findings(self._screen, findings)
 
     def written(self, written: Written, proposal: Proposal) -> None:
         """What was committed."""
         status = proposal.entry.status
-        tell_written(self._console, written, "approved" if status is Status.APPROVED else "wrote", 1)
+        tell_written(self._screen, written, "approved" if status is Status.APPROVED else "wrote", 1)
         if status is Status.DRAFT:
             self.say(f"a draft is not used yet; next: calibrary registry approve {proposal.entry.id}")
 
-    def _verdict(self, result: CalibrationResult, collected: Collected) -> None:
+    def verdict(self, result: CalibrationResult, collected: Collected) -> None:
+        """The verdict with its reasons, last of all."""
         outcome, quality = result.verdict, result.calibration.quality or Quality()
         board = collected.observations.board
-        self._print(
+        self._screen.say("")
+        for finding in result.findings:
+            said = str(finding).removeprefix(finding.rule)
+            self._screen.say(f"  [{STYLES[finding.severity]}]{finding.rule}[/]{plain(said)}")
+        self._screen.say(
             f"[{STYLES[outcome]}]{outcome.value.upper()}[/]  {plain(str(result.calibration.camera))}: "
             f"{quality.views} of {len(result.views) + len(collected.rejected)} views of {plain(str(board))}, "
             f"reprojection error (RMS) {quality.rms_px:.3f} px"
         )
-        for finding in result.findings:
-            said = str(finding).removeprefix(finding.rule)
-            self._print(f"  [{STYLES[finding.severity]}]{finding.rule}[/]{plain(said)}")
-        for note in collected.notes:
-            self._print(f"  [dim]note[/]: {plain(note)}")
-        self._print("")
-
-    def _indented(self, table: Table) -> None:
-        self._console.print(Padding(table, (0, 0, 0, 2), expand=False))
-
-    def _print(self, text: str) -> None:
-        self._console.print(text, highlight=False, soft_wrap=True)
 
 
-def _parameters(calibration: Calibration) -> Table:
+PARAMETERS: Final = (Column(name=""), *(Column(name=name, right=True) for name in ("value", "σ", "σ × κ")))
+VIEWS: Final = (Column(name="view"), Column(name="RMS px", right=True), Column(name="", rank=1, wraps=True))
+
+
+def _parameters(calibration: Calibration, width: int) -> list[Text]:
     """Every parameter with its spread: as the residuals give it, and as the halves let it be believed."""
     quality = calibration.quality or Quality()
     wider = math.sqrt(quality.inflation)
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("")
-    for title in ("value", "σ", "σ × κ"):
-        table.add_column(title, justify="right")
+    rows: list[tuple[str, ...]] = []
     K = calibration.intrinsics
     lens = calibration.distortion.coefficients if calibration.distortion is not None else {}
     values = {"fx": K.fx, "fy": K.fy, "cx": K.cx, "cy": K.cy} | lens
@@ -160,25 +152,29 @@ def _parameters(calibration: Calibration) -> Table:
             continue
         digits = 6 if std is None or std <= 0 else min(9, max(2, 2 - math.floor(math.log10(std))))
         spread = ("–", "–") if std is None else (f"{std:#.2g}", f"{std * wider:#.2g}")
-        table.add_row(name, f"{value:.{digits}f}", *spread)
-    return table
+        rows.append((name, f"{value:.{digits}f}", *spread))
+    return fitted(PARAMETERS, rows, width)
 
 
-def _correlations(quality: Quality) -> Table:
-    table = Table(
-        box=None, padding=(0, 1, 0, 0), title="correlations", title_justify="left", title_style="dim"
-    )
+def _correlations(quality: Quality, width: int) -> list[Text]:
+    """The lower triangle; where it is wider than the terminal, each pair."""
     if quality.covariance is None:
-        return table
+        return []
     names, C = quality.covariance.names, quality.covariance.matrix
     sigma = np.sqrt(np.diag(C))
-    table.add_column("")
-    for name in names[:-1]:
-        table.add_column(name, justify="right")
-    for row, name in enumerate(names):
-        shares = (f"{C[row, at] / (sigma[row] * sigma[at]):+.2f}" for at in range(row))
-        table.add_row(name, *shares)
-    return table
+    R = C / np.outer(sigma, sigma)
+    columns = [Column(name="correlations"), *(Column(name=name, right=True) for name in names[:-1])]
+    rows = [
+        [name, *(f"{R[row, at]:+.2f}" if at < row else "" for at in range(len(names) - 1))]
+        for row, name in enumerate(names)
+    ]
+    if sum(max(len(column.name), 5) + 2 for column in columns) > width:
+        columns = [Column(name="correlations"), Column(name="", wraps=True)]
+        rows = [
+            [name, "  ".join(f"{other}\u00a0{R[row, at]:+.2f}" for at, other in enumerate(names[:row]))]
+            for row, name in enumerate(names)
+        ]
+    return fitted(columns, rows, width)
 
 
 def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
@@ -211,13 +207,10 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
         yield "uncertainty", f"at most {evidence.edge_px:.2g} px anywhere in the frame"
 
 
-def _views(result: CalibrationResult, collected: Collected) -> Table:
+def _views(result: CalibrationResult, collected: Collected, width: int) -> list[Text]:
     """One row a frame, whether it counts or not and why."""
     remarks = {remark.name: remark.remark.text for remark in collected.remarks}
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("view")
-    table.add_column("RMS px", justify="right")
-    table.add_column("", overflow="fold")
+    rows: list[tuple[str, str, str]] = []
     shown = 0
     for view in result.views:
         if view.without is None:
@@ -226,14 +219,14 @@ def _views(result: CalibrationResult, collected: Collected) -> Table:
                 continue
             out = f"{len(view.corners_out)} corners rejected" if view.corners_out else ""
             said = "; ".join(text for text in (out, remarks.get(view.name, "")) if text)
-            table.add_row(plain(view.name), f"{view.rms_px:.3f}", plain(said))
+            rows.append((plain(view.name), f"{view.rms_px:.3f}", plain(said)))
         else:
             rms = f"{view.rms_px:.3f}" if view.rms_px is not None else "–"
-            table.add_row(
-                plain(view.name), rms, f"[yellow]{view.without.why.value}[/]: {plain(view.without.message)}"
-            )
+            why = f"[yellow]{view.without.why.value}[/]: {plain(view.without.message)}"
+            rows.append((plain(view.name), rms, why))
     if shown > MOST_VIEWS:
-        table.add_row(f"and {shown - MOST_VIEWS} more", "", "")
+        rows.append((f"and {shown - MOST_VIEWS} more", "", ""))
     for one in collected.rejected:
-        table.add_row(plain(one.name), "–", f"[red]{one.remark.reason.value}[/]: {plain(one.remark.text)}")
-    return table
+        why = f"[red]{one.remark.reason.value}[/]: {plain(one.remark.text)}"
+        rows.append((plain(one.name), "–", why))
+    return fitted(VIEWS, rows, width)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -88,6 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.calib.synthesis import Truth, poses
     from calibrary.calib.synthesis.cameras import head
     from calibrary.calib.synthesis.files import check_empty
+    from calibrary.cli.console import out, plain
 
     check_empty(arguments.out)
     board = board_of(arguments.board, arguments)
@@ -106,11 +106,11 @@ def run(arguments: argparse.Namespace) -> int:
     def head_of(number: int) -> Head:
         return head(calibration, known, number)
 
-    _write(arguments.out, truth, arguments.seed, head_of)
+    _write(arguments, truth, head_of)
     K = calibration.intrinsics
-    sys.stdout.write(
-        f"wrote {len(chosen)} frames of {K.image_size[0]}×{K.image_size[1]} px by {calibration.camera} to "
-        f"{arguments.out}, and K (fx {K.fx:.2f} px) with everything else that is true in truth.json\n"
+    out(arguments).say(
+        f"wrote {len(chosen)} frames of {K.image_size[0]}×{K.image_size[1]} px by {plain(str(calibration.camera))} to "
+        f"{plain(str(arguments.out))}, and K (fx {K.fx:.2f} px) with everything else that is true in truth.json"
     )
     return 0
 
@@ -179,16 +179,19 @@ def _settings(board: Board, arguments: argparse.Namespace) -> Settings:
     )
 
 
-def _write(out: Path, truth: Truth, seed: int, head: Callable[[int], Head]) -> None:
+def _write(arguments: argparse.Namespace, truth: Truth, head: Callable[[int], Head]) -> None:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from calibrary.calib.synthesis.files import write_frames
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import note
 
     columns = TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=make_console(stderr=True), transient=True) as progress:
+    remarks = note(arguments)
+    with Progress(*columns, console=remarks, transient=True, disable=remarks.quiet) as progress:
         task = progress.add_task("rendering", total=len(truth.poses))
-        write_frames(out, truth, seed, head, lambda count: progress.update(task, completed=count))
+        write_frames(
+            arguments.out, truth, arguments.seed, head, lambda count: progress.update(task, completed=count)
+        )
 
 
 def _count(text: str) -> int:

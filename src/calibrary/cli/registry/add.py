@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.output import add_json_flag
 from calibrary.cli.reading import Answers, add_reading_flags
-from calibrary.cli.registry.asking import add_yes_flag, agreed
+from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
 from calibrary.cli.registry.place import add_registry_flag
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
@@ -44,7 +45,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="put a calibration into the registry",
         description="Put the cameras of a calibration file, an image or an entry's file into the registry.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "file", type=Path, metavar="FILE", help="a file of any format, an image, or an entry's YAML"
@@ -69,7 +69,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_reading_flags(parser)
     add_registry_flag(parser)
     add_yes_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
@@ -87,7 +87,7 @@ def _range(text: str) -> FirmwareRange:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import errors, note, plain
     from calibrary.cli.registry.changes import (
         print_document,
         show_changes,
@@ -99,7 +99,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from calibrary.jobs.exchange.argument import Reading
     from calibrary.registry.git.errors import FileConflictError
 
-    registry, note = _registry(arguments), make_console(stderr=True)
+    registry, screen = _registry(arguments), deciding_screen(arguments)
     answers, request = Answers.of(arguments), _request(arguments)
     reading = Reading(
         format=answers.format,
@@ -108,38 +108,35 @@ def _run(arguments: argparse.Namespace) -> int:
         camera=arguments.camera,
     )
     proposals = propose_file(registry, arguments.file, reading, request)
-    show_changes(note, proposals.items)
-    show_findings(note, proposals.findings)
+    show_changes(screen, proposals.items)
+    show_findings(screen, proposals.findings)
     written, code, due = None, 0, proposals.due
     if proposals.errors:
         refused = _refused(len(proposals.errors), approve=request.approve)
-        note.print(f"nothing was written: {refused}", highlight=False, soft_wrap=True)
+        errors().say(f"nothing was written: {refused}")
         code = EXIT_REFUSED
     elif due and agreed(arguments, _question(due)):
         try:
             written = save_file(registry, proposals, arguments.file, reason=request.reason)
         except FileConflictError as error:
-            show_conflict(note, error)
+            show_conflict(errors(), error)
             raise
-        tell_written(note, written, "approved" if request.approve else "wrote", len(due))
+        tell_written(screen, written, "approved" if request.approve else "wrote", len(due))
         if not request.approve:
             keys = " ".join(one.entry.id for one in due[:3])
             more = " …" if len(due) > 3 else ""
-            note.print(
-                f"a draft is not used yet; next: calibrary registry approve {keys}{more}",
-                highlight=False,
-                soft_wrap=True,
-                markup=False,
+            note(arguments).say(
+                plain(f"a draft is not used yet; next: calibrary registry approve {keys}{more}")
             )
     elif due:
-        note.print("nothing was written", highlight=False)
+        screen.say("nothing was written")
     if arguments.json:
         print_document(registry, proposals, written)
     return code
 
 
 def _registry(arguments: argparse.Namespace) -> Registry:
-    from calibrary.cli.console import make_console, plain
+    from calibrary.cli.console import note, plain
     from calibrary.registry.configuration import default_place, find_registry
     from calibrary.registry.init import init
     from calibrary.registry.registry import Registry
@@ -149,7 +146,7 @@ def _registry(arguments: argparse.Namespace) -> Registry:
         return Registry.open(place)
     registry = init(default_place()).registry
     told = f"no registry was named and none is around here, so yours was made: {registry.repo.path}"
-    make_console(stderr=True).print(plain(told), highlight=False, soft_wrap=True)
+    note(arguments).say(plain(told))
     return registry
 
 

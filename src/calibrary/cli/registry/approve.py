@@ -23,7 +23,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="put entries to use",
         description="Put entries to use: all of those named, or none where the check objects to one.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_deciding_flags(parser, reason_required=False)
     parser.add_argument(

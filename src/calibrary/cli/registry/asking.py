@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
-__all__ = ["add_yes_flag", "agreed", "can_ask"]
+if TYPE_CHECKING:
+    from calibrary.cli.console import Screen
+
+__all__ = ["add_yes_flag", "agreed", "can_ask", "deciding_screen"]
 
 
 def add_yes_flag(parser: argparse.ArgumentParser, means: str = "write without asking") -> None:
@@ -17,6 +21,13 @@ def add_yes_flag(parser: argparse.ArgumentParser, means: str = "write without as
 def can_ask() -> bool:
     """Whether there is a person to ask."""
     return sys.stdin is not None and sys.stdin.isatty()
+
+
+def deciding_screen(arguments: argparse.Namespace) -> Screen:
+    """Where a change is shown: with the results, but where ``--json`` mutes these, before the question about it."""
+    from calibrary.cli.console import errors, out
+
+    return errors() if arguments.json and not arguments.yes and can_ask() else out(arguments)
 
 
 def agreed(arguments: argparse.Namespace, question: str) -> bool:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, snapshot_of
 from calibrary.cli.registry.progress import Bar
+from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
+    from rich.text import Text
 
+    from calibrary.cli.console import Screen
     from calibrary.jobs.audit.answers import Answer
     from calibrary.jobs.audit.run import Audit
 
@@ -45,7 +45,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         description="Hold the registry against images of recent flights: cameras without an entry, entries that "
         "the images contradict, entries that are stale. Nothing is written.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "folders",
@@ -69,20 +68,20 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--workers", type=_count, default=0, metavar="N", help="processes that read images")
     add_registry_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.add_argument("--html", type=Path, metavar="FILE", help="also write the audit as a page to show")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import note, out
     from calibrary.jobs.audit.run import Request, audit
 
     if arguments.html is not None:
         from calibrary.jobs.extract.outputs import check_page_place
 
         check_page_place(arguments.html)
-    with Bar(make_console(stderr=True), "reading images") as bar:
+    with Bar(note(arguments), "reading images") as bar:
         done = audit(
             Request(
                 folders=tuple(arguments.folders),
@@ -104,77 +103,72 @@ def _run(arguments: argparse.Namespace) -> int:
         from calibrary.jobs.audit.report import report_of
         from calibrary.records import to_json
 
-        sys.stdout.write(
-            json.dumps(to_json(report_of(done)), indent=2, ensure_ascii=True, allow_nan=False) + "\n"
-        )
+        print_json(to_json(report_of(done)))
     else:
-        _show(make_console(stderr=False), done)
+        _show(out(arguments), done)
     return 0 if done.is_clean else EXIT_FINDINGS
 
 
-def _show(console: Console, done: Audit) -> None:
+def _show(screen: Screen, done: Audit) -> None:
     from calibrary.cli.console import plain
     from calibrary.jobs.audit.rules import Rule
     from calibrary.jobs.audit.run import LEVELS
 
-    console.print(_table(done.answers))
+    if done.answers:
+        screen.show(_table(done.answers, screen.width))
     quiet = [finding for finding in done.findings if finding.rule is Rule.NOT_FLOWN]
     for finding in done.findings:
         if finding in quiet:
             continue
         about = plain(finding.camera or finding.place or "")
-        console.print(
-            f"[{STYLES[finding.severity.value]}]{finding.severity.value}[/] {finding.rule}: {about}",
-            highlight=False,
-            soft_wrap=True,
-        )
-        console.print(f"  {plain(finding.message)}", highlight=False, soft_wrap=True)
+        screen.say(f"[{STYLES[finding.severity.value]}]{finding.severity.value}[/] {finding.rule}: {about}")
+        screen.say(f"  {plain(finding.message)}")
         if finding.remedy is not None:
-            console.print(f"  [cyan]next[/] {plain(finding.remedy)}", highlight=False, soft_wrap=True)
+            screen.say(f"  [cyan]next[/] {plain(finding.remedy)}")
     if quiet:
-        console.print(f"[dim]{_several(len(quiet), 'usable entry', 'usable entries')} did not fly here[/]")
+        screen.say(f"[dim]{_several(len(quiet), 'usable entry', 'usable entries')} did not fly here[/]")
     for one in done.flights.unreadable[:8]:
-        console.print(
-            f"[dim]set aside {plain(one.name)}: {plain(one.reason)}[/]", highlight=False, soft_wrap=True
-        )
+        screen.say(f"[dim]skipped {plain(one.name)}: {plain(one.reason)}[/]")
     if len(done.flights.unreadable) > 8:
-        console.print(f"[dim]and {len(done.flights.unreadable) - 8} more images[/]")
+        screen.say(f"[dim]and {len(done.flights.unreadable) - 8} more images[/]")
     counts = ", ".join(_several(done.of(level), level.value, f"{level.value}s") for level in LEVELS)
-    verdict = "[bold green]nothing to do[/]" if done.is_clean else "[bold red]needs somebody[/]"
+    verdict = "[bold green]nothing to do[/]" if done.is_clean else "[bold red]needs attention[/]"
     seen = done.flights
     left_out = f", {seen.before} older left out" if seen.before else ""
     left_out += f", {seen.undated} without a day" if seen.undated else ""
-    console.print(
+    screen.say(
         f"{verdict}: {_several(len(done.answers), 'camera', 'cameras')} in "
         f"{_several(seen.images, 'image', 'images')}{left_out}, "
-        f"{_several(done.entries, 'entry', 'entries')}: {counts}",
-        highlight=False,
-        soft_wrap=True,
+        f"{_several(done.entries, 'entry', 'entries')}: {counts}"
     )
 
 
-def _table(answers: tuple[Answer, ...]) -> Table:
-    from rich.table import Table
+COLUMNS = (
+    Column(name="camera", wraps=True),
+    Column(name="images", rank=2, right=True),
+    Column(name="last flown", rank=3),
+    Column(name="entry", rank=4),
+    Column(name="state", rank=1),
+)
 
+
+def _table(answers: tuple[Answer, ...], width: int) -> list[Text]:
     from calibrary.cli.console import plain
     from calibrary.jobs.audit.answers import named
 
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("camera", overflow="fold")
-    table.add_column("images", justify="right")
-    table.add_column("last flown")
-    table.add_column("entry", overflow="fold")
-    table.add_column("state")
+    rows = []
     for answer in answers:
         flown, use = answer.flown, answer.use.value
-        table.add_row(
-            plain(named(flown)),
-            str(flown.images),
-            flown.last.isoformat() if flown.last is not None else "–",
-            plain(answer.entry_id or "–"),
-            f"[{USES[use]}]{'no entry' if use == 'none' else use}[/]",
+        rows.append(
+            (
+                plain(named(flown)),
+                str(flown.images),
+                flown.last.isoformat() if flown.last is not None else "–",
+                plain(answer.entry_id or "–"),
+                f"[{USES[use]}]{'no entry' if use == 'none' else use}[/]",
+            )
         )
-    return table
+    return fitted(COLUMNS, rows, width)
 
 
 def _several(number: int, one: str, several: str) -> str:

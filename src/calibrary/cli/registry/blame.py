@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rich.table import Table
+    from rich.text import Text
 
     from calibrary.registry.history import FieldOrigin
 
@@ -32,17 +32,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="tell who last changed each field",
         description="Tell of each field of an entry by which commit it came to be what it is.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("key", metavar="KEY", help="make/model[/variant], as short as it is unambiguous")
     parser.add_argument("fields", nargs="*", metavar="FIELD", help="only these, or all below them")
     add_registry_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run, parser=parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import out
     from calibrary.registry.history import blame_json
 
     registry = opened(arguments)
@@ -58,28 +57,37 @@ def _run(arguments: argparse.Namespace) -> int:
         arguments.parser.error(f"{arguments.key} says nothing of {', '.join(asked)}; it has {there}")
     if arguments.json:
         document = blame_json(kept, registry.get(arguments.key).id)
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(document)
     else:
-        make_console(stderr=False).print(_table(kept))
+        screen = out(arguments)
+        screen.show(_table(kept, screen.width))
     return 0
 
 
-def _table(said: Sequence[FieldOrigin]) -> Table:
-    from rich.table import Table
+COLUMNS = (
+    Column(name="field"),
+    Column(name="value", wraps=True),
+    Column(name="commit", rank=1),
+    Column(name="date", rank=2),
+    Column(name="by", rank=4),
+    Column(name="why", rank=3, wraps=True),
+)
 
+
+def _table(said: Sequence[FieldOrigin], width: int) -> list[Text]:
     from calibrary.cli.console import plain
 
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for name in ("field", "value", "commit", "date", "who", "why"):
-        table.add_column(name, overflow="fold", no_wrap=name in {"commit", "date"})
+    rows = []
     for one in said:
         revision = one.since.revision
-        table.add_row(
-            plain(one.field),
-            plain(repr(one.value) if isinstance(one.value, float) else str(one.value)),
-            revision.commit[:10],
-            f"{revision.authored:%Y-%m-%d}",
-            plain(revision.author.name),
-            plain(one.since.reason or revision.subject),
+        rows.append(
+            (
+                plain(one.field),
+                plain(repr(one.value) if isinstance(one.value, float) else str(one.value)),
+                revision.commit[:10],
+                f"{revision.authored:%Y-%m-%d}",
+                plain(revision.author.name),
+                plain(one.since.reason or revision.subject),
+            )
         )
-    return table
+    return fitted(COLUMNS, rows, width)

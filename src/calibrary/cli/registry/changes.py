@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import print_json
+from calibrary.cli.tables import Column, fitted
 from calibrary.records import to_json
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
+    from rich.text import Text
 
+    from calibrary.cli.console import Screen
     from calibrary.registry.fields import Field, FieldChange
     from calibrary.registry.git.errors import FileConflictError
     from calibrary.registry.git.writing import Written
@@ -30,55 +30,59 @@ __all__ = [
 ]
 
 
-def show_changes(console: Console, proposals: Iterable[Proposal]) -> None:
+def show_changes(screen: Screen, proposals: Iterable[Proposal]) -> None:
     """Each entry with its fields, old and new."""
     from calibrary.cli.console import plain
 
     for one in proposals:
         what = "is there already, word for word" if not one.changes else "new" if one.is_new else "changed"
-        console.print(f"[bold]{plain(one.entry.id)}[/]  {what}", highlight=False, soft_wrap=True)
+        screen.say(f"[bold]{plain(one.entry.id)}[/]  {what}")
         if one.changes:
-            console.print(change_table(one.changes, only_after=one.is_new))
+            screen.show(change_table(one.changes, screen.width - 2, only_after=one.is_new), indent=2)
         for warning in one.warnings:
-            console.print(f"  [yellow]note[/] {plain(warning)}", highlight=False, soft_wrap=True)
+            screen.say(f"  [yellow]note[/] {plain(warning)}")
 
 
-def change_table(changes: Sequence[FieldChange], *, only_after: bool = False) -> Table:
+CHANGED = (
+    Column(name="field", style="dim"),
+    Column(name="before", rank=1, wraps=True),
+    Column(name="after", rank=1, wraps=True),
+    Column(name="Δ", rank=2, right=True),
+    Column(name="Δ / σ", rank=2, right=True),
+)
+
+
+def change_table(changes: Sequence[FieldChange], width: int, *, only_after: bool = False) -> list[Text]:
     """The fields that differ, one a row, with Δ and, where both sides know their spread, Δ/σ."""
-    from rich.table import Table
-
     from calibrary.cli.console import plain
 
-    table = Table(box=None, padding=(0, 2, 0, 2), show_header=not only_after)
-    table.add_column("field", style="dim")
-    if not only_after:
-        table.add_column("before", overflow="fold")
-    table.add_column("after", overflow="fold")
-    if not only_after:
-        table.add_column("Δ", justify="right")
-        table.add_column("Δ / σ", justify="right")
-    for change in changes:
-        after = plain(_text(change.after))
-        if only_after:
-            table.add_row(plain(change.name), after)
-            continue
-        delta = f"{change.delta:+.6g}" if change.delta is not None else ""
-        z = f"{change.z:+.1f}" if change.z is not None else ""
-        table.add_row(plain(change.name), plain(_text(change.before)), after, delta, z)
-    return table
+    if only_after:
+        new = [(plain(change.name), plain(_text(change.after))) for change in changes]
+        return fitted((CHANGED[0], CHANGED[2]), new, width, header=False)
+    rows = [
+        (
+            plain(change.name),
+            plain(_text(change.before)),
+            plain(_text(change.after)),
+            f"{change.delta:+.6g}" if change.delta is not None else "",
+            f"{change.z:+.1f}" if change.z is not None else "",
+        )
+        for change in changes
+    ]
+    return fitted(CHANGED, rows, width)
 
 
-def show_findings(console: Console, findings: Sequence[Finding]) -> None:
+def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
     """What the check says, one line each."""
     from calibrary.cli.console import plain
 
     for finding in findings:
         style = "red" if finding.severity.value == "error" else "yellow"
         said = plain(str(finding))
-        console.print(f"[{style}]{finding.severity.value}[/] {said}", highlight=False, soft_wrap=True)
+        screen.say(f"[{style}]{finding.severity.value}[/] {said}")
 
 
-def show_conflict(console: Console, error: FileConflictError) -> None:
+def show_conflict(screen: Screen, error: FileConflictError) -> None:
     """What somebody else has written meanwhile, field by field against what was to be written."""
     from calibrary.cli.console import plain
     from calibrary.errors import InputError
@@ -95,22 +99,18 @@ def show_conflict(console: Console, error: FileConflictError) -> None:
             )
         except InputError:
             continue
-        console.print(
-            f"[bold]{plain(conflict.path)}[/]  theirs, and what was to be written",
-            highlight=False,
-            soft_wrap=True,
-        )
-        console.print(change_table(differences(theirs, ours)))
+        screen.say(f"[bold]{plain(conflict.path)}[/]  theirs, and what was to be written")
+        screen.show(change_table(differences(theirs, ours), screen.width - 2), indent=2)
 
 
-def tell_written(console: Console, written: Written, verb: str, number: int) -> None:
+def tell_written(screen: Screen, written: Written, verb: str, number: int) -> None:
     """One line of what was committed, and each warning."""
     from calibrary.cli.console import plain
 
     entries = "1 entry" if number == 1 else f"{number} entries"
-    console.print(f"{verb} {entries} in commit {written.commit[:12]}", highlight=False, soft_wrap=True)
+    screen.say(f"{verb} {entries} in commit {written.commit[:12]}")
     for warning in written.warnings:
-        console.print(f"[yellow]note[/] {plain(warning)}", highlight=False, soft_wrap=True)
+        screen.say(f"[yellow]note[/] {plain(warning)}")
 
 
 def print_document(registry: Registry, proposals: Proposals, written: Written | None) -> None:
@@ -135,7 +135,7 @@ def print_document(registry: Registry, proposals: Proposals, written: Written | 
         "findings": [to_json(finding) for finding in proposals.findings],
         "warnings": list(written.warnings) if written is not None else [],
     }
-    sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+    print_json(document)
 
 
 def _text(value: Field) -> str:

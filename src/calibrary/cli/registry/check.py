@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, snapshot_of
 from calibrary.cli.registry.progress import Bar
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from calibrary.cli.console import Screen
     from calibrary.policy import Policy
     from calibrary.registry.check_registry import Checked
 
@@ -39,7 +37,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="whether every entry is sound",
         description="Hold entries against the schema, their digest, path, provenance, the policy and one another.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "range", nargs="?", metavar="REV..REV", help="only what changed between two revisions"
@@ -60,12 +57,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="who may sign with an ssh key, as ssh-keygen(1) writes it; never taken from the repository itself",
     )
     add_registry_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run, parser=parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import note, out
     from calibrary.registry.check_registry import (
         check_all,
         check_range,
@@ -81,8 +78,7 @@ def _run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("--allowed-signers goes with --signatures")
     snapshot, policy = snapshot_of(arguments), _policy(arguments)
     before, after = parse_range(arguments.range) if arguments.range is not None else (None, None)
-    console = make_console(stderr=True)
-    with Bar(console, "checking") as bar:
+    with Bar(note(arguments), "checking") as bar:
         if arguments.worktree:
             done = check_work_tree(snapshot, policy, progress=bar)
         elif before is not None:
@@ -94,9 +90,9 @@ def _run(arguments: argparse.Namespace) -> int:
         unsigned = check_signatures(snapshot, arguments.allowed_signers, before=before, after=after)
     if arguments.json:
         document = checked_json(done, unsigned)
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(document)
     else:
-        _show(make_console(stderr=False), done, unsigned)
+        _show(out(arguments), done, unsigned)
     return 0 if done.report.is_good and not unsigned else EXIT_BAD
 
 
@@ -106,26 +102,21 @@ def _policy(arguments: argparse.Namespace) -> Policy | None:
     return policy_named(arguments.policy) if arguments.policy is not None else None
 
 
-def _show(console: Console, done: Checked, unsigned: tuple[str, ...] | None) -> None:
+def _show(screen: Screen, done: Checked, unsigned: tuple[str, ...] | None) -> None:
     from calibrary.cli.console import plain
     from calibrary.validation import Severity
 
     styles = {Severity.ERROR: "bold red", Severity.WARNING: "yellow"}
     findings = done.report.findings
     for finding in findings:
-        # One line each, whatever the width: they are read by grep as often as by people.
-        style = styles.get(finding.severity, "")
         said = f"{finding.message}; {finding.remedy}" if finding.remedy else finding.message
-        console.print(
-            f"{plain(finding.place or '')}: [{style}]{finding.severity.value}[/]: {plain(said)} "
-            f"[dim]({finding.rule})[/]",
-            highlight=False,
-            soft_wrap=True,
-        )
+        style = styles.get(finding.severity, "")
+        place, severity = plain(finding.place or ""), f"[{style}]{finding.severity.value}[/]"
+        screen.say(f"{place}: {severity}: {plain(said)} [dim]({finding.rule})[/]")
     for line in unsigned or ():
-        console.print(f"[bold red]not signed[/]: {plain(line)}", highlight=False, soft_wrap=True)
+        screen.say(f"[bold red]not signed[/]: {plain(line)}")
     errors = len(done.report.errors)
     warnings = len(findings) - errors
     counts = f"{errors} error{'s' * (errors != 1)}, {warnings} warning{'s' * (warnings != 1)}"
     verdict = "[bold green]good[/]" if done.report.is_good and not unsigned else "[bold red]bad[/]"
-    console.print(f"{verdict}: {plain(done.what)}: {counts}", highlight=False, soft_wrap=True)
+    screen.say(f"{verdict}: {plain(done.what)}: {counts}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
@@ -24,30 +25,30 @@ def add_deciding_flags(parser: argparse.ArgumentParser, *, reason_required: bool
         "--reason", required=reason_required, metavar="TEXT", help="why; kept in the entry and its history"
     )
     add_registry_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
 
 
 def run_decision(
     arguments: argparse.Namespace, status: Status, verb: str, successor: str | None = None
 ) -> int:
     """Show what changes, write it, and tell the commit; 1 where the check objects."""
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import errors, out
     from calibrary.cli.registry.changes import print_document, show_changes, show_findings, tell_written
 
-    registry, note = opened(arguments), make_console(stderr=True)
+    registry, screen = opened(arguments), out(arguments)
     branch: str | None = getattr(arguments, "branch", None)
     proposals = registry.propose_status(
         arguments.keys, status, arguments.reason, branch=branch, successor=successor
     )
-    show_changes(note, proposals.items)
-    show_findings(note, proposals.findings)
+    show_changes(screen, proposals.items)
+    show_findings(screen, proposals.findings)
     written, code = None, 0
     if proposals.errors:
-        note.print("nothing was written: put the errors right first", highlight=False, soft_wrap=True)
+        errors().say("nothing was written: put the errors right first")
         code = EXIT_REFUSED
     elif proposals.due:
         written = registry.save(proposals, reason=arguments.reason)
-        tell_written(note, written, verb, len(proposals.due))
+        tell_written(screen, written, verb, len(proposals.due))
     if arguments.json:
         print_document(registry, proposals, written)
     return code

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from calibrary.cli.console import Screen
     from calibrary.jobs.exchange.export import Export
 
 __all__ = ["add_parser"]
@@ -37,7 +35,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="write all entries for another program",
         description="Write all entries in the form that another program reads, and say how exactly it holds them.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--format", required=True, metavar="FORMAT", help="what to write")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE|DIR", help="where to")
@@ -55,12 +52,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="largest error that may come from a model the format lacks (default: 0.05)",
     )
     add_registry_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import out
     from calibrary.jobs.exchange.export import export, exported_json
 
     snapshot = opened(arguments).snapshot(arguments.at)
@@ -69,13 +66,13 @@ def _run(arguments: argparse.Namespace) -> int:
     done = export(stored, arguments.format, arguments.out, max_error_px=arguments.max_error_px)
     if arguments.json:
         document = exported_json(done, snapshot.commit)
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(document)
     else:
-        _tell(make_console(stderr=True), done, arguments.out)
+        _tell(out(arguments), done, arguments.out)
     return 0
 
 
-def _tell(console: Console, done: Export, out: Path) -> None:
+def _tell(screen: Screen, done: Export, out: Path) -> None:
     from calibrary.cli.console import plain
 
     refitted = [one for one in done.written if one.fit is not None and not one.fit.exact]
@@ -92,4 +89,4 @@ def _tell(console: Console, done: Export, out: Path) -> None:
     if done.dropped:
         lines.append(f"  it has no place for: {', '.join(done.dropped)}")
     for line in lines:
-        console.print(plain(line), highlight=False, soft_wrap=True)
+        screen.say(plain(line))

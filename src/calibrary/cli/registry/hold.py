@@ -21,7 +21,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="use entries and pin them",
         description="Use entries and pin them: nothing takes their place without --override-held.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_deciding_flags(parser, reason_required=True)
     parser.set_defaults(run=_run)

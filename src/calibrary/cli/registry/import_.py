@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import Answers, add_reading_flags
-from calibrary.cli.registry.asking import add_yes_flag, agreed
+from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
 from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.registry.progress import Bar
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from calibrary.cli.console import Screen
     from calibrary.jobs.exchange.import_ import Import
     from calibrary.registry.registry import Registry
 
@@ -45,7 +43,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="take in a folder of calibrations, or the catalogue",
         description="Take in a folder of calibration files of any format, or the catalogue of known cameras.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "source", metavar="DIR|catalogue", help="a folder, or the word 'catalogue' (./catalogue is a folder)"
@@ -62,35 +59,33 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_reading_flags(parser)
     add_registry_flag(parser)
     add_yes_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
-    parser.set_defaults(run=_run, parser=parser)
+    add_json_flag(parser)
+    parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import note
     from calibrary.cli.registry.changes import tell_written
     from calibrary.jobs.exchange.import_ import Fate, imported_json, write_import
 
-    note = make_console(stderr=True)
-    registry = opened(arguments)
-    found = _found(arguments, registry, note)
-    if not arguments.json:
-        _show(make_console(stderr=False), found)
+    registry, screen = opened(arguments), deciding_screen(arguments)
+    found = _found(arguments, registry, note(arguments))
+    _show(screen, found)
     written = None
     if found.due.items and agreed(arguments, f"Write {len(found.due.items)} entries as one commit?"):
         written = write_import(registry, found, reason=arguments.reason)
     if written is not None:
-        tell_written(note, written, "wrote", len(found.due.items))
+        tell_written(screen, written, "wrote", len(found.due.items))
     else:
-        note.print("nothing was written" + ("" if found.due.items else ": nothing is new"), highlight=False)
+        screen.say("nothing was written" + ("" if found.due.items else ": nothing is new"))
     if arguments.json:
         document = imported_json(found, written.commit if written is not None else None)
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(document)
     nothing_taken = found.count(Fate.FAILED) == len(found.items)
     return EXIT_INPUT if found.items and nothing_taken else 0
 
 
-def _found(arguments: argparse.Namespace, registry: Registry, console: Console) -> Import:
+def _found(arguments: argparse.Namespace, registry: Registry, remarks: Screen) -> Import:
     from calibrary.calibration import CameraKey
     from calibrary.jobs.exchange.add import AddRequest, Stated
     from calibrary.jobs.exchange.argument import Reading
@@ -118,11 +113,11 @@ def _found(arguments: argparse.Namespace, registry: Registry, console: Console) 
         approve=arguments.status == "approved",
     )
     reading = Reading(format=answers.format, image_size=answers.image_size, options=answers.options)
-    with Bar(console, "reading files") as bar:
+    with Bar(remarks, "reading files") as bar:
         return import_folder(registry, Path(arguments.source), reading, request, progress=bar)
 
 
-def _show(console: Console, found: Import) -> None:
+def _show(screen: Screen, found: Import) -> None:
     from calibrary.cli.console import plain
     from calibrary.jobs.exchange.import_ import Fate
 
@@ -139,6 +134,6 @@ def _show(console: Console, found: Import) -> None:
         named = f" → {item.entry_id}" if item.entry_id is not None else ""
         why = f": {item.reason}" if item.reason is not None else ""
         said = plain(f"{item.source}{named}{why}")
-        console.print(f"[{styles[item.fate]}]{item.fate.value:8}[/]{said}", highlight=False, soft_wrap=True)
+        screen.say(f"[{styles[item.fate]}]{item.fate.value:8}[/]{said}")
     counts = ", ".join(f"{found.count(fate)} {fate.value}" for fate in Fate if found.count(fate))
-    console.print(counts or "no calibration files", highlight=False, soft_wrap=True)
+    screen.say(counts or "no calibration files")

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
 
 if TYPE_CHECKING:
@@ -33,7 +32,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="begin a registry, or copy one",
         description="Begin a registry of camera calibrations in git, or copy one that is somewhere.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "path", nargs="?", type=Path, metavar="PATH", help="its folder; this one when left out"
@@ -43,12 +41,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--bare", action="store_true", help="without a work tree, for a server")
     add_yes_flag(parser, "set up git's diff of entries without asking")
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console, plain
+    from calibrary.cli.console import note, out, plain, printable
     from calibrary.registry.init import DRIVER, DRIVER_COMMAND, folder_for, init, init_from, install_driver
 
     if arguments.remote is not None:
@@ -56,9 +54,9 @@ def _run(arguments: argparse.Namespace) -> int:
         made = init_from(arguments.remote, place, bare=arguments.bare)
     else:
         made = init(arguments.path or Path(), bare=arguments.bare)
-    note = make_console(stderr=True)
+    screen, remarks = out(arguments), note(arguments)
     for line in _told(made):
-        note.print(plain(line), highlight=False, soft_wrap=True)
+        screen.say(plain(line))
     folder = made.registry.repo.path
     installed = False
     if not arguments.bare:
@@ -67,9 +65,8 @@ def _run(arguments: argparse.Namespace) -> int:
             install_driver(made.registry.repo)
             installed = True
         else:
-            note.print("to have git show entries by their fields:", highlight=False, soft_wrap=True)
-            line = f"  git -C {folder} config {DRIVER} '{DRIVER_COMMAND}'"
-            note.print(plain(line), highlight=False, soft_wrap=True)
+            remarks.say("to have git show entries by their fields:")
+            remarks.verbatim(printable(f"  git -C {folder} config {DRIVER} '{DRIVER_COMMAND}'"))
     if arguments.json:
         document = {
             "schema": "calibrary/registry-begun-1",
@@ -79,10 +76,10 @@ def _run(arguments: argparse.Namespace) -> int:
             "files": sorted(made.files),
             "textconv": installed,
         }
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(document)
     else:
         where = "" if folder == Path.cwd() else f" --registry {folder}"
-        note.print(plain(f"next: calibrary registry add FILE{where}"), highlight=False, soft_wrap=True)
+        remarks.say(plain(f"next: calibrary registry add FILE{where}"))
     return 0
 
 

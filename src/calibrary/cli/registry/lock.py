@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, snapshot_of
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from calibrary.cli.console import Screen
     from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["add_parser"]
@@ -39,7 +37,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="pin the entries that a run rests on",
         description="Pin entries as they are now, so that a run can be repeated on the same ones.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("what", nargs="*", metavar="IMAGE_DIR|KEY", help="all usable entries when left out")
     parser.add_argument(
@@ -48,22 +45,22 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--recursive", action="store_true", help="go into the sub-folders of IMAGE_DIR")
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
     add_registry_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output, too")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.atomic import write_files
-    from calibrary.cli.console import make_console, plain
+    from calibrary.cli.console import note, out, plain
     from calibrary.errors import RegistryError
     from calibrary.registry.locking import lock_json, lock_yaml, pinned, usable_paths
 
-    note, snapshot = make_console(stderr=True), snapshot_of(arguments, arguments.at)
+    remarks, snapshot = note(arguments), snapshot_of(arguments, arguments.at)
     if arguments.what:
         paths = [
             path
             for word in arguments.what
-            for path in _paths(snapshot, word, note, recursive=arguments.recursive)
+            for path in _paths(snapshot, word, remarks, recursive=arguments.recursive)
         ]
     else:
         paths = usable_paths(snapshot)
@@ -76,23 +73,23 @@ def _run(arguments: argparse.Namespace) -> int:
     count = len(lock.pins)
     at = f" at {lock.commit[:12]}" if lock.commit is not None else ""
     line = f"{arguments.out}: {count} {'entry' if count == 1 else 'entries'} pinned{at}"
-    note.print(plain(line), highlight=False, soft_wrap=True)
+    out(arguments).say(plain(line))
     if arguments.json:
         document = lock_json(lock)
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(document)
     return 0
 
 
-def _paths(snapshot: Snapshot, word: str, console: Console, *, recursive: bool) -> list[str]:
+def _paths(snapshot: Snapshot, word: str, remarks: Screen, *, recursive: bool) -> list[str]:
     from calibrary.registry.paths import find_path
 
     folder = Path(word)
     if folder.is_dir():
-        return _of_flight(snapshot, folder, console, recursive=recursive)
+        return _of_flight(snapshot, folder, remarks, recursive=recursive)
     return [find_path(snapshot.index().paths, word)]
 
 
-def _of_flight(snapshot: Snapshot, folder: Path, console: Console, *, recursive: bool) -> list[str]:
+def _of_flight(snapshot: Snapshot, folder: Path, remarks: Screen, *, recursive: bool) -> list[str]:
     """The entries that the gate would take for these images."""
     from datetime import date
 
@@ -117,7 +114,5 @@ def _of_flight(snapshot: Snapshot, folder: Path, console: Console, *, recursive:
             or "an image that names no camera"
         )
         near = f" ({known.near[0].path}: {known.near[0].why_not})" if known.near else ""
-        console.print(
-            f"[yellow]note[/] {plain(f'no entry answers for {name}{near}')}", highlight=False, soft_wrap=True
-        )
+        remarks.say(f"[yellow]note[/] {plain(f'no entry answers for {name}{near}')}")
     return list(paths)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rich.table import Table
+    from rich.text import Text
 
     from calibrary.registry.history import EntryRevision
 
@@ -33,12 +33,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="tell what became of an entry, or of all",
         description="List the revisions of an entry with what changed in its K, or all commits.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("key", nargs="?", metavar="KEY", help="of one entry; of a removed one its whole id")
     parser.add_argument("-n", "--most", type=_count, metavar="N", help="only the newest N")
     add_registry_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
@@ -49,39 +48,67 @@ def _count(text: str) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import out
     from calibrary.registry.history import history_json
 
     told = opened(arguments).history(arguments.key, most=arguments.most)
     if arguments.json:
         document = history_json(told, arguments.key)
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(document)
     else:
-        make_console(stderr=False).print(_of_all(told) if arguments.key is None else _of_one(told))
+        screen, rows_of = out(arguments), _of_all if arguments.key is None else _of_one
+        screen.show(rows_of(told, screen.width))
     return 0
 
 
-def _of_one(told: Sequence[EntryRevision]) -> Table:
+OF_ONE = (
+    Column(name="commit"),
+    Column(name="date", rank=1),
+    Column(name="status", rank=2),
+    *(
+        Column(name=f"{name} px", rank=3 + (name[0] == "c") * 2, right=True)
+        for name in ("fx", "fy", "cx", "cy")
+    ),
+    Column(name="grade", rank=6),
+    Column(name="firmware", rank=7),
+    Column(name="by", rank=8),
+    Column(name="why", rank=4, wraps=True),
+)
+OF_ALL = (
+    Column(name="commit"),
+    Column(name="date", rank=1),
+    Column(name="by", rank=4),
+    Column(name="what", rank=2, wraps=True),
+    Column(name="cameras", rank=3, wraps=True),
+    Column(name="why", rank=3, wraps=True),
+)
+
+
+def _of_one(told: Sequence[EntryRevision], width: int) -> list[Text]:
     from calibrary.cli.console import plain
 
-    left = ("commit", "date", "who", "status", "grade", "firmware")
-    table = _table(left, ("fx", "fy", "cx", "cy"), ("why",))
+    rows = []
     for one in told:
         entry, delta = one.entry, one.delta or {}
         K = entry.calibration.intrinsics if entry is not None else None
         gone = "removed" if one.revision.oid is None else "unreadable"
-        table.add_row(
-            *_commit(one),
-            entry.status.value if entry is not None else gone,
-            entry.calibration.grade.value if entry is not None else "",
-            plain(one.firmware or ""),
-            *(
-                _number(getattr(K, name), delta.get(name)) if K is not None else ""
-                for name in ("fx", "fy", "cx", "cy")
-            ),
-            plain(one.reason or _without_names(one)),
+        commit, when, by = _commit(one)
+        rows.append(
+            (
+                commit,
+                when,
+                entry.status.value if entry is not None else gone,
+                *(
+                    _number(getattr(K, name), delta.get(name)) if K is not None else ""
+                    for name in ("fx", "fy", "cx", "cy")
+                ),
+                entry.calibration.grade.value if entry is not None else "",
+                plain(one.firmware or ""),
+                by,
+                plain(one.reason or _without_names(one)),
+            )
         )
-    return table
+    return fitted(OF_ONE, rows, width)
 
 
 def _without_names(one: EntryRevision) -> str:
@@ -92,29 +119,15 @@ def _without_names(one: EntryRevision) -> str:
     return subject
 
 
-def _of_all(told: Sequence[EntryRevision]) -> Table:
+def _of_all(told: Sequence[EntryRevision], width: int) -> list[Text]:
     from calibrary.cli.console import plain
 
-    table = _table(("commit", "date", "who"), (), ("what", "cameras", "why"))
+    rows = []
     for one in told:
-        cameras = ", ".join(one.cameras[:3]) + (
-            f" and {len(one.cameras) - 3} more" if len(one.cameras) > 3 else ""
-        )
-        table.add_row(*_commit(one), plain(one.revision.subject), plain(cameras), plain(one.reason or ""))
-    return table
-
-
-def _table(left: Sequence[str], right: Sequence[str], folded: Sequence[str]) -> Table:
-    from rich.table import Table
-
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for name in left:
-        table.add_column(name, no_wrap=name in {"commit", "date"})
-    for name in right:
-        table.add_column(f"{name} px", justify="right", no_wrap=True)
-    for name in folded:
-        table.add_column(name, overflow="fold")
-    return table
+        more = f" and {len(one.cameras) - 3} more" if len(one.cameras) > 3 else ""
+        cameras = ", ".join(one.cameras[:3]) + more
+        rows.append((*_commit(one), plain(one.revision.subject), plain(cameras), plain(one.reason or "")))
+    return fitted(OF_ALL, rows, width)
 
 
 def _commit(one: EntryRevision) -> tuple[str, str, str]:

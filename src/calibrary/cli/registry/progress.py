@@ -37,7 +37,11 @@ class Bar:
     def __call__(self, done: int, total: int) -> None:
         """So many are done."""
         if self._progress is None:
-            if not self._console.is_terminal or time.monotonic() - self._start < SHOWN_AFTER_S:
+            if (
+                not self._console.is_terminal
+                or self._console.quiet
+                or time.monotonic() - self._start < SHOWN_AFTER_S
+            ):
                 return
             self._begin(total)
         if self._progress is not None and self._task is not None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from calibrary.cli.console import Screen
     from calibrary.registry.fields import Field
     from calibrary.registry.git.errors import Conflict, FileConflictError
     from calibrary.registry.git.remotes import Pulled
@@ -39,7 +38,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="bring what others have written",
         description="Bring what others have written, and make our own commits again on top of it.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "remote", nargs="?", metavar="REMOTE", help="a remote's name or address (default: origin)"
@@ -59,46 +57,42 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="of an entry both sides changed, take theirs; or all",
     )
     add_registry_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import errors, note, out
     from calibrary.registry.git.errors import FileConflictError
     from calibrary.registry.sync import Choice, remote_named, sync_json
 
-    note, registry = make_console(stderr=True), opened(arguments)
+    remarks, registry = note(arguments), opened(arguments)
     remote, noted = remote_named(registry.repo, arguments.remote)
-    tell_noted(note, remote, noted)
+    tell_noted(remarks, remote, noted)
     choice = Choice(ours=arguments.ours, theirs=arguments.theirs)
     try:
-        with note.status(f"pulling from {remote}"):
+        with remarks.status(f"pulling from {remote}"):
             pulled = registry.pull(remote, choice)
     except FileConflictError as error:
-        _show_conflicts(note, error)
+        _show_conflicts(errors(), error)
         if arguments.json:
-            _print(sync_json(remote, None, None, error.conflicts))
+            print_json(sync_json(remote, None, None, error.conflicts))
         return EXIT_REGISTRY
-    _tell(note, remote, pulled)
+    _tell(out(arguments), remote, pulled)
     if arguments.json:
-        _print(sync_json(remote, pulled, None))
+        print_json(sync_json(remote, pulled, None))
     return 0
 
 
-def tell_noted(console: Console, remote: str, noted: str | None) -> None:
+def tell_noted(screen: Screen, remote: str, noted: str | None) -> None:
     """That an address was noted as a remote."""
     from calibrary.cli.console import plain
 
     if noted is not None:
-        console.print(plain(f"{remote} is {noted} from now on"), highlight=False, soft_wrap=True)
+        screen.say(plain(f"{remote} is {noted} from now on"))
 
 
-def _print(document: object) -> None:
-    sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
-
-
-def _tell(console: Console, remote: str, pulled: Pulled) -> None:
+def _tell(screen: Screen, remote: str, pulled: Pulled) -> None:
     from calibrary.cli.console import plain
 
     if pulled.before == pulled.commit:
@@ -109,55 +103,55 @@ def _tell(console: Console, remote: str, pulled: Pulled) -> None:
             pulled.replayed, f", {pulled.replayed} commits of ours made again on top"
         )
         line = f"at {pulled.commit[:12]} now{again}"
-    console.print(plain(line), highlight=False, soft_wrap=True)
+    screen.say(plain(line))
     for warning in pulled.warnings:
-        console.print(f"[yellow]note[/] {plain(warning)}", highlight=False, soft_wrap=True)
+        screen.say(f"[yellow]note[/] {plain(warning)}")
 
 
-def _show_conflicts(console: Console, error: FileConflictError) -> None:
+def _show_conflicts(screen: Screen, error: FileConflictError) -> None:
     from calibrary.cli.console import plain
     from calibrary.registry.paths import id_of
 
     count = len(error.conflicts)
     what = "an entry was" if count == 1 else f"{count} entries were"
-    console.print(
-        f"calibrary: {what} changed on both sides; nothing was changed here", highlight=False, soft_wrap=True
-    )
+    screen.say(f"calibrary: {what} changed on both sides; nothing was changed here")
     for conflict in error.conflicts:
-        _show_conflict(console, conflict)
+        _show_conflict(screen, conflict)
     keys = " ".join(f"--theirs {id_of(conflict.path)}" for conflict in error.conflicts[:2])
     more = " …" if count > 2 else ""
-    console.print(
+    screen.say(
         plain(
             f"decide for each which is right: calibrary registry pull {keys}{more}, or --ours KEY to keep yours"
-        ),
-        highlight=False,
-        soft_wrap=True,
+        )
     )
 
 
-def _show_conflict(console: Console, conflict: Conflict) -> None:
-    from rich.table import Table
+COLUMNS = (
+    Column(name="field", style="dim"),
+    Column(name="both had", rank=2, wraps=True),
+    Column(name="ours", rank=1, wraps=True),
+    Column(name="theirs", rank=1, wraps=True),
+)
 
+
+def _show_conflict(screen: Screen, conflict: Conflict) -> None:
     from calibrary.cli.console import plain
     from calibrary.registry.sync import field_conflicts
 
-    console.print(f"[bold]{plain(conflict.path)}[/]", highlight=False, soft_wrap=True)
+    screen.say(f"[bold]{plain(conflict.path)}[/]")
     if conflict.ours is None or conflict.theirs is None:
         sides = (
             ("ours removed it", "theirs changed it")
             if conflict.ours is None
             else ("ours changed it", "theirs removed it")
         )
-        console.print(f"  {', '.join(sides)}", highlight=False)
+        screen.say(f"  {', '.join(sides)}")
         return
-    table = Table(box=None, padding=(0, 2, 0, 2))
-    table.add_column("field", style="dim")
-    for name in ("both had", "ours", "theirs"):
-        table.add_column(name, overflow="fold")
-    for one in field_conflicts(conflict):
-        table.add_row(plain(one.name), *(plain(_text(value)) for value in (one.base, one.ours, one.theirs)))
-    console.print(table)
+    rows = [
+        (plain(one.name), *(plain(_text(value)) for value in (one.base, one.ours, one.theirs)))
+        for one in field_conflicts(conflict)
+    ]
+    screen.show(fitted(COLUMNS, rows, screen.width - 2), indent=2)
 
 
 def _text(value: Field) -> str:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from datetime import date
 from functools import partial
 from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, snapshot_of
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from calibrary.cli.console import Screen
     from calibrary.jobs.exchange.resolve import Answer
     from calibrary.registry.resolution import Resolution
     from calibrary.registry.snapshot import Snapshot
@@ -43,7 +41,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="the calibration that answers for an image or a camera",
         description="Show the calibration that answers for an image or a camera, and why this one.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("what", nargs="?", metavar="IMAGE|KEY", help="left out where flags say which camera")
     add_camera_flags(parser)
@@ -55,13 +52,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--at", metavar="REV", help="as the registry was at a commit, tag, branch or day")
     add_registry_flag(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON on standard output")
+    add_json_flag(parser)
     parser.set_defaults(run=_run, parser=parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.calibration import CameraKey
-    from calibrary.cli.console import make_console
+    from calibrary.cli.console import errors, out
     from calibrary.jobs.exchange.resolve import answer, answer_json, asked
 
     if arguments.what is None and camera_of(arguments, CameraKey()) == CameraKey():
@@ -71,19 +68,18 @@ def _run(arguments: argparse.Namespace) -> int:
     found = answer(snapshot, asked(snapshot, arguments.what, partial(camera_of, arguments)), on=on)
     if arguments.json:
         document = answer_json(snapshot, found, on=on)
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(document)
     elif found.resolution is not None:
-        _show(make_console(stderr=False), snapshot, found, found.resolution)
+        _show(out(arguments), snapshot, found, found.resolution)
     if found.resolution is not None:
         return 0
-    _tell_none(make_console(stderr=True), found)
+    _tell_none(errors(), found)
     return EXIT_NONE
 
 
-def _show(console: Console, snapshot: Snapshot, found: Answer, resolution: Resolution) -> None:
-    from rich.table import Table
-
-    from calibrary.cli.console import plain
+def _show(screen: Screen, snapshot: Snapshot, found: Answer, resolution: Resolution) -> None:
+    from calibrary.cli.console import printable
+    from calibrary.cli.tables import facts
 
     entry, calibration = resolution.entry, resolution.calibration
     K, lens, made = calibration.intrinsics, calibration.distortion, calibration.provenance
@@ -101,18 +97,12 @@ def _show(console: Console, snapshot: Snapshot, found: Answer, resolution: Resol
         *((f"  {name}", f"{value:.8g}") for name, value in (lens.coefficients.items() if lens else ())),
         ("made from", made.tag or ""),
     ]
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    table.add_column(style="dim")
-    table.add_column(overflow="fold")
-    for name, value in rows:
-        if value:
-            table.add_row(name, plain(value))
-    for item in found.near:
-        table.add_row("near", plain(f"{item.path}: {item.why_not}"))
-    console.print(table)
+    near = [("near", printable(f"{item.path}: {item.why_not}")) for item in found.near]
+    shown = [(name, printable(value)) for name, value in rows if value]
+    screen.show(facts([*shown, *near], screen.width))
 
 
-def _tell_none(console: Console, found: Answer) -> None:
+def _tell_none(screen: Screen, found: Answer) -> None:
     from calibrary.cli.console import plain
 
     key = found.question.key
@@ -127,7 +117,7 @@ def _tell_none(console: Console, found: Answer) -> None:
             "the registry has no entry of this make and model; 'calibrary registry add FILE' puts one in"
         )
     for line in lines:
-        console.print(plain(line), highlight=False, soft_wrap=True)
+        screen.say(plain(line))
 
 
 def _day(text: str) -> date:

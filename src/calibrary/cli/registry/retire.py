@@ -22,7 +22,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="use entries no more",
         description="Use entries no more. Their files and history stay.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_deciding_flags(parser, reason_required=True)
     parser.add_argument(

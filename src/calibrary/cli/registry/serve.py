@@ -26,7 +26,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="show the registry in a browser on this machine",
         description="Show the registry in a browser on this machine, and on no other.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--port", type=_port, default=0, metavar="N", help="default: any that is free")
     add_registry_flag(parser)
@@ -45,18 +44,20 @@ def _port(text: str) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from rich.progress import Progress
 
-    from calibrary.cli.console import make_console, plain
+    from calibrary.cli.console import note, plain
     from calibrary.jobs.site.server import Server
     from calibrary.registry.configuration import require_registry
 
-    console = make_console(stderr=True)
+    remarks = note(arguments)
     registry = require_registry(arguments.registry)
 
     def told(text: str) -> None:
-        console.print(plain(text), highlight=False, soft_wrap=True)
+        remarks.say(plain(text))
 
     try:
-        with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        with Progress(
+            console=remarks, transient=True, disable=not remarks.is_terminal or remarks.quiet
+        ) as bar:
             task = bar.add_task("making pages", total=None)
 
             def progress(done: int, total: int) -> None:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.output import print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from calibrary.cli.console import Screen
     from calibrary.registry.fields import FieldChange
     from calibrary.registry.history import Recorded
     from calibrary.registry.snapshot import StoredEntry
@@ -37,7 +36,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="show one entry, as it is or as it was",
         description="Show one entry, as it is or as it was.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "key", nargs="?", metavar="KEY[@REV]", help="make/model[/variant], and what it was at REV"
@@ -47,7 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add_registry_flag(parser)
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="print JSON on standard output")
+    form.add_argument("--json", action="store_true", help="print one JSON document on standard output")
     form.add_argument("--yaml", action="store_true", help="print the entry's file")
     form.add_argument(
         "--textconv",
@@ -78,7 +76,7 @@ def _convert(path: Path) -> int:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import make_console, plain
+    from calibrary.cli.console import out, plain
     from calibrary.cli.registry.changes import change_table
     from calibrary.registry.entry_json import stored_json
     from calibrary.registry.fields import change_json, differences
@@ -98,16 +96,16 @@ def _show(arguments: argparse.Namespace) -> int:
         }
         if changes is not None:
             document |= {"against": against, "changes": [change_json(change) for change in changes]}
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=True, allow_nan=False) + "\n")
+        print_json(document)
     elif arguments.yaml:
         sys.stdout.buffer.write(registry.snapshot(stored.commit).read(stored.path))
     elif changes is None:
-        _describe(make_console(stderr=False), stored, recorded(registry.repo, stored))
+        _describe(out(arguments), stored, recorded(registry.repo, stored))
     else:
-        console = make_console(stderr=False)
-        console.print(_summary(plain(arguments.key), plain(against or ""), changes), highlight=False)
+        screen = out(arguments)
+        screen.say(_summary(plain(arguments.key), plain(against or ""), changes))
         if changes:
-            console.print(change_table(changes))
+            screen.show(change_table(changes, screen.width))
     return 0
 
 
@@ -117,19 +115,13 @@ def _summary(key: str, against: str, changes: tuple[FieldChange, ...]) -> str:
     return f"[bold]{key}[/] against {against}"
 
 
-def _describe(console: Console, stored: StoredEntry, put: Recorded | None) -> None:
-    from rich.table import Table
+def _describe(screen: Screen, stored: StoredEntry, put: Recorded | None) -> None:
+    from calibrary.cli.console import plain, printable
+    from calibrary.cli.tables import facts
 
-    from calibrary.cli.console import plain
-
-    table = Table(
-        box=None, show_header=False, padding=(0, 2, 0, 0), title=plain(stored.id), title_justify="left"
-    )
-    table.add_column(style="dim")
-    table.add_column(overflow="fold")
-    for name, value in [*_rows(stored), *_recorded(put)]:
-        table.add_row(name, plain(value))
-    console.print(table)
+    screen.say(f"[bold]{plain(stored.id)}[/]")
+    rows = [*_rows(stored), *_recorded(put)]
+    screen.show(facts([(name, printable(value)) for name, value in rows], screen.width))
 
 
 def _rows(stored: StoredEntry) -> list[tuple[str, str]]:

@@ -27,7 +27,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         description="Write the registry as web pages: a list to search and filter, a page for each camera with its "
         "history and downloads, and every change compared. They need no server and fetch nothing.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("out", type=Path, metavar="OUT", help="the folder")
     add_registry_flag(parser)
@@ -51,28 +50,26 @@ def worker_count(text: str) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from rich.progress import Progress
 
-    from calibrary.cli.console import make_console, plain
+    from calibrary.cli.console import errors, note, out, plain
     from calibrary.jobs.site.building import build
     from calibrary.jobs.site.place import check_out
     from calibrary.registry.configuration import require_registry
 
-    registry, out = require_registry(arguments.registry), arguments.out
-    check_out(out)
-    console = make_console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    registry, folder = require_registry(arguments.registry), arguments.out
+    check_out(folder)
+    remarks = note(arguments)
+    with Progress(console=remarks, transient=True, disable=not remarks.is_terminal or remarks.quiet) as bar:
         task = bar.add_task("making pages", total=None)
 
         def progress(done: int, total: int) -> None:
             bar.update(task, completed=done, total=total)
 
-        site = build(registry, out, workers=arguments.workers, progress=progress)
+        site = build(registry, folder, workers=arguments.workers, progress=progress)
     pages = sum(name.endswith(".html") for card in site.cards for name in card.files) + 1
-    console.print(
-        f"{len(site.cards)} entries in {pages} pages; open {plain(str(out / 'index.html'))}",
-        highlight=False,
-        soft_wrap=True,
+    out(arguments).say(
+        f"{len(site.cards)} entries in {pages} pages; open {plain(str(folder / 'index.html'))}"
     )
     broken = [card for card in site.cards if card.page is None]
     for card in broken:
-        console.print(f"[red]not shown[/] {plain(card.problem or card.id)}", highlight=False, soft_wrap=True)
+        errors().say(f"[red]not shown[/] {plain(card.problem or card.id)}")
     return 1 if broken else 0

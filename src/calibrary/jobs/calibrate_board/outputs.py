@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibrary import parsers
+from calibrary.atomic import check_folder
 from calibrary.calib.collect import Collected
 from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.result import CalibrationResult
@@ -53,15 +54,15 @@ class Places:
         """Find out before the work begins what would keep its result from being written.
 
         Raises:
-            InputError: a folder is missing, a name is of another kind of file, or two are the same.
+            InputError: a folder may not be written to, a name is of another kind of file, or two are the same.
         """
         wanted = [*self._named()]
         for flag, path, suffixes in wanted:
             if suffixes and path.suffix.lower() not in suffixes:
                 raise InputError(f"wanted a name that ends in {suffixes[0]}", source=str(path), place=flag)
-            if path.is_dir() or not path.parent.is_dir():
-                problem = "is a folder" if path.is_dir() else "there is no such folder; make it first"
-                raise InputError(problem, source=str(path if path.is_dir() else path.parent), place=flag)
+            if path.is_dir():
+                raise InputError("is a folder; wanted a file's name", source=str(path), place=flag)
+            check_folder(path, place=flag)
         if len({path.resolve() for _, path, _ in wanted}) < len(wanted):
             raise InputError("two outputs have one name; wanted a file each", source=str(wanted[0][1].parent))
         if self.out is not None:

@@ -6,10 +6,8 @@ with the number of images; only the names add up.
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import partial
@@ -22,7 +20,7 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import read_metadata
 from calibrary.records import Record
-from calibrary.workers import end_with_parent
+from calibrary.workers import mapped
 
 __all__ = ["Gathered", "ImageSet", "SkippedFile", "collect_images", "find_files", "find_images", "gather"]
 
@@ -172,19 +170,12 @@ def _mapped(
     if workers <= 1 or len(chunks) <= 1:
         yield from map(read, chunks)
         return
-    # A forked worker would inherit the threads of whoever draws the progress bar.
-    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(method)
-    if method == "forkserver":
-        context.set_forkserver_preload([__name__])
-    count = min(workers, len(chunks))
-    with ProcessPoolExecutor(count, mp_context=context, initializer=end_with_parent) as pool:
-        try:
-            yield from pool.map(read, chunks)
-        except BrokenProcessPool:
-            raise InputError(
-                "a process that reads images was ended from outside, as when memory runs out; use --workers 1"
-            ) from None
+    try:
+        yield from mapped(read, chunks, workers, preload=[__name__])
+    except BrokenProcessPool:
+        raise InputError(
+            "a process that reads images was ended from outside, as when memory runs out; use --workers 1"
+        ) from None
 
 
 def _read_chunk(images: Sequence[Path], *, directory: Path) -> Gathered:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calibrary.atomic import check_folder
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
@@ -99,33 +100,29 @@ def check_place(matrix_path: Path) -> None:
     """Find out before a hundred thousand images are read that K has no place to go.
 
     Raises:
-        InputError: the name is no .npy, or there is no such folder.
+        InputError: the name is no .npy, or its folder may not be written to.
     """
     if matrix_path.suffix != ".npy":
         raise InputError("wanted a name that ends in .npy", source=str(matrix_path), place="--output-matrix")
-    if not matrix_path.parent.is_dir():
-        raise InputError(
-            "there is no such folder; make it first", source=str(matrix_path.parent), place="--output-matrix"
-        )
+    check_folder(matrix_path, place="--output-matrix")
 
 
 def check_page_place(path: Path) -> None:
     """The same for the page, and that no image is overwritten by a slip of the fingers.
 
     Raises:
-        InputError: the name is no .html, or there is no such folder.
+        InputError: the name is no .html, or its folder may not be written to.
     """
     if path.suffix.lower() not in {".html", ".htm"}:
         raise InputError("wanted a name that ends in .html", source=str(path), place="--html")
-    if not path.parent.is_dir():
-        raise InputError("there is no such folder; make it first", source=str(path.parent), place="--html")
+    check_folder(path, place="--html")
 
 
 def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
     """What stands where runs with these flags write: a K that failed since must not be taken for today's."""
     stem = re.escape(matrix_path.stem)
     ours = re.compile(rf"{stem}(_seed)?(\..+)?\.npy")
-    for path in sorted(matrix_path.parent.iterdir()):
+    for path in sorted(matrix_path.parent.iterdir()) if matrix_path.parent.is_dir() else ():
         if ours.fullmatch(path.name) or fnmatchcase(path.name, SOLVER_FILES.get(solver, "")):
             yield path
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
@@ -23,7 +21,7 @@ from calibrary.registry.git.history import changed, history
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import CAMERAS
 from calibrary.registry.registry import Registry
-from calibrary.workers import end_with_parent
+from calibrary.workers import mapped
 
 __all__ = ["Progress", "Site", "build", "build_into"]
 
@@ -153,19 +151,9 @@ def _mapped(
     if workers <= 1 or len(chunks) <= 1:
         yield from map(write, chunks)
         return
-    # A forked worker would inherit the threads of whoever draws the progress bar.
-    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(method)
-    if method == "forkserver":
-        context.set_forkserver_preload([__name__])
-    with ProcessPoolExecutor(
-        min(workers, len(chunks)), mp_context=context, initializer=end_with_parent
-    ) as pool:
-        try:
-            yield from pool.map(write, chunks)
-        except BrokenProcessPool:
-            raise InputError(
-                "a process that makes pages was ended from outside, as when memory runs out; use --workers 1"
-            ) from None
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    try:
+        yield from mapped(write, chunks, workers, preload=[__name__])
+    except BrokenProcessPool:
+        raise InputError(
+            "a process that makes pages was ended from outside, as when memory runs out; use --workers 1"
+        ) from None

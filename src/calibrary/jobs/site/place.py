@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from calibrary.atomic import check_folder
 from calibrary.errors import InputError
 from calibrary.jobs.site.addresses import INDEX
 
@@ -23,11 +24,10 @@ def check_out(out: Path) -> Path:
     """The folder itself, links followed, if a site may be put there.
 
     Raises:
-        InputError: it holds something else, or there is no folder to put it in.
+        InputError: it holds something else, or nothing may be written beside it.
     """
     place = Path(out).resolve()
-    if not place.parent.is_dir():
-        raise InputError("there is no such folder; make it first", source=str(out.parent))
+    check_folder(place)
     if not place.exists():
         return place
     if not place.is_dir():
@@ -60,6 +60,7 @@ def replaced(out: Path) -> Iterator[Path]:
     """
     place = check_out(out)
     try:
+        place.parent.mkdir(parents=True, exist_ok=True)
         beside = Path(tempfile.mkdtemp(prefix=f".{place.name}.", dir=place.parent))
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror or error}", source=str(place.parent)) from None

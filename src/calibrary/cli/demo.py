@@ -1,0 +1,93 @@
+"""``calibrary demo``: the flight of a mixed fleet to try calibrary on."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.tables import Column, fitted
+from calibrary.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from calibrary.cli.console import Screen
+    from calibrary.jobs.demo.flight import DemoImage
+
+__all__ = ["add_parser"]
+
+EXAMPLES = """\
+examples:
+  calibrary demo demo-flight          write the flight, and list what is in it
+  calibrary demo demo-flight --seed 3
+
+The images are synthetic, some of them bad on purpose; each says how it should be judged, and why.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "demo",
+        help="write a synthetic flight to try the commands on",
+        description="Write the synthetic flight of a mixed fleet, list what is in it and what to run next.",
+        epilog=EXAMPLES,
+    )
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder to write to; it is made")
+    parser.add_argument(
+        "--seed", type=int, default=7, metavar="N", help="of the country flown over (default: 7)"
+    )
+    parser.set_defaults(run=_run)
+
+
+COLUMNS = (
+    Column(name="file"),
+    Column(name="camera", rank=3),
+    Column(name="should be", rank=1),
+    Column(name="fx px", rank=2, right=True),
+    Column(name="why", rank=4, wraps=True),
+)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import note, out, plain
+    from calibrary.jobs.demo.flight import write_flight
+
+    folder = arguments.folder
+    try:
+        images = write_flight(folder, seed=arguments.seed)
+    except OSError as error:
+        raise InputError(f"cannot write the flight: {error.strerror or error}", source=str(folder)) from None
+    screen = out(arguments)
+    _show(screen, images)
+    size_mb = sum((folder / image.name).stat().st_size for image in images) / 1e6
+    screen.say(f"{len(images)} files, {size_mb:.1f} MB, in {plain(str(folder))}")
+    remarks = note(arguments)
+    remarks.say("next:")
+    remarks.verbatim(f"  calibrary extract {shlex.quote(str(folder))} --recursive")
+    return 0
+
+
+def _show(screen: Screen, images: Sequence[DemoImage]) -> None:
+    """Frames of one camera that tell one story share a row."""
+    from calibrary.cli.console import plain
+    from calibrary.jobs.demo.flight import Expectation
+    from calibrary.records import replace
+
+    styles = {Expectation.VALID: "green", Expectation.UNPROVEN: "yellow", Expectation.REJECTED: "red"}
+    stories: dict[DemoImage, list[str]] = {}
+    for image in images:
+        stories.setdefault(replace(image, name="", private=()), []).append(image.name)
+    rows = [
+        (
+            plain(names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"),
+            plain(image.camera),
+            f"[{styles.get(image.outcome, 'magenta')}]{image.outcome}[/]",
+            "–" if image.fx_px is None else f"{image.fx_px:.1f}",
+            plain(f"{image.story}: {image.reason}"),
+        )
+        for image, names in stories.items()
+    ]
+    screen.show(fitted(COLUMNS, rows, screen.width))

@@ -1,0 +1,173 @@
+"""Tables that are whole in every width.
+
+Columns that do not fit beside the others go below their row, the least important first, so that nothing is cut and
+no word is broken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+__all__ = ["Column", "facts", "fitted"]
+
+GAP = 2
+BELOW = 4
+"""Columns before what stands below a row."""
+
+READABLE = 24
+"""A column of sentences has this width before another column of them is given more."""
+
+LONGEST_WORD = 40
+"""In a column of sentences; a longer one, such as a hash, goes below its row."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A column of a table.
+
+    Attributes:
+        name: its heading, and its label below a row.
+        rank: 0 stays in the row in every width; of the others the highest leaves first.
+        wraps: holds sentences, which may be folded between words.
+        right: numbers, which stand right.
+        style: of its cells.
+    """
+
+    name: str
+    rank: int = 0
+    wraps: bool = False
+    right: bool = False
+    style: str = ""
+
+
+def fitted(
+    columns: Sequence[Column], rows: Sequence[Sequence[str]], width: int, *, header: bool = True
+) -> list[Text]:
+    """The lines of a table no wider than ``width``, unless a word is.
+
+    Args:
+        columns: of the table, in their order.
+        rows: cells in rich's markup. A column without any content is left out.
+        width: of the terminal.
+        header: whether the columns' names stand above them.
+    """
+    from rich.text import Text
+
+    cells = [[Text.from_markup(cell, style=columns[i].style) for i, cell in enumerate(row)] for row in rows]
+    kept = [i for i in range(len(columns)) if any(row[i].plain for row in cells)]
+    least = {i: _least(columns[i], [row[i] for row in cells], header=header) for i in kept}
+    while sum(least[i] + GAP for i in kept) - GAP > width:
+        leaving = max(kept, key=lambda i: (columns[i].rank, i))
+        if columns[leaving].rank == 0:
+            break
+        kept.remove(leaving)
+    widths = _shared({i: least[i] for i in kept}, columns, cells, width)
+    lines: list[Text] = []
+    if header and any(columns[i].name for i in kept):
+        lines += _row([Text(columns[i].name, "bold") for i in kept], kept, columns, widths)
+    for row in cells:
+        beside = [row[i] if _longest(row[i]) <= max(widths[i], least[i]) else Text("") for i in kept]
+        lines += _row(beside, kept, columns, widths)
+        shown = {i for i, cell in zip(kept, beside, strict=True) if cell.plain}
+        lines += _stacked([(columns[i], row[i]) for i in range(len(columns)) if i not in shown], width)
+    return lines
+
+
+def facts(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:
+    """The lines of names and what each is, in two columns; both are text without markup."""
+    from rich.text import Text
+
+    from calibrary.cli.console import folded
+
+    name_width = max((len(name) for name, _ in rows), default=0)
+    lines: list[Text] = []
+    for name, value in rows:
+        indent = len(name) - len(name.lstrip(" "))
+        label = Text(name[indent:].ljust(name_width + GAP - indent), "dim")
+        hang = name_width + GAP - indent
+        lines += folded(label + Text(value), width, indent=indent, hang=hang)
+    return lines
+
+
+def _longest(cell: Text) -> int:
+    from rich.cells import cell_len
+
+    return max((cell_len(word) for word in cell.plain.split()), default=0)
+
+
+def _least(column: Column, cells: Sequence[Text], *, header: bool) -> int:
+    """The narrowest that a column may be: its longest word, but room to read where it holds sentences."""
+    whole = max(cell.cell_len for cell in cells)
+    if column.wraps:
+        longest = max((word for word in map(_longest, cells) if word <= LONGEST_WORD), default=0)
+        whole = max(longest, min(whole, READABLE))
+    return max(whole, len(column.name) if header else 0)
+
+
+def _shared(
+    least: dict[int, int], columns: Sequence[Column], cells: Sequence[Sequence[Text]], width: int
+) -> dict[int, int]:
+    """What is left of the width goes to the columns of sentences, to each as much as it can use."""
+    widths = dict(least)
+    left = width - sum(widths.values()) - GAP * (len(widths) - 1)
+    wanting = [i for i in widths if columns[i].wraps]
+    for at, i in enumerate(wanting):
+        natural = max(row[i].cell_len for row in cells)
+        more = min(max(0, left // (len(wanting) - at)), max(0, natural - widths[i]))
+        widths[i] += more
+        left -= more
+    return widths
+
+
+def _row(
+    cells: Sequence[Text], kept: Sequence[int], columns: Sequence[Column], widths: dict[int, int]
+) -> Iterator[Text]:
+    """One row, as many lines as its longest cell is folded into."""
+    from itertools import zip_longest
+
+    from rich.text import Text
+
+    from calibrary.cli.console import folded
+
+    folds = [
+        list(folded(cell, widths[i], hang=0)) if columns[i].wraps else [cell]
+        for i, cell in zip(kept, cells, strict=True)
+    ]
+    for parts in zip_longest(*folds):
+        line, at = Text(), 0
+        for i, part in zip(kept, parts, strict=True):
+            cell = part if part is not None else Text()
+            lead = max(0, widths[i] - cell.cell_len) if columns[i].right else 0
+            line = line + Text(" " * max(0, at + lead - line.cell_len)) + cell if cell.plain else line
+            at = max(at + widths[i], line.cell_len) + GAP
+        yield line
+
+
+def _stacked(cells: Sequence[tuple[Column, Text]], width: int) -> Iterator[Text]:
+    """What found no room in the row: short values together, sentences on lines of their own."""
+    from rich.text import Text
+
+    from calibrary.cli.console import folded
+
+    def labelled(column: Column, cell: Text) -> Text:
+        return Text.assemble((f"{column.name} ", "dim"), cell) if column.name else cell
+
+    short = Text()
+    for column, cell in cells:
+        if column.wraps or not cell.plain:
+            continue
+        item = labelled(column, cell)
+        if short and BELOW + short.cell_len + GAP + item.cell_len > width:
+            yield from folded(short, width, indent=BELOW)
+            short = Text()
+        short = short + Text(" " * GAP) + item if short else item
+    if short:
+        yield from folded(short, width, indent=BELOW)
+    for column, cell in cells:
+        if column.wraps and cell.plain:
+            yield from folded(labelled(column, cell), width, indent=BELOW)

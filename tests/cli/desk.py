@@ -1,0 +1,129 @@
+"""A desk with one small example of everything, and what every command prints there, run once in order."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from calibrary.cli.main import main
+from tests.cli.registry.fleets import xml
+from tests.jobs.calibrate_board.boards import corners
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, picture
+from tests.jobs.onboard.payloads import survey
+
+__all__ = ["COMMANDS", "Printed", "furnish", "printed", "rows"]
+
+KEY = "--make DJI --model FC6310R"
+COMMANDS: dict[str, tuple[int, str]] = {
+    "extract survey --output-matrix new/k/K_matrix.npy --html new/p/survey.html": (
+        1,
+        "FC6310R unproven valid",
+    ),
+    "extract survey --dry-run --policy source": (1, "Would K_matrix.json"),
+    "undistort small.png --calibration small.txt --out new/flat": (0, "camera.yml undistorted"),
+    "calibrate --from corners.json --out new/c/lens.yml --to opencv_storage --report new/c/r.html": (
+        0,
+        "PASS lens.yml",
+    ),
+    "calibrate --from corners.json --correlations": (0, "PASS correlations coverage"),
+    "calibrate board checkerboard:11x8 --square-mm 40 --out new/b/board.pdf": (0, "board.pdf"),
+    "registry init new/fleet --yes": (0, "registry.yaml"),
+    f"registry add camera.xml {KEY} --reason first --yes": (0, "dji/fc6310r/5472x3648 intrinsics.fx"),
+    "registry approve fc6310r --reason 'looked at it for a long while, over the test field in May'": (
+        0,
+        "approved",
+    ),
+    f"registry add later.xml {KEY} --approve --yes --reason 'the lens was sent to the maker and came back'": (
+        0,
+        "before after 3730.0",
+    ),
+    f"registry add other.xml {KEY} --yes": (0, "4864x3648"),
+    "registry hold fc6310r/4864x3648 --reason 'agreed upon'": (0, "held"),
+    "registry list": (0, "dji/fc6310r/5472x3648 approved"),
+    "registry show fc6310r/5472": (0, "3730.0000"),
+    "registry show fc6310r/5472 --diff HEAD~3": (0, "intrinsics.fx"),
+    "registry log": (0, "dji/fc6310r/5472x3648"),
+    "registry log fc6310r/5472": (0, "maker"),
+    "registry blame fc6310r/5472": (0, "intrinsics.fx 3730.0"),
+    f"registry resolve {KEY} --image-size 5472x3648": (0, "3730.0000"),
+    "registry check": (0, "good"),
+    "registry audit survey --html new/a/audit.html": (1, "attention"),
+    "registry lock --out new/l/calibrary.lock": (0, "pinned"),
+    "registry export --format csv --out new/e/fleet.csv": (0, "entries"),
+    "registry site new/w/site --workers 1": (0, "index.html"),
+    "registry import lab --make DJI --model FC330 --yes": (0, "new"),
+    "registry retire fc6310r/4864x3648 --reason 'no longer flown'": (0, "retired"),
+    "registry push ./hub.git": (0, "origin"),
+    "registry pull": (0, "nothing new"),
+    "onboard payload --yes --for unit --html new/o/onboard.html": (0, "Example proposed"),
+    "diff camera.xml later.xml --html new/d/diff.html": (1, "drift"),
+    "diff --since HEAD~6": (1, "dji/fc6310r/5472x3648"),
+    "inspect camera.xml": (0, "3660.5000"),
+    "convert camera.xml new/v/camera.yml --to opencv_storage": (0, "camera.yml"),
+    "formats": (0, "agisoft_xml"),
+    "formats colmap": (0, "colmap_text"),
+    "catalogue": (0, "FC6310R"),
+    "catalogue M3T": (0, "M3T"),
+    "completion bash": (0, "_shtab_calibrary"),
+}
+"""Each command, its exit code, and words of its result."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Printed:
+    """What a command printed and how it ended."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def last(self) -> str:
+        """The last line of the results."""
+        return self.out.rstrip("\n").rpartition("\n")[2]
+
+
+def furnish(folder: Path) -> None:
+    """Put an example of everything into a folder."""
+    from PIL import Image  # noqa: PLC0415
+
+    picture(folder / "survey/a.jpg", (5472, 3648), **P4R, dewarp=DEWARP)
+    picture(folder / "survey/b.jpg", **NOBODY)
+    (folder / "survey/torn.jpg").write_bytes(b"\xff\xd8\xff")
+    Image.new("RGB", (240, 160), (90, 120, 60)).save(folder / "small.png")
+    (folder / "small.txt").write_text("1 SIMPLE_RADIAL 240 160 140 120 80 -0.1\n")
+    xml(folder / "camera.xml")
+    xml(folder / "later.xml", 3730.0)
+    xml(folder / "other.xml", 3250.0, (4864, 3648))
+    (folder / "lab").mkdir()
+    xml(folder / "lab/lab.xml", 2300.0, (4000, 3000))
+    corners(folder / "corners.json")
+    (folder / "payload").mkdir()
+    survey(folder / "payload")
+
+
+def printed(command: str, *more: str) -> Printed:
+    """Run a command in this process, as the shell would give it its words."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            code = main([*shlex.split(command), *more])
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+    texts = []
+    for stream in (out, err):
+        stream.flush()
+        buffer = stream.buffer
+        assert isinstance(buffer, io.BytesIO)
+        texts.append(buffer.getvalue().decode())
+    return Printed(code=code, out=texts[0], err=texts[1])
+
+
+def rows(monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
+    """Give the commands so many columns."""
+    monkeypatch.setenv("COLUMNS", str(columns))
