@@ -75,17 +75,17 @@ class Board(Record):
     def __post_init__(self) -> None:
         if not (2 <= self.columns <= LARGEST and 2 <= self.rows <= LARGEST):
             raise InputError(
-                f"a board of {self.columns}×{self.rows} points: wanted 2 to {LARGEST} along each side"
+                f"a board of {self.columns}×{self.rows} points: expected 2 to {LARGEST} along each side"
             )
         if not (0 < self.square_mm < float("inf")):
-            raise InputError(f"squares of {self.square_mm:g} mm: wanted a positive length")
+            raise InputError(f"squares of {self.square_mm:g} mm: expected a positive length")
         force_setattr(self, "dictionary", self._dictionary())
         share = _MARKER_SHARE.get(self.pattern)
         if self.marker_mm is None:
             force_setattr(self, "marker_mm", self.square_mm * share if share is not None else None)
         elif share is None or not (0 < self.marker_mm < self.square_mm):
             raise InputError(
-                f"{self}: a marker of {self.marker_mm:g} mm on squares of {self.square_mm:g} mm: wanted "
+                f"{self}: a marker of {self.marker_mm:g} mm on squares of {self.square_mm:g} mm: expected "
                 + ("none" if share is None else "a smaller one")
             )
 
@@ -144,7 +144,9 @@ class Board(Record):
         """By its canonical name."""
         if not self.has_markers:
             if self.dictionary is not None:
-                raise InputError(f"{self} has no markers; wanted no dictionary, got {self.dictionary!r:.40}")
+                raise InputError(
+                    f"{self} has no markers; expected no dictionary, got {self.dictionary!r:.40}"
+                )
             return None
         if self.dictionary is None and self.pattern is Pattern.APRILGRID:
             name = "apriltag_36h11"
@@ -155,7 +157,7 @@ class Board(Record):
             name = self.dictionary.lower().removeprefix("dict_")
         if self.pattern is Pattern.APRILGRID and not name.startswith("apriltag"):
             raise InputError(
-                f"{self} of {name!r:.40}: wanted a dictionary of AprilTags, such as apriltag_36h11"
+                f"{self} of {name!r:.40}: expected a dictionary of AprilTags, such as apriltag_36h11"
             )
         held = DICTIONARIES.get(name)
         if held is None or held < self.markers:
@@ -166,7 +168,7 @@ class Board(Record):
                     if held is not None
                     else f"and {name!r:.40} is no dictionary known here"
                 )
-                + f"; wanted one of {', '.join(DICTIONARIES)} that has enough"
+                + f"; expected one of {', '.join(DICTIONARIES)} that has enough"
             )
         return name
 
@@ -180,7 +182,7 @@ def parse_board(text: str, square_mm: float, marker_mm: float | None = None) -> 
     match = re.fullmatch(r"([a-z]+):(\d{1,4})[x×](\d{1,4})(?::([a-z0-9_]{1,20}))?", text.strip().lower())
     if match is None or match[1] not in set(Pattern):
         raise InputError(
-            f"board {text!r:.60}: wanted PATTERN:COLUMNSxROWS, such as checkerboard:11x8 for 11×8 inner corners "
+            f"board {text!r:.60}: expected PATTERN:COLUMNSxROWS, such as checkerboard:11x8 for 11×8 inner corners "
             f"(12×9 squares), and for markers :DICTIONARY; patterns are {', '.join(Pattern)}"
         )
     return Board(

@@ -196,11 +196,11 @@ def decode_corners(content: bytes, *, source: str | None = None) -> Observations
 
 def _parsed(content: bytes, source: str | None) -> Any:
     if len(content) > MAX_BYTES:
-        raise ParseError(f"is {len(content)} bytes long, wanted at most {MAX_BYTES}", source=source)
+        raise ParseError(f"is {len(content)} bytes long, expected at most {MAX_BYTES}", source=source)
     try:
         return json.loads(content.decode("utf-8"), object_pairs_hook=_unique, parse_constant=_not_finite)
     except UnicodeDecodeError:
-        raise ParseError("is not UTF-8, wanted a JSON document of corners", source=source) from None
+        raise ParseError("is not UTF-8, expected a JSON document of corners", source=source) from None
     except json.JSONDecodeError as error:
         raise ParseError(f"is not JSON: {error.msg}", source=source, place=f"line {error.lineno}") from None
     except (ValueError, RecursionError) as error:

@@ -38,7 +38,7 @@ def check_detectable(board: Board) -> None:
         check_charuco()
     if not board.has_markers and min(board.columns, board.rows) < FEWEST_ALONG_A_SIDE:
         raise InputError(
-            f"a {board.pattern.value} of {board.columns}×{board.rows}: wanted at least {FEWEST_ALONG_A_SIDE} points "
+            f"a {board.pattern.value} of {board.columns}×{board.rows}: expected at least {FEWEST_ALONG_A_SIDE} points "
             "along each side, better 8"
         )
 

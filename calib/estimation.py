@@ -143,14 +143,14 @@ def _model(model: str | Solvable) -> Solvable | None:
     try:
         return Solvable(model)
     except ValueError:
-        raise InputError(f"model {model!r:.40}: wanted auto, {', '.join(Solvable)}") from None
+        raise InputError(f"model {model!r:.40}: expected auto, {', '.join(Solvable)}") from None
 
 
 def _check(observations: Observations, guess: Intrinsics | None) -> None:
     """Refuse what no detector would have written."""
     width, height = observations.image_size
     if width < 16 or height < 16:
-        raise InputError(f"frames of {width}×{height} px: wanted at least 16 px a side")
+        raise InputError(f"frames of {width}×{height} px: expected at least 16 px a side")
     if guess is not None and guess.image_size != observations.image_size:
         raise InputError(
             "the initial K is of a {}×{} frame, the corners are of {}×{}: scale it first".format(
@@ -187,7 +187,7 @@ def _usable(observations: Observations) -> tuple[Observations, dict[int, Dismiss
     least = 3 if isinstance(observations.board, Board) else 1
     if len(views) < least:
         raise CalibrationError(
-            f"{len(views)} of {len(observations.views)} views show enough of the board to be used: wanted at least "
+            f"{len(views)} of {len(observations.views)} views show enough of the board to be used: expected at least "
             f"{least} to compute anything, 15 to trust it"
         )
     return replace(observations, views=views), dropped

@@ -37,7 +37,7 @@ class Remark:
 
     Attributes:
         reason: which kind.
-        text: what was measured, what was wanted and what to do, without the frame's name.
+        text: what was measured, what was expected and what to do, without the frame's name.
         rejects: whether the view must not be calibrated with.
     """
 
@@ -71,7 +71,7 @@ class NotFound:
 
     Attributes:
         reason: which kind.
-        text: what was found and what was wanted, without the frame's name.
+        text: what was found and what was expected, without the frame's name.
     """
 
     reason: Reason

@@ -122,7 +122,7 @@ def _content(path: Path) -> bytes:
             problem = "is a folder" if path.is_dir() else "does not exist, or is no ordinary file"
             raise InputError(f"{problem}; give the frames as files", source=path.name)
         if (size := path.stat().st_size) > LARGEST_FILE:
-            raise InputError(f"a file of {size} bytes; wanted at most {LARGEST_FILE}", source=path.name)
+            raise InputError(f"a file of {size} bytes; expected at most {LARGEST_FILE}", source=path.name)
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=path.name) from None
@@ -143,7 +143,7 @@ def _decoded(content: bytes, head: ImageHead) -> Gray:
             "or save it as PNG"
         )
     if pixels.dtype not in (np.uint8, np.uint16):
-        raise ParseError(f"pixels of {pixels.dtype}; wanted 8 or 16 bits")
+        raise ParseError(f"pixels of {pixels.dtype}; expected 8 or 16 bits")
     samples: Samples = pixels
     if head.kind != "jpeg" and head.channels == 1 and _is_mosaic(samples):
         raise ParseError(

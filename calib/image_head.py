@@ -66,11 +66,11 @@ def read_head(content: FileBytes) -> ImageHead:
         head = _tiff_head(content)
     else:
         found = "an empty file" if not start else f"starts with {start[:8].hex(' ')}"
-        raise UnknownFormatError(f"{found}; wanted a JPEG, PNG or TIFF as the camera wrote it")
+        raise UnknownFormatError(f"{found}; expected a JPEG, PNG or TIFF as the camera wrote it")
     width, height = head.size
     if min(head.size) < SMALLEST_SIDE or width * height > LARGEST_PIXELS:
         raise ParseError(
-            f"an image of {width}×{height} px; wanted at least {SMALLEST_SIDE} px a side and at most "
+            f"an image of {width}×{height} px; expected at least {SMALLEST_SIDE} px a side and at most "
             f"{LARGEST_PIXELS // 1_000_000} million pixels"
         )
     return head
@@ -126,10 +126,10 @@ def _jpeg_head(content: FileBytes) -> ImageHead:
         bits, height, width, channels = struct.unpack(">BHHB", payload)
         if channels == 4:
             raise ParseError(
-                "a CMYK JPEG, made by a program for print; wanted the frame as the camera wrote it"
+                "a CMYK JPEG, made by a program for print; expected the frame as the camera wrote it"
             )
         if bits != 8 or channels not in {1, 3}:
-            raise ParseError(f"a JPEG of {channels} components of {bits} bits; wanted 1 or 3 of 8")
+            raise ParseError(f"a JPEG of {channels} components of {bits} bits; expected 1 or 3 of 8")
         return ImageHead(kind="jpeg", size=(width, height), channels=channels, bits=bits)
     raise ParseError(f"a JPEG of {len(content)} bytes without a frame; copy it from the camera again")
 
@@ -159,7 +159,7 @@ def _png_head(content: FileBytes) -> ImageHead:
     at = 33
     while (kind := content[at + 4 : at + 8]) and kind not in {b"IDAT", b"IEND"}:
         if kind == b"acTL":
-            raise ParseError("an animated PNG; wanted one frame a file")
+            raise ParseError("an animated PNG; expected one frame a file")
         at += 12 + int.from_bytes(content[at : at + 4])
     return ImageHead(kind="png", size=(width, height), channels=channels, bits=bits)
 
@@ -180,7 +180,7 @@ TIFF_TYPES: Final = {1: "B", 3: "H", 4: "I", 16: "Q"}
 """BYTE, SHORT, LONG and LONG8: the only types of the tags that are read here."""
 
 UNFIT_PHOTOMETRIC: Final = {
-    5: "a CMYK TIFF, made by a program for print; wanted the frame as the camera wrote it",
+    5: "a CMYK TIFF, made by a program for print; expected the frame as the camera wrote it",
     32803: "a TIFF that holds the sensor's raw colour mosaic (Bayer); develop it to gray or RGB first",
     34892: "a TIFF of raw linear data; develop it to gray or RGB first",
 }
@@ -241,11 +241,11 @@ def _tiff_head(content: FileBytes) -> ImageHead:
     if photometric in UNFIT_PHOTOMETRIC:
         raise ParseError(UNFIT_PHOTOMETRIC[photometric])
     if second is not None and WIDTH in second and not (_subfile_type(second) & 1):
-        raise ParseError("a TIFF of several images; wanted one frame a file")
+        raise ParseError("a TIFF of several images; expected one frame a file")
     bits = max(tags.get(BITS) or (1,))
     if bits not in {8, 16} or set(tags.get(SAMPLE_FORMAT) or (1,)) != {1}:
         kind = "floating-point or signed" if set(tags.get(SAMPLE_FORMAT) or (1,)) != {1} else "packed"
-        raise ParseError(f"a TIFF of {kind} samples of {bits} bits; wanted unsigned ones of 8 or 16")
+        raise ParseError(f"a TIFF of {kind} samples of {bits} bits; expected unsigned ones of 8 or 16")
     channels = (tags.get(CHANNELS) or (1,))[0]
     return ImageHead(kind="tiff", size=(tags[WIDTH][0], tags[HEIGHT][0]), channels=channels, bits=bits)
 

@@ -36,7 +36,7 @@ class ControlPoints:
         points = np.array(self.points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
             raise InputError(
-                f"control points of shape {points.shape}: wanted (N, 3) finite coordinates in mm"
+                f"control points of shape {points.shape}: expected (N, 3) finite coordinates in mm"
             )
         object.__setattr__(self, "points", points)
 

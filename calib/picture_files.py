@@ -114,7 +114,7 @@ def decode(data: bytes, *, source: str) -> Picture:
     if pixels.dtype.name not in _DEPTHS or (pixels.ndim == 3 and pixels.shape[2] not in (1, 3, 4)):
         channels = pixels.shape[2] if pixels.ndim == 3 else 1
         raise UnsupportedModelError(
-            f"its pixels are {channels} × {pixels.dtype.name}, wanted 1, 3 or 4 channels of {', '.join(_DEPTHS)}",
+            f"its pixels are {channels} × {pixels.dtype.name}, expected 1, 3 or 4 channels of {', '.join(_DEPTHS)}",
             source=source,
         )
     if kind is Kind.TIFF:

@@ -81,7 +81,7 @@ def page_size(text: str) -> tuple[float, float]:
     sides = (float(match[1]), float(match[2])) if match else (0.0, 0.0)
     if not (min(sides) >= SMALLEST_MM and max(sides) <= LARGEST_MM):
         raise InputError(
-            f"page {text!r:.40}: wanted one of {', '.join(PAGES)} or WIDTHxHEIGHT of 50 … 5000 mm"
+            f"page {text!r:.40}: expected one of {', '.join(PAGES)} or WIDTHxHEIGHT of 50 … 5000 mm"
         )
     return sides
 
@@ -118,7 +118,7 @@ def lay_out(board: Board, size_mm: tuple[float, float] | None = None) -> Page:
     if max(page) > LARGEST_MM:
         raise InputError(
             f"{board} of {board.square_mm:g} mm squares needs a page of {width:g}×{height:g} mm; "
-            f"wanted at most {LARGEST_MM:g} mm along a side"
+            f"expected at most {LARGEST_MM:g} mm along a side"
         )
     strip_top = height - RIM_MM - STRIP_MM
     return Page(

@@ -358,7 +358,7 @@ def _chance(vectors: FloatArray, propagated: FloatArray) -> float | None:
 def _weights(weights: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     W = np.asarray(weights, dtype=np.float64)
     if W.shape != shape or not (W >= 0).all():
-        raise InputError(f"weights of shape {W.shape}: wanted {shape} numbers, none of them negative")
+        raise InputError(f"weights of shape {W.shape}: expected {shape} numbers, none of them negative")
     return W.ravel()
 
 

@@ -105,10 +105,10 @@ def plan(
     """
     _refuse_unknown(calibration)
     if alpha is not None and not 0 <= alpha <= 1:
-        raise InputError(f"alpha is {alpha:g}, wanted 0 (no pixel empty) to 1 (every pixel kept)")
+        raise InputError(f"alpha is {alpha:g}, expected 0 (no pixel empty) to 1 (every pixel kept)")
     if not 0 < max_angle_deg < 90:
         raise InputError(
-            f"the largest angle off the axis is {max_angle_deg:g}°, wanted over 0° and below 90°"
+            f"the largest angle off the axis is {max_angle_deg:g}°, expected over 0° and below 90°"
         )
     if same_focal and size is not None:
         raise InputError("the size cannot both be given and follow from the focal lengths; give one of them")
@@ -123,7 +123,7 @@ def plan(
         new = _resized(start, zoom, outwards=alpha > 0) if same_focal else _zoomed(start, zoom)
     if max(*new.image_size, *K.image_size) > MAX_SIDE:
         raise InputError(
-            f"{'{}×{}'.format(*K.image_size)} px would become {'{}×{}'.format(*new.image_size)}, wanted at "
+            f"{'{}×{}'.format(*K.image_size)} px would become {'{}×{}'.format(*new.image_size)}, expected at "
             f"most {MAX_SIDE} a side; choose a size, or a smaller angle"
         )
     kept, empty = _kept(calibration, new), _empty(calibration, new)
@@ -171,7 +171,7 @@ class Undistorter:
         height, width = pixels.shape[:2]
         if (width, height) != self.plan.source.intrinsics.image_size:
             wanted = "{}×{}".format(*self.plan.source.intrinsics.image_size)
-            raise FrameError(f"the picture is {width}×{height} px, wanted {wanted}")
+            raise FrameError(f"the picture is {width}×{height} px, expected {wanted}")
         if (width, height) != self._size:
             pixels = cv2.resize(pixels, self._size, interpolation=cv2.INTER_AREA)
         how = {
@@ -230,7 +230,7 @@ def _map(source: Calibration, K: Intrinsics, rows: slice) -> _Map:
 def _refuse_unknown(calibration: Calibration) -> Distortion:
     if calibration.distortion is None:
         raise UnsupportedModelError(
-            f"the distortion of {calibration.camera} is unknown, so it cannot be taken out; wanted a "
+            f"the distortion of {calibration.camera} is unknown, so it cannot be taken out; expected a "
             "calibration that tells it, if only that there is none"
         )
     return calibration.distortion
@@ -264,7 +264,7 @@ def _zoom(
     if not (0 < K.cx < width and 0 < K.cy < height):
         raise FrameError(
             f"the principal point ({K.cx:g}, {K.cy:g}) is outside the {width}×{height} frame, so no zoom about "
-            "it keeps the picture; wanted the camera's own K"
+            "it keeps the picture; expected the camera's own K"
         )
     outline, is_cropped = _outline(calibration, max_angle_rad)
     keeps_all = _zoom_of_all(outline, K) if alpha > 0 else 1.0

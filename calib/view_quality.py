@@ -68,7 +68,7 @@ def judge_view(gray: Gray, board: Board, found: Found) -> tuple[float | None, tu
     # The gaps of an AprilGrid are a quarter of its pitch; what is measured in them has room enough in less.
     wanted = SMALL_PX / 2 if board.pattern is Pattern.APRILGRID else SMALL_PX
     if found.spacing_px < wanted:
-        text = f"points {found.spacing_px:.1f} px apart, wanted ≥ {wanted:g}; bring the board nearer"
+        text = f"points {found.spacing_px:.1f} px apart, expected ≥ {wanted:g}; bring the board nearer"
         remarks.append(Remark(reason=Reason.SMALL, text=text))
     if board.pattern is not Pattern.CHECKERBOARD or found.lattice is None:
         return None, tuple(remarks)
@@ -86,12 +86,12 @@ def _blur(widths: tuple[float, float]) -> list[Remark]:
     mean = (thin + wide) / 2
     if wide > DRAGGED_PX and wide > DRAGGED_RATIO * thin:
         text = (
-            f"dragged: edges {wide:.1f} px wide in one direction and {thin:.1f} px in the other, wanted a ratio "
+            f"dragged: edges {wide:.1f} px wide in one direction and {thin:.1f} px in the other, expected a ratio "
             f"< {DRAGGED_RATIO:g}; hold still, or expose shorter"
         )
         return [Remark(reason=Reason.DRAGGED, text=text, rejects=wide > USELESS_PX)]
     if mean > BLURRED_PX:
-        text = f"blurred {mean:.1f} px, wanted < {BLURRED_PX:g}; hold still, and step back to where the lens is sharp"
+        text = f"blurred {mean:.1f} px, expected < {BLURRED_PX:g}; hold still, and step back to where the lens is sharp"
         return [Remark(reason=Reason.BLURRED, text=text, rejects=mean > USELESS_PX)]
     return []
 
@@ -108,7 +108,7 @@ def _light(gray: Gray, lattice: FloatArray) -> list[Remark]:
     low, high = float(np.median(dark)), float(np.median(light))
     remarks = []
     if high - low < LOW_CONTRAST * 255:
-        text = f"contrast of {(high - low) / 2.55:.0f} %, wanted ≥ {100 * LOW_CONTRAST:.0f} %; light the board better"
+        text = f"contrast of {(high - low) / 2.55:.0f} %, expected ≥ {100 * LOW_CONTRAST:.0f} %; light the board better"
         remarks.append(Remark(reason=Reason.LOW_CONTRAST, text=text))
     if np.mean(light >= SATURATED) > MOSTLY_SATURATED:
         share = 100 * float(np.mean(light >= SATURATED))
@@ -145,7 +145,7 @@ def judge_repeats(views: Sequence[View]) -> dict[int, Remark]:
         )
         if apart < SAME_POSE_SHARE * (view.spacing_px or 0.0):
             text = (
-                f"the same pose as {twin.name}, corners {apart:.2f} px apart; wanted ≥ "
+                f"the same pose as {twin.name}, corners {apart:.2f} px apart; expected ≥ "
                 f"{SAME_POSE_SHARE * (view.spacing_px or 0.0):.1f} px: move the board between frames"
             )
             repeats[index] = Remark(reason=Reason.SAME_POSE, text=text, rejects=True)

@@ -137,7 +137,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     wanted = tuple(filter(None, arguments.target.split(","))) or targets()
     unknown = sorted(set(wanted) - set(targets()))
     if unknown or arguments.seconds < 1 or arguments.jobs < 1:
-        parser.error(f"no reader is called {', '.join(unknown)}" if unknown else "wanted numbers from 1 on")
+        parser.error(f"no reader is called {', '.join(unknown)}" if unknown else "expected numbers from 1 on")
     if importlib.util.find_spec("atheris") is None:
         parser.error("atheris is not installed; `make fuzz` installs it where it has a wheel")
     start = time.perf_counter()

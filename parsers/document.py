@@ -3,7 +3,7 @@
 >>> camera = load_json(b'{"cam0": {"intrinsics": [1, 2]}}', source="chain.json")["cam0"]
 >>> camera["intrinsics"].numbers(4)
 Traceback (most recent call last):
-calibrary.errors.ParseError: chain.json: cam0.intrinsics: 2 numbers, wanted 4
+calibrary.errors.ParseError: chain.json: cam0.intrinsics: 2 numbers, expected 4
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Node:
             ParseError: this is not a list.
         """
         if not isinstance(self.value, list):
-            self.fail(f"this is {_kind(self.value)}, wanted a list")
+            self.fail(f"this is {_kind(self.value)}, expected a list")
         here = self.place or ""
         return tuple(
             Node(item, source=self.source, place=f"{here}[{index}]") for index, item in enumerate(self.value)
@@ -92,7 +92,7 @@ class Node:
             ParseError: this is none.
         """
         if not isinstance(self.value, str):
-            self.fail(f"this is {_kind(self.value)}, wanted text")
+            self.fail(f"this is {_kind(self.value)}, expected text")
         return self.value
 
     def number(self) -> float:
@@ -105,13 +105,13 @@ class Node:
         if isinstance(value, str):
             return strict.number(value, source=self.source, place=self.place)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.fail(f"this is {_kind(value)}, wanted a number")
+            self.fail(f"this is {_kind(value)}, expected a number")
         try:
             converted = float(value)
         except OverflowError:
             converted = math.inf
         if not math.isfinite(converted):
-            self.fail("this is not finite, wanted a number")
+            self.fail("this is not finite, expected a number")
         return converted
 
     def whole(self) -> int:
@@ -122,7 +122,7 @@ class Node:
         """
         value = self.number()
         if value != int(value):
-            self.fail(f"{value:g} has a fraction, wanted a whole number")
+            self.fail(f"{value:g} has a fraction, expected a whole number")
         return int(value)
 
     def numbers(self, count: int | Sequence[int] | None = None) -> tuple[float, ...]:
@@ -143,7 +143,7 @@ class Node:
         """
         if isinstance(self.value, list) and self.value and isinstance(self.value[0], list):
             if len(self.value) != rows:
-                self.fail(f"{len(self.value)} rows, wanted {rows}")
+                self.fail(f"{len(self.value)} rows, expected {rows}")
             return tuple(item.numbers(columns) for item in self.items())
         flat = self.numbers(rows * columns)
         return tuple(flat[start : start + columns] for start in range(0, len(flat), columns))
@@ -160,7 +160,7 @@ class Node:
 
     def _table(self) -> dict[str, Json]:
         if not isinstance(self.value, dict):
-            self.fail(f"this is {_kind(self.value)}, wanted a mapping")
+            self.fail(f"this is {_kind(self.value)}, expected a mapping")
         return self.value
 
 
@@ -209,7 +209,7 @@ def _unique_keys(pairs: list[tuple[str, Json]]) -> dict[str, Json]:
 
 
 def _not_finite(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not finite, wanted a number")
+    raise ValueError(f"{name} is not finite, expected a number")
 
 
 def _listed(table: dict[str, Json], most: int = 12) -> str:

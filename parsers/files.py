@@ -125,4 +125,4 @@ def display_name(path: Path) -> str:
 def _refuse_irregular(mode: int, source: str) -> None:
     if not stat.S_ISREG(mode):
         kind = next((name for test, name in _KINDS if test(mode)), "no regular file")
-        raise InputError(f"this is {kind}, wanted a file", source=source)
+        raise InputError(f"this is {kind}, expected a file", source=source)

@@ -206,7 +206,7 @@ def _checked(options: Mapping[str, str], record: Format) -> Mapping[str, str]:
             listed = ", ".join(known) or "none"
             raise InputError(f"format {record.name} asks nothing called {name!r}; it knows {listed}")
         if value not in known[name].values:
-            raise InputError(f"{name} is {value!r}, wanted one of {', '.join(known[name].values)}")
+            raise InputError(f"{name} is {value!r}, expected one of {', '.join(known[name].values)}")
     return options
 
 

@@ -50,7 +50,7 @@ def decode(data: bytes, *, source: str, errors: str = "strict") -> str:
         except UnicodeDecodeError:
             text = data.decode("latin-1")
     if "\0" in text:
-        raise ParseError("the file is binary, wanted text", source=source)
+        raise ParseError("the file is binary, expected text", source=source)
     return text
 
 
@@ -87,7 +87,7 @@ def number(text: str, *, source: str | None = None, place: str | None = None) ->
         if math.isfinite(value):
             return value
     if _NOT_FINITE.fullmatch(stripped) or _NUMBER.fullmatch(stripped):
-        raise ParseError(f"{shown(stripped)} is not finite, wanted a number", source=source, place=place)
+        raise ParseError(f"{shown(stripped)} is not finite, expected a number", source=source, place=place)
     hint = "; write a decimal point" if _DECIMAL_COMMA.fullmatch(stripped) else ""
     raise ParseError(f"{shown(stripped)} is not a number{hint}", source=source, place=place)
 
@@ -120,7 +120,7 @@ def check_count(
     accepted = (wanted,) if isinstance(wanted, int) else wanted
     if accepted is not None and found not in accepted:
         sentence = " or ".join(str(item) for item in accepted)
-        raise ParseError(f"{found} numbers, wanted {sentence}", source=source, place=place)
+        raise ParseError(f"{found} numbers, expected {sentence}", source=source, place=place)
 
 
 def whole(text: str, *, source: str | None = None, place: str | None = None) -> int:
@@ -131,7 +131,7 @@ def whole(text: str, *, source: str | None = None, place: str | None = None) -> 
     """
     value = number(text, source=source, place=place)
     if value != int(value):
-        raise ParseError(f"{shown(text)} has a fraction, wanted a whole number", source=source, place=place)
+        raise ParseError(f"{shown(text)} has a fraction, expected a whole number", source=source, place=place)
     return int(value)
 
 
@@ -146,7 +146,7 @@ def image_size(
     sides = (width, height)
     if not all(math.isfinite(side) and side == int(side) and 1 <= side <= LONGEST_SIDE_PX for side in sides):
         raise ParseError(
-            f"the image size is {width:g}×{height:g}, wanted whole pixels from 1 to {LONGEST_SIDE_PX}",
+            f"the image size is {width:g}×{height:g}, expected whole pixels from 1 to {LONGEST_SIDE_PX}",
             source=source,
             place=place,
         )

@@ -69,7 +69,7 @@ def encoded(
     limit = DEFAULT_MAX_ERROR_PX if max_error_px is None else max_error_px
     if not (math.isfinite(limit) and limit >= 0):
         raise InputError(
-            f"the largest error accepted is {limit} px; wanted a number from 0, as in --max-error-px 0.2"
+            f"the largest error accepted is {limit} px; expected a number from 0, as in --max-error-px 0.2"
         )
     if record.write is None or record.capacity is None:
         raise UnsupportedModelError(f"format {record.name} is read but not written")

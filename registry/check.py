@@ -240,7 +240,9 @@ def _not_positive(matrix: FloatArray, spread: FloatArray) -> str | None:
     smallest = float(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
     if smallest >= SMALLEST_EIGENVALUE:
         return None
-    return f"the covariance is none: its correlations have the eigenvalue {smallest:.3g}, wanted none below 0"
+    return (
+        f"the covariance is none: its correlations have the eigenvalue {smallest:.3g}, expected none below 0"
+    )
 
 
 def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:

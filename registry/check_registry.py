@@ -63,7 +63,9 @@ def parse_range(text: str) -> tuple[str, str | None]:
     """
     before, dots, after = text.partition("..")
     if not dots or not before or after.startswith("."):
-        raise RegistryError(f"{text!r} is no range of revisions, wanted REV..REV, such as origin/main..HEAD")
+        raise RegistryError(
+            f"{text!r} is no range of revisions, expected REV..REV, such as origin/main..HEAD"
+        )
     return before, after or None
 
 
@@ -99,7 +101,7 @@ def _no_files(paths: Iterable[str]) -> Iterator[Finding]:
             rule="regular-file",
             severity=Severity.ERROR,
             place=path,
-            message="is a link or another repository, which nothing here follows; wanted a file",
+            message="is a link or another repository, which nothing here follows; expected a file",
             remedy="take it out",
         )
 

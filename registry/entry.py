@@ -84,10 +84,10 @@ class Sensor(Record):
             if value is None:
                 continue
             if not 0 < float(value) < math.inf:
-                raise InputError(f"the sensor's {name} is {value}, wanted a positive number")
+                raise InputError(f"the sensor's {name} is {value}, expected a positive number")
             force_setattr(self, name, float(value))
         if self.width_mm is None and self.height_mm is None and self.pitch_um is None:
-            raise InputError("a sensor of which nothing is known, wanted width_mm, height_mm or pitch_um")
+            raise InputError("a sensor of which nothing is known, expected width_mm, height_mm or pitch_um")
 
 
 class Validity(Record):
@@ -105,10 +105,10 @@ class Validity(Record):
 
     def __post_init__(self) -> None:
         if self.first is None and self.last is None:
-            raise InputError("a validity without a day, wanted its first, its last or both")
+            raise InputError("a validity without a day, expected its first, its last or both")
         if self.first is not None and self.last is not None and self.last < self.first:
             raise InputError(
-                f"valid from {self.first} until {self.last}, wanted the first day before the last"
+                f"valid from {self.first} until {self.last}, expected the first day before the last"
             )
 
     def __str__(self) -> str:
@@ -176,7 +176,7 @@ class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
         camera, grade = self.calibration.camera, self.calibration.grade
         if not (camera.make or "").strip() or not (camera.model or "").strip():
             raise InputError(
-                f"{camera} has no make or no model, wanted both: a registry finds cameras by them"
+                f"{camera} has no make or no model, expected both: a registry finds cameras by them"
             )
         if camera.image_size != self.calibration.intrinsics.image_size:
             raise InputError("the camera's image size is not the one that K counts in")
@@ -185,12 +185,12 @@ class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
         if not grade.is_metric:
             raise InputError(f"a K of grade {grade.value} is a guess, and no guess enters a registry")
         if self.tolerance is not None and not 0 < self.tolerance <= 1:
-            raise InputError(f"the tolerance is {self.tolerance}, wanted a fraction above 0 and up to 1")
+            raise InputError(f"the tolerance is {self.tolerance}, expected a fraction above 0 and up to 1")
         for name in self.extensions:
             block, _, key = name.rpartition("/")
             if not key.startswith("x-") or (block and not self._has(block)):
                 raise InputError(
-                    f"{name!r:.60} is no field of this entry, wanted x-… or, in a block it has, block/x-…"
+                    f"{name!r:.60} is no field of this entry, expected x-… or, in a block it has, block/x-…"
                 )
 
     def _has(self, block: str) -> bool:

@@ -130,7 +130,7 @@ def read(document: dict[str, Json]) -> dict[str, Json]:
     if isinstance(camera := calibration.get("camera"), dict):
         document["firmware"] = camera.pop("firmware", None)
         if not camera.get("make") or not camera.get("model") or camera.get("image_size") is None:
-            raise InputError("wanted make, model and image_size", place="camera")
+            raise InputError("expected make, model and image_size", place="camera")
         if isinstance(intrinsics := calibration.get("intrinsics"), dict):
             if "image_size" in intrinsics:
                 raise InputError("the image size is said in camera alone", place="intrinsics.image_size")

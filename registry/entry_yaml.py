@@ -101,7 +101,7 @@ def parse_entry(data: bytes, name: str, *, require_digest: bool = True) -> Entry
         InputError: its numbers are no camera's.
     """
     if data.startswith(UTF_16):
-        raise ParseError("is text in UTF-16, which git shows to nobody; wanted UTF-8", source=name)
+        raise ParseError("is text in UTF-16, which git shows to nobody; expected UTF-8", source=name)
     value = load_yaml(data, source=name, max_bytes=LARGEST_ENTRY, max_depth=DEEPEST)
     document = migrated(value, source=name)
     entry = from_json(Entry, document, source=name, locate=partial(line_of, data))
@@ -150,7 +150,7 @@ def number(value: float) -> str:
     """
     value = float(value)
     if not math.isfinite(value):
-        raise InputError(f"{value} is no number that a file can hold, wanted a finite one")
+        raise InputError(f"{value} is no number that a file can hold, expected a finite one")
     text = repr(value)
     mantissa, e, exponent = text.partition("e")
     return f"{mantissa}.0e{exponent}" if e and "." not in mantissa else text
@@ -257,5 +257,5 @@ def _escaped(character: str) -> str:
         return character
     code = ord(character)
     if 0xD800 <= code < 0xE000:
-        raise InputError(f"the lone surrogate {character!a}, wanted text")
+        raise InputError(f"the lone surrogate {character!a}, expected text")
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

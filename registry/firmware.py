@@ -34,13 +34,13 @@ class FirmwareRange(Record):
 
     def __post_init__(self) -> None:
         if self.min is None and self.max is None:
-            raise InputError("a firmware range without min and max, wanted at least one of them")
+            raise InputError("a firmware range without min and max, expected at least one of them")
         for name in ("min", "max"):
             text = getattr(self, name)
             if text is not None:
                 _parsed(text)
         if self.min is not None and self.max is not None and compare(self.min, self.max) > 0:
-            raise InputError(f"firmware from {self.min} to {self.max}, wanted min before max")
+            raise InputError(f"firmware from {self.min} to {self.max}, expected min before max")
 
     def __str__(self) -> str:
         if self.min == self.max:
@@ -94,7 +94,7 @@ def _parsed(text: str) -> tuple[str, tuple[int, ...]]:
     found = _VERSION.fullmatch(match_key(text)[:200])
     if found is None:
         raise InputError(
-            f"firmware {text!r:.60} is no version number, wanted one such as 01.00.0128 or v10.00.12.07"
+            f"firmware {text!r:.60} is no version number, expected one such as 01.00.0128 or v10.00.12.07"
         )
     kind = _WORDS.sub("", found[1]).strip(" .")
     return kind, tuple(int(number) for number in found[2].split("."))

@@ -290,7 +290,7 @@ def parse_lock(data: bytes, name: str) -> Lock:
     paths = [pin.path for pin in pins]
     if len(set(paths)) < len(paths):
         twice = next(path for path in paths if paths.count(path) > 1)
-        raise ParseError(f"pins {twice} twice, wanted it once", source=name)
+        raise ParseError(f"pins {twice} twice, expected it once", source=name)
     return Lock(registry=document.get("registry"), commit=document.get("commit"), pins=pins)
 
 

@@ -129,7 +129,7 @@ def check_path(path: str) -> str:
         or not all(NAME.match(name) and is_safe_name(name) for name in names)
     ):
         raise RegistryError(
-            f"{path!r} is no place in a registry: wanted cameras/<make>/<model>/<variant>.yaml in lower-case "
+            f"{path!r} is no place in a registry: expected cameras/<make>/<model>/<variant>.yaml in lower-case "
             f"letters, digits and . _ ~ + -, or one of {', '.join(sorted(SINGLE_FILES))}, schema/*.json, "
             ".github/workflows/*.yml"
         )
@@ -164,7 +164,7 @@ def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
         InputError: the key has no make, no model or no image size.
     """
     if not camera.make or not camera.model or camera.image_size is None:
-        raise InputError(f"{camera} has no place in a registry, wanted make, model and image size")
+        raise InputError(f"{camera} has no place in a registry, expected make, model and image size")
     width, height = camera.image_size
     parts = [f"{width}x{height}"]
     stated = (("mode", camera.capture_mode), ("sub", camera.sub_camera), ("lens", camera.lens))

@@ -319,10 +319,12 @@ def open_snapshot(place: Path, rev: str | None = None) -> Snapshot:
     if registry is not None:
         return registry.snapshot(rev)
     if rev is not None:
-        raise RegistryError(f"{place}: a plain folder has no revisions; wanted a registry in git for {rev!r}")
+        raise RegistryError(
+            f"{place}: a plain folder has no revisions; expected a registry in git for {rev!r}"
+        )
     if not (place / ROOT).is_dir():
         raise RegistryError(
-            f"{place}: no registry here: wanted one in git (calibrary registry init makes it), or a folder "
+            f"{place}: no registry here: expected one in git (calibrary registry init makes it), or a folder "
             "'cameras' with one YAML file a camera"
         )
     return Snapshot(place=place, configuration=_configuration_in(place))

@@ -254,7 +254,7 @@ def entry_paths(root: Path) -> list[str]:
     cameras = root / ROOT
     if not cameras.is_dir():
         raise RegistryError(
-            f"{root}: no registry here: wanted a folder 'cameras' with one YAML file a camera"
+            f"{root}: no registry here: expected a folder 'cameras' with one YAML file a camera"
         )
 
     def refuse(error: OSError) -> None:
@@ -277,11 +277,11 @@ def read_entry_file(root: Path, path: str) -> bytes:
     file = root / path
     try:
         if file.is_symlink() or not file.is_file():
-            raise RegistryError(f"{path}: wanted a regular file")
+            raise RegistryError(f"{path}: expected a regular file")
         with file.open("rb") as opened:
             data = opened.read(LARGEST_ENTRY + 1)
     except OSError as error:
         raise RegistryError(f"{path}: cannot be read: {error.strerror}") from None
     if len(data) > LARGEST_ENTRY:
-        raise RegistryError(f"{path}: is larger than {LARGEST_ENTRY >> 10} KiB, wanted one camera's entry")
+        raise RegistryError(f"{path}: is larger than {LARGEST_ENTRY >> 10} KiB, expected one camera's entry")
     return data

@@ -51,7 +51,7 @@ def reliable(
     if len(ids) < FEWEST_POINTS or np.linalg.matrix_rank(places - places.mean(axis=0)) < 2:
         return NotFound(
             reason=Reason.FEW_POINTS,
-            text=f"{len(ids)} of {total} points seen; wanted at least {FEWEST_POINTS}, not all on a line",
+            text=f"{len(ids)} of {total} points seen; expected at least {FEWEST_POINTS}, not all on a line",
         )
     off, noise, displaced, smooth = _displaced(places, points, spacing_px)
     if measure is not None and displaced.any() and displaced.mean() <= MOST_DISPLACED and smooth is not None:
@@ -75,7 +75,7 @@ def reliable(
         remarks.append(Remark(reason=Reason.AT_BORDER, text=text))
     kept = ~(displaced | cut)
     if kept.sum() < FEWEST_POINTS:
-        text = f"{kept.sum()} of {total} points inside the frame; wanted at least {FEWEST_POINTS}"
+        text = f"{kept.sum()} of {total} points inside the frame; expected at least {FEWEST_POINTS}"
         return NotFound(reason=Reason.FEW_POINTS, text=text)
     columns, rows = board.lattice
     return Found(

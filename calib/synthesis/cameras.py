@@ -77,7 +77,7 @@ def unit_of(camera: KnownCamera, seed: int) -> Calibration:
     """
     if camera.native_size is None or camera.fx_over_w is None:
         raise InputError(
-            f"{camera.title}: its frame and focal length in pixels are not known; wanted another camera, or its "
+            f"{camera.title}: its frame and focal length in pixels are not known; expected another camera, or its "
             "calibration as a file"
         )
     random = np.random.default_rng([seed, 3])

@@ -36,9 +36,9 @@ def check_empty(out: Path) -> None:
     try:
         if out.is_dir():
             if next(out.iterdir(), None) is not None:
-                raise InputError("is not empty; wanted a new or an empty folder", source=str(out))
+                raise InputError("is not empty; expected a new or an empty folder", source=str(out))
         elif out.exists():
-            raise InputError("is a file; wanted a new or an empty folder", source=str(out))
+            raise InputError("is a file; expected a new or an empty folder", source=str(out))
     except OSError as error:
         raise InputError(f"cannot be looked into: {error.strerror}", source=str(out)) from None
 
@@ -63,7 +63,7 @@ def write_frames(
     """
     check_empty(out)
     if truth.settings.quality is None:
-        raise InputError("frames without a quality cannot be JPEGs; wanted 1 … 95", place="quality")
+        raise InputError("frames without a quality cannot be JPEGs; expected 1 … 95", place="quality")
     made = not out.exists()
     unfinished = out / ".unfinished"
     try:

@@ -94,7 +94,7 @@ def _pose(
         share *= SHRINK
     raise InputError(
         f"{board} of {board.square_mm:g} mm squares fits nowhere into a {K.image_size[0]}×{K.image_size[1]} frame; "
-        "wanted a smaller fill, less tilt or more reach"
+        "expected a smaller fill, less tilt or more reach"
     )
 
 

@@ -54,11 +54,11 @@ class Settings:
             value = getattr(self, name)
             numbers = value if isinstance(value, tuple) else (value,)
             if not all(math.isfinite(number) and low <= number <= high for number in numbers):
-                raise InputError(f"is {value}, wanted {low:g} … {high:g}", place=name)
+                raise InputError(f"is {value}, expected {low:g} … {high:g}", place=name)
         if self.bits not in {8, 16}:
-            raise InputError(f"is {self.bits}, wanted 8 or 16", place="bits")
+            raise InputError(f"is {self.bits}, expected 8 or 16", place="bits")
         if self.quality is not None and (self.bits != 8 or not 1 <= self.quality <= 95):
-            raise InputError(f"is {self.quality}, wanted 1 … 95, and 8 bits", place="quality")
+            raise InputError(f"is {self.quality}, expected 1 … 95, and 8 bits", place="quality")
 
 
 _LIMITS = {

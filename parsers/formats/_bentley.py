@@ -74,7 +74,7 @@ class _Fields:
     def text(self, path: str) -> str:
         found = self.element.findall(path)
         if len(found) != 1:
-            raise ParseError(f"<{path}> occurs {len(found)} times, wanted once", place=path)
+            raise ParseError(f"<{path}> occurs {len(found)} times, expected once", place=path)
         return (found[0].text or "").strip()
 
     def number(self, path: str, default: float | None = None) -> float:
@@ -87,7 +87,7 @@ class _Fields:
             found = self.text(path) if path in self else wanted
             if found != wanted:
                 raise UnsupportedModelError(
-                    f"{path} is {strict.shown(found)}, which has no counterpart here; wanted {wanted}",
+                    f"{path} is {strict.shown(found)}, which has no counterpart here; expected {wanted}",
                     place=path,
                 )
         if self.number("Skew", 0.0):
@@ -109,7 +109,7 @@ class _Fields:
             return None
         if not pitch > 0:
             raise ParseError(
-                f"the size of a pixel is {pitch:g} mm, wanted a positive one", place="SensorSize"
+                f"the size of a pixel is {pitch:g} mm, expected a positive one", place="SensorSize"
             )
         return pitch
 
@@ -142,7 +142,7 @@ class _Fields:
             return middle
         if pitch is None:
             raise ParseError(
-                "it is in mm; wanted <SensorSize> or <PixelSize> beside it", place="PrincipalPoint"
+                "it is in mm; expected <SensorSize> or <PixelSize> beside it", place="PrincipalPoint"
             )
         offsets = (self.number("PrincipalPoint/xmm") / pitch, self.number("PrincipalPoint/ymm") / pitch)
         return middle[0] + offsets[0], middle[1] + offsets[1]

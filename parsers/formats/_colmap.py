@@ -130,7 +130,7 @@ def _k_and_lens(
         InputError: there are too many or too few, or they make no K or no lens.
     """
     if len(parameters) != model.count:
-        raise InputError(f"{model.name} with {len(parameters)} parameters, wanted {model.count}")
+        raise InputError(f"{model.name} with {len(parameters)} parameters, expected {model.count}")
     fx, fy = parameters[0], parameters[model.focals - 1]
     cx, cy = parameters[model.focals : model.focals + 2]
     intrinsics = Intrinsics(fx=fx, fy=fy, cx=cx, cy=cy, image_size=size)

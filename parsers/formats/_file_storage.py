@@ -61,7 +61,7 @@ def load(data: bytes, *, source: str) -> Node:
         root = parse_xml(data, source=source)
         if root.tag != "opencv_storage":
             raise ParseError(
-                f"the XML root is {strict.shown(f'<{root.tag}>')}, wanted <opencv_storage>", source=source
+                f"the XML root is {strict.shown(f'<{root.tag}>')}, expected <opencv_storage>", source=source
             )
         tree = Node(_from_xml(root, source), source=source)
     elif head.startswith(b"{"):
@@ -97,7 +97,7 @@ def matrix(node: Node, rows: int, columns: int) -> tuple[tuple[float, ...], ...]
         return node.matrix(rows, columns)
     values, shape = numbers(node), _shape(node)
     if shape != (rows, columns):
-        node.fail(f"the matrix is {_times(shape)}, wanted {rows}×{columns}")
+        node.fail(f"the matrix is {_times(shape)}, expected {rows}×{columns}")
     return tuple(values[start : start + columns] for start in range(0, len(values), columns))
 
 
@@ -109,18 +109,18 @@ def numbers(node: Node) -> tuple[float, ...]:
     """
     if not _is_matrix(node.value):
         if isinstance(node.value, list) and len(node.value) > LONGEST_VECTOR:
-            node.fail(f"{len(node.value)} items, wanted at most {LONGEST_VECTOR} numbers")
+            node.fail(f"{len(node.value)} items, expected at most {LONGEST_VECTOR} numbers")
         return tuple(number for item in node.items() for number in _flat(item))
     shape = _shape(node)
     kind = node["dt"].text() if "dt" in node else "d"
     if not _KIND.fullmatch(kind) or kind.lstrip("0123456789") != kind:
-        node.fail(f"its elements are {strict.shown(kind)}, wanted one number each")
+        node.fail(f"its elements are {strict.shown(kind)}, expected one number each")
     data = node["data"]
     length = len(data.value) if isinstance(data.value, list) else 1
     if min(shape, default=0) < 0 or length != math.prod(shape):
         node.fail(f"its header says {_times(shape)}, but there are {length} numbers")
     if length > LONGEST_VECTOR:
-        node.fail(f"{length} numbers, wanted at most {LONGEST_VECTOR}")
+        node.fail(f"{length} numbers, expected at most {LONGEST_VECTOR}")
     return data.numbers()
 
 
@@ -145,7 +145,7 @@ def dump(tree: Mapping[str, Json], name: str) -> bytes:
     if suffix not in _WRITERS:
         raise UnsupportedModelError(
             f"the name ends in {strict.shown(suffix)}, which chooses none of OpenCV's syntaxes; "
-            f"wanted {', '.join(_WRITERS)}",
+            f"expected {', '.join(_WRITERS)}",
             source=name,
         )
     return _WRITERS[suffix](tree).encode()

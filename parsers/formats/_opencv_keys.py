@@ -93,7 +93,7 @@ class Keys:
             return None
         values = storage.numbers(both)
         if len(values) != 2:
-            both.fail(f"{len(values)} numbers, wanted width and height")
+            both.fail(f"{len(values)} numbers, expected width and height")
         return strict.image_size(*values, source=both.source, place=both.place)
 
     def quality(self) -> Quality | None:
@@ -103,7 +103,7 @@ class Keys:
             return None
         for node in (rms, views):
             if node is not None and node.number() < 0:
-                node.fail(f"{node.number():g} is less than nothing, wanted a number from 0")
+                node.fail(f"{node.number():g} is less than nothing, expected a number from 0")
         return Quality(
             rms_px=rms.number() if rms is not None else None,
             views=views.whole() if views is not None else None,
@@ -120,7 +120,7 @@ class Keys:
         if node is None:
             return Grade.CALIBRATED
         if node.text() not in list(Grade):
-            node.fail(f"{strict.shown(node.text())} is not a grade, wanted one of {', '.join(Grade)}")
+            node.fail(f"{strict.shown(node.text())} is not a grade, expected one of {', '.join(Grade)}")
         return Grade(node.text())
 
     def fisheye_mark(self) -> bool | None:

@@ -94,7 +94,7 @@ def cameras(found: Sequence[Named], context: ReadContext, *, adjusted: bool) -> 
     ]
     if without and len(without) == len(found):
         raise UnsupportedModelError(
-            f"camera {without[0]}, which has no counterpart here; wanted one of "
+            f"camera {without[0]}, which has no counterpart here; expected one of "
             f"{', '.join(item.name for item in PROJECTIONS)}",
             source=context.name,
         )

@@ -76,7 +76,7 @@ def sensors(document: Node, mark: str) -> tuple[Node, ...]:
     """
     found = document["format"].text()
     if found != mark:
-        raise ParseError(f"its format is {strict.shown(found)}, wanted '{mark}'", source=document.source)
+        raise ParseError(f"its format is {strict.shown(found)}, expected '{mark}'", source=document.source)
     version = document["version"].text()
     if version.partition(".")[0] not in {"0", "1"}:
         raise UnsupportedModelError(
@@ -146,7 +146,7 @@ def optics(node: Node, size: ImageSize) -> tuple[Intrinsics, Distortion]:
     if kind == "fisheye":
         return _fisheye(node, size)
     raise UnsupportedModelError(
-        f"a {strict.shown(kind)} camera has no K; wanted perspective or fisheye",
+        f"a {strict.shown(kind)} camera has no K; expected perspective or fisheye",
         source=node.source,
         place=node["type"].place,
     )
@@ -209,7 +209,7 @@ def _fisheye(node: Node, size: ImageSize) -> tuple[Intrinsics, Distortion]:
         polynomial = polynomial[:-1]
     if not 2 <= len(polynomial) <= MOST_POWERS or polynomial[0] or not polynomial[1] > 0:
         raise UnsupportedModelError(
-            f"the polynomial is {', '.join(f'{p:g}' for p in polynomial[: MOST_POWERS + 1])}; wanted p0 = 0, "
+            f"the polynomial is {', '.join(f'{p:g}' for p in polynomial[: MOST_POWERS + 1])}; expected p0 = 0, "
             f"p1 > 0 and nothing past p{MOST_POWERS - 1}",
             source=node.source,
             place=node["polynomial"].place,

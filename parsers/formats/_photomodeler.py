@@ -44,7 +44,7 @@ def optics(values: Mapping[str, float], size: ImageSize, *, source: str) -> tupl
     """
     focal, width, height = values["F"], values["Fw"], values["Fh"]
     if not (width > 0 and height > 0):
-        raise ParseError(f"the format is {width:g}×{height:g} mm, wanted a positive one", source=source)
+        raise ParseError(f"the format is {width:g}×{height:g} mm, expected a positive one", source=source)
     native = Native(fx=focal, fy=focal, cx=values["Xp"], cy=values["Yp"])
     K = CONVENTION.intrinsics(native, size, sensor_mm=(width, height), source=source)
     if not any(values[key] for key in LENS):

@@ -119,7 +119,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if projection not in {"frame", "fisheye"}:
         raise UnsupportedModelError(
             f"the projection is {strict.shown(projection)}, which has no counterpart here; "
-            "wanted frame or fisheye",
+            "expected frame or fisheye",
             source=context.name,
         )
     size = context.size(fields.size())
@@ -172,7 +172,7 @@ def _intrinsics(fields: _Fields, size: ImageSize, context: ReadContext) -> tuple
     if offset_style and absolute_style:
         raise ParseError(
             f"it contains <{offset_style[0]}> and <{absolute_style[0]}>, which belong to two layouts; "
-            "wanted f, b1, b2 or fx, fy, skew",
+            "expected f, b1, b2 or fx, fy, skew",
             source=context.name,
         )
     if absolute_style:
@@ -239,7 +239,7 @@ class _Fields:
     def __init__(self, root: _Element, source: str) -> None:
         if root.tag != "calibration":
             raise ParseError(
-                f"the XML root is <{strict.shown(str(root.tag))}>, wanted <calibration>", source=source
+                f"the XML root is <{strict.shown(str(root.tag))}>, expected <calibration>", source=source
             )
         self.source = source
         self.elements: dict[str, _Element] = {}

@@ -107,7 +107,7 @@ def _version(node: Node) -> Version:
     if len(numbers) != 3 or numbers[0] != 1:
         shown = ".".join(map(str, numbers[:4]))
         node.fail(
-            f"version {shown} is not known here, wanted 1.x.y; save it again with an AliceVision of today"
+            f"version {shown} is not known here, expected 1.x.y; save it again with an AliceVision of today"
         )
     return numbers[0], numbers[1], numbers[2]
 
@@ -156,11 +156,11 @@ def _focals(
     else:
         sensor_mm, assumptions = SENSOR_WIDTH_MM, (f"the sensor is {SENSOR_WIDTH_MM:g} mm wide",)
     if not sensor_mm > 0:
-        item.fail(f"sensorWidth is {sensor_mm:g} mm, wanted more, to make pixels of a focal length in mm")
+        item.fail(f"sensorWidth is {sensor_mm:g} mm, expected more, to make pixels of a focal length in mm")
     focal = item["focalLength"].number() / sensor_mm * _side(size, context, item.place)
     ratio = item["pixelRatio"].number() if "pixelRatio" in item else 1.0
     if not ratio > 0:
-        item.fail(f"pixelRatio is {ratio:g}, wanted more than 0")
+        item.fail(f"pixelRatio is {ratio:g}, expected more than 0")
     if version < (1, 2, 5):
         return focal, focal / ratio, assumptions
     if version < (1, 2, 11):
@@ -197,7 +197,7 @@ def _lens(item: Node, version: Version) -> Distortion:
     if lens is None or lens not in LENSES:
         name = f"{kind} with {lens}" if lens else kind
         raise UnsupportedModelError(
-            f"{strict.shown(name)} has no counterpart here; wanted a pinhole with one of {', '.join(LENSES)}",
+            f"{strict.shown(name)} has no counterpart here; expected a pinhole with one of {', '.join(LENSES)}",
             source=item.source,
             place=item.place,
         )

@@ -94,7 +94,7 @@ def _numbers(text: str, source: str) -> tuple[float, ...]:
     if not rows or not rows[0].startswith(FAMILY):
         raise ParseError(f"the first line is not {HEADING}", source=source)
     if rows[0] != HEADING:
-        raise ParseError(f"its revision is {strict.shown(rows[0])}, wanted {HEADING}", source=source)
+        raise ParseError(f"its revision is {strict.shown(rows[0])}, expected {HEADING}", source=source)
     if len(rows) == 1:
         raise ParseError("there is no line of numbers after the heading", source=source)
     return strict.numbers(rows[1], count=COUNT, source=source, place="second line")

@@ -123,7 +123,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     size = context.size(None)
     pitch = rows.number("pitch", 1.0)
     if not pitch > 0:
-        raise ParseError(f"the pitch is {pitch:g}, wanted the size of a pixel", source=context.name)
+        raise ParseError(f"the pitch is {pitch:g}, expected the size of a pixel", source=context.name)
     fu, fv, cu, cv = (rows.number(name) for name in ("fu", "fv", "cu", "cv"))
     notes: tuple[str, ...] = (ORIGIN_NOTE,)
     lens = (rows.lens or "TSAI").upper()
@@ -196,7 +196,7 @@ def _taken_apart(data: bytes, source: str) -> _Rows:
                 raise ParseError("there is nothing after the version", source=source)
             if filled[0][1] != "PINHOLE":
                 raise UnsupportedModelError(
-                    f"the camera is {strict.shown(filled[0][1])}, wanted PINHOLE",
+                    f"the camera is {strict.shown(filled[0][1])}, expected PINHOLE",
                     source=source,
                     place="line 2",
                 )
@@ -279,7 +279,7 @@ def _adjustable(rows: _Rows) -> Distortion:
         radial = radial[:-1]
     if len(radial) > 5:
         raise UnsupportedModelError(
-            f"{len(radial)} radial terms have no counterpart here, wanted up to 5", source=rows.source
+            f"{len(radial)} radial terms have no counterpart here, expected up to 5", source=rows.source
         )
     k = dict(zip(("k1", "k2", "k3", "k4", "k5"), (*radial, 0.0, 0.0, 0.0, 0.0, 0.0), strict=False))
     wide = OffCentreBrown(**k, p1=p1, p2=p2)

@@ -82,7 +82,7 @@ def _camera(name: str | None, node: Node, resolution: Node, context: ReadContext
     if kind.text() not in LENSES:
         raise UnsupportedModelError(
             f"the camera type is {strict.shown(kind.text())}, which has no counterpart here; "
-            f"wanted {', '.join(LENSES)}",
+            f"expected {', '.join(LENSES)}",
             source=context.name,
             place=kind.place,
         )
@@ -114,21 +114,21 @@ def _kb4(node: Node) -> Distortion:
 def _ds(node: Node) -> Distortion:
     xi = node["xi"]
     if xi.number() <= -1:
-        xi.fail(f"{xi.number():g}, wanted a number above −1")
+        xi.fail(f"{xi.number():g}, expected a number above −1")
     return DoubleSphere(xi=xi.number(), alpha=_alpha(node))
 
 
 def _eucm(node: Node) -> Distortion:
     beta = node["beta"]
     if beta.number() <= 0:
-        beta.fail(f"{beta.number():g}, wanted a positive number")
+        beta.fail(f"{beta.number():g}, expected a positive number")
     return ExtendedUnified(alpha=_alpha(node), beta=beta.number())
 
 
 def _alpha(node: Node) -> float:
     alpha = node["alpha"].number()
     if not 0 <= alpha <= 1:
-        node["alpha"].fail(f"{alpha:g}, wanted a number from 0 to 1")
+        node["alpha"].fail(f"{alpha:g}, expected a number from 0 to 1")
     return alpha
 
 

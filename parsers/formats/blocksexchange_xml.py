@@ -69,7 +69,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if not 0 < len(groups) <= MAX_PHOTOGROUPS:
         raise ParseError(
             f"the XML root is <{strict.shown(str(root.tag))}> with {len(groups)} <Photogroup>, "
-            f"wanted from 1 to {MAX_PHOTOGROUPS}",
+            f"expected from 1 to {MAX_PHOTOGROUPS}",
             source=context.name,
         )
     found: list[Calibration] = []

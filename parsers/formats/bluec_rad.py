@@ -71,7 +71,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if SKEW in values:
         if skew and abs(values[SKEW] * values["K11"] - skew) > 1e-6 * values["K11"]:
             raise ParseError(
-                f"K12 is {skew:g} and alpha_c·K11 is {values[SKEW] * values['K11']:g}; wanted the same skew",
+                f"K12 is {skew:g} and alpha_c·K11 is {values[SKEW] * values['K11']:g}; expected the same skew",
                 source=context.name,
                 place=SKEW,
             )
@@ -129,7 +129,7 @@ def _values(text: str, source: str) -> dict[str, float]:
 def _check_matrix(values: dict[str, float], source: str) -> None:
     if values["K21"] or values["K31"] or values["K32"] or values["K33"] != 1:
         raise ParseError(
-            "the nine elements are not an intrinsic matrix, wanted K21, K31, K32 = 0 and K33 = 1",
+            "the nine elements are not an intrinsic matrix, expected K21, K31, K32 = 0 and K33 = 1",
             source=source,
         )
 

@@ -124,7 +124,7 @@ def _lens(kc: tuple[float, ...], context: ReadContext) -> Distortion:
     if asked == "fisheye":
         if len(kc) != 4:
             raise ParseError(
-                f"{len(kc)} coefficients of a fisheye, wanted 4", source=context.name, place="kc"
+                f"{len(kc)} coefficients of a fisheye, expected 4", source=context.name, place="kc"
             )
         return KannalaBrandt(k1=kc[0], k2=kc[1], k3=kc[2], k4=kc[3])
     if len(kc) == 4 and asked is None:

@@ -101,17 +101,17 @@ def _images(data: bytes, source: str) -> Iterator[tuple[float, ...]]:
     version = first.removeprefix(MARK).strip().decode("ascii", "replace")
     if not first.startswith(MARK) or version not in VERSIONS:
         raise ParseError(
-            f"it begins with {strict.shown(first[:60].decode('latin-1').strip())}, wanted "
+            f"it begins with {strict.shown(first[:60].decode('latin-1').strip())}, expected "
             f"'{MARK.decode()}' and one of {', '.join(VERSIONS)}",
             source=source,
         )
     cameras, _points = _row(rows, 2, source)
     if not (cameras == int(cameras) and 0 < cameras <= MAX_IMAGES):
-        raise ParseError(f"{cameras:g} cameras, wanted 1 to {MAX_IMAGES}", source=source, place="line 2")
+        raise ParseError(f"{cameras:g} cameras, expected 1 to {MAX_IMAGES}", source=source, place="line 2")
     for _ in range(int(cameras)):
         numbers, *_pose = [_row(rows, count, source) for count in ROWS]
         if numbers[0] < 0:
-            raise ParseError(f"a focal length is {numbers[0]:g}, wanted at least 0", source=source)
+            raise ParseError(f"a focal length is {numbers[0]:g}, expected at least 0", source=source)
         yield numbers
 
 

@@ -127,7 +127,7 @@ def _full_pinhole(tree: Node) -> tuple[Native, Distortion]:
 def _mei(tree: Node) -> tuple[Native, Distortion]:
     xi = tree["mirror_parameters"]["xi"]
     if xi.number() <= -1:
-        xi.fail(f"{xi.number():g}, wanted a number above −1")
+        xi.fail(f"{xi.number():g}, expected a number above −1")
     k1, k2, p1, p2 = _coefficients(tree, "k1", "k2", "p1", "p2")
     native = _focal(tree, "gamma1", "gamma2", "u0", "v0")
     return native, Unified(xi=xi.number(), k1=k1, k2=k2, p1=p1, p2=p2)

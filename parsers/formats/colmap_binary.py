@@ -80,10 +80,10 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
 
 def _cameras(data: bytes, source: str) -> Iterator[StoredCamera]:
     if len(data) < COUNT.size:
-        raise ParseError(f"{len(data)} bytes, wanted a number of cameras in the first 8", source=source)
+        raise ParseError(f"{len(data)} bytes, expected a number of cameras in the first 8", source=source)
     (count,) = COUNT.unpack_from(data)
     if not 0 < count <= MAX_CAMERAS:
-        raise ParseError(f"it states {count} cameras, wanted 1 to {MAX_CAMERAS}", source=source)
+        raise ParseError(f"it states {count} cameras, expected 1 to {MAX_CAMERAS}", source=source)
     at = COUNT.size
     for index in range(count):
         place = f"camera {index + 1} of {count}"

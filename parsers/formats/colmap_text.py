@@ -97,7 +97,7 @@ def _camera(words: list[str], *, source: str, place: str) -> StoredCamera:
     """One line's camera."""
     if len(words) < 5:
         raise ParseError(
-            f"{len(words)} words, wanted a number, a model, a width, a height and the parameters",
+            f"{len(words)} words, expected a number, a model, a width, a height and the parameters",
             source=source,
             place=place,
         )
@@ -106,17 +106,17 @@ def _camera(words: list[str], *, source: str, place: str) -> StoredCamera:
     model = model_named(name)
     if model is None and name not in _PANORAMAS:
         raise UnsupportedModelError(
-            f"COLMAP has no model {strict.shown(name)} that is known here, wanted one of "
+            f"COLMAP has no model {strict.shown(name)} that is known here, expected one of "
             f"{', '.join(item.name for item in COLMAP_MODELS)}",
             source=source,
             place=place,
         )
     count = model.count if model is not None else _PANORAMAS[name]
     if number < 0:
-        raise ParseError(f"camera {number}, wanted a number from 0", source=source, place=place)
+        raise ParseError(f"camera {number}, expected a number from 0", source=source, place=place)
     if len(words) - 4 != count:
         raise ParseError(
-            f"{name} with {len(words) - 4} parameters, wanted {count}", source=source, place=place
+            f"{name} with {len(words) - 4} parameters, expected {count}", source=source, place=place
         )
     return StoredCamera(
         number=number,

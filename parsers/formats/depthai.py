@@ -74,7 +74,7 @@ def _sockets(table: Node) -> Iterator[tuple[str, Node]]:
     for item in table.items():
         pair = item.items()
         if len(pair) != 2:
-            item.fail(f"{len(pair)} values, wanted a socket and a camera")
+            item.fail(f"{len(pair)} values, expected a socket and a camera")
         yield str(pair[0].value), pair[1]
 
 
@@ -97,7 +97,9 @@ def _camera(model: str | None, name: str | None, node: Node, context: ReadContex
     matrix = node["intrinsicMatrix"]
     (fx, skew, cx), (below, fy, cy), last = matrix.matrix(3, 3)
     if below != 0 or last != (0, 0, 1):
-        matrix.fail("this is not a camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
+        matrix.fail(
+            "this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row"
+        )
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     return Calibration(
         camera=CameraKey(make="Luxonis" if model else None, model=model, sub_camera=name, image_size=size),
@@ -114,11 +116,11 @@ def _distortion(node: Node) -> Distortion:
     if number == FISHEYE:
         values = node["distortionCoeff"].numbers()
         if len(values) < 4 or any(values[4:]):
-            node["distortionCoeff"].fail("wanted a fisheye's four coefficients and zeros after them")
+            node["distortionCoeff"].fail("expected a fisheye's four coefficients and zeros after them")
         return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=False)))
     if number != PERSPECTIVE:
         raise UnsupportedModelError(
-            f"cameraType is {number}, which has no counterpart here; wanted 0 (perspective) or 1 (fisheye)",
+            f"cameraType is {number}, which has no counterpart here; expected 0 (perspective) or 1 (fisheye)",
             source=node.source,
             place=node.place,
         )

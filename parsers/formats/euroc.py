@@ -79,7 +79,7 @@ def _distortion(tree: Node) -> Distortion:
 
 def _refuse(node: Node, wanted: str) -> None:
     raise UnsupportedModelError(
-        f"the model is {strict.shown(node.text())}, which has no counterpart here; wanted {wanted}",
+        f"the model is {strict.shown(node.text())}, which has no counterpart here; expected {wanted}",
         source=node.source,
         place=node.place,
     )

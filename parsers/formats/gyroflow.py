@@ -56,7 +56,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     rows = params["camera_matrix"].matrix(3, 3)
     if rows[1][0] or rows[2] != (0.0, 0.0, 1.0):
         params["camera_matrix"].fail(
-            "this is not a camera matrix, wanted [[fx, s, cx], [0, fy, cy], [0, 0, 1]]"
+            "this is not a camera matrix, expected [[fx, s, cx], [0, fy, cy], [0, 0, 1]]"
         )
     (fx, skew, cx), (_, fy, cy), _last = rows
     intrinsics: Intrinsics = CONVENTION.intrinsics(
@@ -101,7 +101,7 @@ def _refuse(document: Node) -> None:
         node = document.get(key)
         if node is not None and node.value not in ("", FISHEYE):
             raise UnsupportedModelError(
-                f"{key} is {strict.shown(node.text())}, which has no counterpart here; wanted {FISHEYE} alone",
+                f"{key} is {strict.shown(node.text())}, which has no counterpart here; expected {FISHEYE} alone",
                 source=document.source,
             )
     for key in STRETCHES:

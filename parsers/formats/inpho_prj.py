@@ -165,7 +165,7 @@ def _calibration(camera: _Rows, context: ReadContext, *, several: bool) -> Calib
     kind = camera.text("KIND", "CCDFrame")
     if kind != "CCDFrame":
         raise UnsupportedModelError(
-            f"the camera's $KIND is {strict.shown(kind)}, wanted CCDFrame: a film or line camera has no K of its "
+            f"the camera's $KIND is {strict.shown(kind)}, expected CCDFrame: a film or line camera has no K of its "
             "own",
             source=context.name,
             place=camera.place,

@@ -66,11 +66,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     K = _array(data, context.name)
     if not np.isfinite(K).all():
         raise ParseError(
-            "the matrix contains NaN or infinity, wanted nine finite numbers", source=context.name
+            "the matrix contains NaN or infinity, expected nine finite numbers", source=context.name
         )
     if not _looks_like_k(K):
         raise ParseError(
-            f"{K.tolist()} is not an intrinsic matrix, wanted fx s cx / 0 fy cy / 0 0 1 with fx and fy in px",
+            f"{K.tolist()} is not an intrinsic matrix, expected fx s cx / 0 fy cy / 0 0 1 with fx and fy in px",
             source=context.name,
         )
     size = context.size(None)
@@ -122,13 +122,13 @@ def _array(data: bytes, source: str) -> NDArray[np.float64]:
         )
     found = _HEADER.fullmatch(header.decode("latin-1"))
     if found is None:
-        raise ParseError("the array's elements are not plain numbers, wanted floats", source=source)
+        raise ParseError("the array's elements are not plain numbers, expected floats", source=source)
     shape = tuple(int(side) for side in found["shape"].replace(",", " ").split())
     if shape != (3, 3):
-        raise ParseError(f"the array has shape {shape}, wanted (3, 3)", source=source)
+        raise ParseError(f"the array has shape {shape}, expected (3, 3)", source=source)
     kind = np.dtype(found["kind"])
     if len(body) != 9 * kind.itemsize:
-        raise ParseError(f"{len(body)} bytes of numbers, wanted {9 * kind.itemsize}", source=source)
+        raise ParseError(f"{len(body)} bytes of numbers, expected {9 * kind.itemsize}", source=source)
     rows = np.frombuffer(body, dtype=kind).astype(np.float64).reshape(3, 3)
     return rows.T if found["fortran"] == "True" else rows
 

@@ -90,7 +90,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if not named:
         tree.fail("there is neither a cam0 nor a camera_model")
     if len(named) > MAX_CAMERAS:
-        tree.fail(f"{len(named)} cameras, wanted at most {MAX_CAMERAS}")
+        tree.fail(f"{len(named)} cameras, expected at most {MAX_CAMERAS}")
     return [_camera(key, node, context, several=len(named) > 1) for key, node in named]
 
 
@@ -113,7 +113,7 @@ def _camera(name: str | None, node: Node, context: ReadContext, *, several: bool
     if model not in SHAPES:
         raise UnsupportedModelError(
             f"the camera model is {strict.shown(model)}, which has no counterpart here; "
-            f"wanted {', '.join(SHAPES)}",
+            f"expected {', '.join(SHAPES)}",
             source=context.name,
             place=node["camera_model"].place,
         )
@@ -147,7 +147,7 @@ def _distortion(model: str, special: dict[str, float], node: Node) -> Distortion
     if kind not in COUNTS:
         raise UnsupportedModelError(
             f"the distortion model is {strict.shown(kind)}, which has no counterpart here; "
-            f"wanted {', '.join(COUNTS)}",
+            f"expected {', '.join(COUNTS)}",
             source=node.source,
             place=node["distortion_model"].place,
         )
@@ -172,7 +172,7 @@ def _check_range(special: dict[str, float], node: Node, *, lowest_xi: float) -> 
     alpha, beta, xi = special.get("alpha", 0.0), special.get("beta", 1.0), special.get("xi", 0.0)
     if not (0 <= alpha <= 1 and beta > 0 and (xi >= 0 or xi > lowest_xi)):
         listed = ", ".join(f"{name} = {value:g}" for name, value in special.items())
-        node.fail(f"{listed}, wanted 0 ≤ alpha ≤ 1, beta > 0 and xi from 0 (for ds from above −1)")
+        node.fail(f"{listed}, expected 0 ≤ alpha ≤ 1, beta > 0 and xi from 0 (for ds from above −1)")
 
 
 def _pinhole(kind: str, values: tuple[float, ...]) -> Distortion:

@@ -176,7 +176,7 @@ class _Sheet:
         """The positive lengths of an entry that must state its unit."""
         entry = self.entries[name]
         if entry.unit not in MM or not min(entry.numbers) > 0:
-            raise self.error("wanted a positive length with its unit, mm or µm", entry.key)
+            raise self.error("expected a positive length with its unit, mm or µm", entry.key)
         return tuple(number * MM[entry.unit] for number in entry.numbers)
 
 
@@ -213,7 +213,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             )
     grade = (sheet.text("grade") or Grade.CALIBRATED).lower()
     if grade not in list(Grade):
-        raise sheet.error(f"{strict.shown(grade)} is not a grade, wanted one of {', '.join(Grade)}", "grade")
+        raise sheet.error(
+            f"{strict.shown(grade)} is not a grade, expected one of {', '.join(Grade)}", "grade"
+        )
     if "grade" not in sheet:
         assumptions += ("the sheet does not state how its numbers came about; taken as calibrated",)
     return [
@@ -271,7 +273,7 @@ def _taken_apart(data: bytes, source: str) -> _Sheet:
             sheet.rest.append((key, value))
         elif name in sheet:
             raise sheet.error(
-                f"it means the same as {strict.shown(sheet.entries[name].key)}; wanted one", key
+                f"it means the same as {strict.shown(sheet.entries[name].key)}; expected one", key
             )
         else:
             sheet.entries[name] = _entry(sheet, name, _Entry(key, value, unit=unit))
@@ -330,7 +332,7 @@ def _focals(sheet: _Sheet) -> list[str]:
     given = [name for name in ("f", "fx", "fy") if name in sheet]
     if given not in (["f"], ["fx", "fy"]) or not {"cx", "cy"} <= sheet.entries.keys():
         raise sheet.error(
-            "wanted the focal length (fx and fy, or focal_length for square pixels) and the principal point (cx and "
+            "expected the focal length (fx and fy, or focal_length for square pixels) and the principal point (cx and "
             f"cy), each with its unit, such as fx_px; found {', '.join(given) or 'no focal length'}"
         )
     return given
@@ -383,7 +385,7 @@ def _pixels(sheet: _Sheet, entry: _Entry, unit: str | None, size: ImageSize) -> 
     if unit == "px":
         return entry.numbers[0]
     if unit not in MM:
-        raise sheet.error(f"its unit {strict.shown(unit or '')} is not known, wanted px or mm", entry.key)
+        raise sheet.error(f"its unit {strict.shown(unit or '')} is not known, expected px or mm", entry.key)
     pitches = list(sheet.mm("pitch")) if "pitch" in sheet else []
     if "sensor" in sheet:
         pitches += [side / count for side, count in zip(sheet.mm("sensor"), size, strict=False)]
@@ -404,7 +406,7 @@ def _word(sheet: _Sheet, name: str, option: Option, context: ReadContext) -> str
         return context.option(option.name)
     word = "-".join(stated.lower().replace("center", "centre").replace("_", " ").split())
     if word not in option.values:
-        raise sheet.error(f"{strict.shown(stated)} is not known, wanted {' or '.join(option.values)}", name)
+        raise sheet.error(f"{strict.shown(stated)} is not known, expected {' or '.join(option.values)}", name)
     return word
 
 
@@ -452,7 +454,7 @@ def _stated_model(sheet: _Sheet, asked: str | None) -> type[Distortion] | None:
     model = OTHER_NAMES.get(word, word)
     if model not in LENSES:
         raise sheet.unsupported(
-            f"{strict.shown(stated)} is not known, wanted {', '.join(LENSES)}", "distortion_model"
+            f"{strict.shown(stated)} is not known, expected {', '.join(LENSES)}", "distortion_model"
         )
     return LENSES[model]
 

@@ -99,7 +99,7 @@ class _Table:
             if match is None:
                 if line.strip():
                     raise ParseError(
-                        f"{strict.shown(line.strip())}, wanted a name, a colon and numbers",
+                        f"{strict.shown(line.strip())}, expected a name, a colon and numbers",
                         source=source,
                         place=f"line {number}",
                     )

@@ -63,12 +63,12 @@ def _document(data: bytes, source: str) -> bytes:
             found = [item for item in archive.infolist() if item.filename == DOCUMENT]
             if len(found) != 1:
                 raise ParseError(
-                    f"the archive contains {len(found)} files {DOCUMENT}, wanted one", source=source
+                    f"the archive contains {len(found)} files {DOCUMENT}, expected one", source=source
                 )
             [item] = found
             if item.flag_bits & ENCRYPTED or item.compress_type not in METHODS:
                 raise ParseError(
-                    f"{DOCUMENT} is encrypted or packed by method {item.compress_type}, wanted stored or deflated",
+                    f"{DOCUMENT} is encrypted or packed by method {item.compress_type}, expected stored or deflated",
                     source=source,
                 )
             with archive.open(item) as file:

@@ -222,7 +222,7 @@ def _sensors(root: _Element, source: str) -> list[_Sensor]:
     """Every sensor with its chunk, in document order."""
     if root.tag not in ROOTS:
         raise ParseError(
-            f"the XML root is <{strict.shown(str(root.tag))}>, wanted one of {', '.join(ROOTS)}",
+            f"the XML root is <{strict.shown(str(root.tag))}>, expected one of {', '.join(ROOTS)}",
             source=source,
         )
     chunks = [root] if root.tag == "chunk" else list(root.iter("chunk"))
@@ -274,7 +274,7 @@ def _standard_deviations(covariance: _Element | None, distortion: Distortion | N
     names = tuple((covariance.findtext("params") or "").split())
     size = len(names)
     if len(set(names)) != size or size > 32:
-        raise ParseError(f"its covariance is of {size} parameters, wanted each once", place=COVARIANCE)
+        raise ParseError(f"its covariance is of {size} parameters, expected each once", place=COVARIANCE)
     coefficients = strict.numbers(covariance.findtext("coeffs") or "", count=size**2, place=COVARIANCE)
     matrix = np.array(coefficients).reshape(size, size)
     place_of = {name: index for index, name in enumerate(names)}

@@ -91,7 +91,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     convention = fields.text("KnownConv") if "KnownConv" in fields else M2C
     if convention not in MODELS:
         raise UnsupportedModelError(
-            f"KnownConv is {strict.shown(convention)}, wanted {M2C} or {C2M}", source=context.name
+            f"KnownConv is {strict.shown(convention)}, expected {M2C} or {C2M}", source=context.name
         )
     focal, (x, y) = fields.numbers("F", 1)[0], fields.numbers("PP", 2)
     if focal == 0:
@@ -141,7 +141,7 @@ def _camera(root: _Element, source: str) -> _Element:
     found = [root] if root.tag == CAMERA else root.findall(CAMERA) if root.tag == ROOTS[0] else []
     if len(found) != 1:
         raise ParseError(
-            f"the XML root is <{strict.shown(str(root.tag))}> with {len(found)} <{CAMERA}>, wanted one",
+            f"the XML root is <{strict.shown(str(root.tag))}> with {len(found)} <{CAMERA}>, expected one",
             source=source,
         )
     return found[0]
@@ -230,7 +230,7 @@ class _Fields:
         found = self.element.findall(name)
         if len(found) != 1:
             raise ParseError(
-                f"<{name}> occurs {len(found)} times, wanted once", source=self.source, place=name
+                f"<{name}> occurs {len(found)} times, expected once", source=self.source, place=name
             )
         return found[0]
 

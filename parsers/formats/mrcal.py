@@ -217,7 +217,7 @@ class _Dictionary:
                 raise ParseError(error.message, source=self.source, place=self.place()) from None
         if token["mark"] not in _CLOSING:
             self.fail(
-                "wanted a text, a number or a list" if token["end"] is None else "the file ends too early"
+                "expected a text, a number or a list" if token["end"] is None else "the file ends too early"
             )
         if depth == DEEPEST:
             self.fail(f"lists nested more than {DEEPEST} deep")
@@ -250,7 +250,7 @@ class _Dictionary:
         """Take that mark."""
         if not self.accept(mark):
             ended = not self.text[self.position :].strip()
-            self.fail("the file ends too early" if ended else f"wanted {mark!r}")
+            self.fail("the file ends too early" if ended else f"expected {mark!r}")
 
     def place(self) -> str:
         return f"line {self.text.count(chr(10), 0, self.position) + 1}"

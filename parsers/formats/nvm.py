@@ -119,7 +119,7 @@ def _heading(text: str, _index: int, *, source: str) -> _Heading:
     rotation = ROTATIONS.get(words[0]) if words else None
     if rotation is None or (len(words) > 1 and words[1] != "FixedK"):
         raise ParseError(
-            f"the first line is {strict.shown(text)}, wanted {' or '.join(ROTATIONS)}, and FixedK or nothing",
+            f"the first line is {strict.shown(text)}, expected {' or '.join(ROTATIONS)}, and FixedK or nothing",
             source=source,
         )
     if len(words) == 1:
@@ -136,21 +136,22 @@ def _images(
     text, index = next(rows, ("", 0))
     count = strict.whole(text, source=source, place=f"line {index}")
     if not 0 < count <= MAX_IMAGES:
-        raise ParseError(f"{count} cameras, wanted 1 to {MAX_IMAGES}", source=source, place=f"line {index}")
+        raise ParseError(f"{count} cameras, expected 1 to {MAX_IMAGES}", source=source, place=f"line {index}")
     numbers_each = heading.rotation + 6
     for done in range(count):
         text, index = next(rows, ("", 0))
         parts = text.rsplit(maxsplit=numbers_each)
         if len(parts) != numbers_each + 1:
             raise ParseError(
-                f"camera {done + 1} of {count} has {max(len(parts) - 1, 0)} numbers, wanted a name and {numbers_each}",
+                f"camera {done + 1} of {count} has {max(len(parts) - 1, 0)} numbers, expected a name and "
+                f"{numbers_each}",
                 source=source,
                 place=f"line {index}",
             )
         numbers = strict.numbers(" ".join(parts[1:]), source=source, place=f"line {index}")
         if not numbers[0] > 0:
             raise ParseError(
-                f"the focal length is {numbers[0]:g}, wanted more", source=source, place=f"line {index}"
+                f"the focal length is {numbers[0]:g}, expected more", source=source, place=f"line {index}"
             )
         yield parts[0].replace('"', " "), numbers[0], numbers[-2]
 

@@ -94,7 +94,7 @@ def _rows(data: bytes, source: str) -> tuple[str, str, str, str, str]:
         row for raw in strict.lines(text, source=source) if (row := raw.strip()) and not row.startswith("#")
     ]
     if len(rows) != 5:
-        raise ParseError(f"{len(rows)} rows of numbers, wanted 5", source=source)
+        raise ParseError(f"{len(rows)} rows of numbers, expected 5", source=source)
     return rows[0], rows[1], rows[2], rows[3], rows[4]
 
 
@@ -103,7 +103,7 @@ def _counted(row: str, place: str, source: str) -> tuple[float, ...]:
     count, *rest = row.split()
     promised = strict.whole(count, source=source, place=place)
     if not 1 <= promised <= MOST:
-        raise ParseError(f"{promised} coefficients, wanted 1 to {MOST}", source=source, place=place)
+        raise ParseError(f"{promised} coefficients, expected 1 to {MOST}", source=source, place=place)
     return strict.numbers(" ".join(rest), count=promised, source=source, place=place)
 
 
@@ -113,7 +113,7 @@ def _lens(a: tuple[float, ...], source: str) -> tuple[Distortion, float]:
     place = "direct mapping function"
     if not a0 < 0:
         raise ParseError(
-            f"a0 is {a0:g}, wanted a negative one: the axis points backwards", source=source, place=place
+            f"a0 is {a0:g}, expected a negative one: the axis points backwards", source=source, place=place
         )
     if a1 or any(a[MOST_READ:]):
         raise UnsupportedModelError(

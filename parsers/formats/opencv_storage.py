@@ -225,7 +225,7 @@ def _camera(
 def _intrinsics(node: Node, size: ImageSize) -> Intrinsics:
     (fx, skew, cx), (below, fy, cy), last = storage.matrix(node, 3, 3)
     if below != 0.0 or last != (0.0, 0.0, 1.0):
-        node.fail("this is not a camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
+        node.fail("this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row")
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     try:
         return CONVENTION.intrinsics(native, size, source=node.source)
@@ -243,7 +243,7 @@ def _distortion(keys: Keys, label: str, context: ReadContext) -> Distortion | No
     if not values:
         return NoDistortion()
     if len(values) not in OPENCV_MODELS:
-        node.fail(f"{len(values)} distortion coefficients, wanted {', '.join(map(str, OPENCV_MODELS))}")
+        node.fail(f"{len(values)} distortion coefficients, expected {', '.join(map(str, OPENCV_MODELS))}")
     if len(values) == 4:
         asked = context.option(DISTORTION.name)
         marked = keys.fisheye_mark()
@@ -257,7 +257,7 @@ def _distortion(keys: Keys, label: str, context: ReadContext) -> Distortion | No
     elif context.option(DISTORTION.name) == "fisheye" or (
         keys.fisheye_mark() and context.option(DISTORTION.name) is None
     ):
-        node.fail(f"{len(values)} coefficients of a fisheye, wanted 4")
+        node.fail(f"{len(values)} coefficients of a fisheye, expected 4")
     if not any(values):
         return NoDistortion()
     kind = OPENCV_MODELS[len(values)]
@@ -269,12 +269,14 @@ def _mirror(keys: Keys, label: str) -> Unified:
     node = keys.tree[keys.mirrors[label]]
     values = storage.numbers(node) if isinstance(node.value, dict | list) else (node.number(),)
     if len(values) != 1 or values[0] <= -1:
-        node.fail(f"xi is {', '.join(f'{value:g}' for value in values)}, wanted one number above −1")
+        node.fail(f"xi is {', '.join(f'{value:g}' for value in values)}, expected one number above −1")
     if label not in keys.coefficients:
-        node.fail("there are no distortion coefficients beside this xi, wanted four")
+        node.fail("there are no distortion coefficients beside this xi, expected four")
     terms = storage.numbers(beside := keys.tree[keys.coefficients[label]])
     if len(terms) != 4:
-        beside.fail(f"{len(terms)} distortion coefficients beside xi, wanted cv2.omnidir's four, k1 k2 p1 p2")
+        beside.fail(
+            f"{len(terms)} distortion coefficients beside xi, expected cv2.omnidir's four, k1 k2 p1 p2"
+        )
     return Unified(xi=values[0], **dict(zip(("k1", "k2", "p1", "p2"), terms, strict=True)))
 
 

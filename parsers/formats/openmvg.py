@@ -129,7 +129,7 @@ def _calibration(
     kind = CLASSES.get(name)
     if kind is None:
         raise UnsupportedModelError(
-            f"{strict.shown(name)} has no counterpart here; wanted one of {', '.join(CLASSES)}",
+            f"{strict.shown(name)} has no counterpart here; expected one of {', '.join(CLASSES)}",
             source=data.source,
             place=data.place,
         )

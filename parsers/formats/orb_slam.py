@@ -101,7 +101,7 @@ def _side(name: str, tree: Node, context: ReadContext) -> Calibration:
         tree[f"{name}.K"].fail("this is not a camera matrix")
     values = storage.numbers(tree[f"{name}.D"])
     if len(values) not in COUNTS:
-        tree[f"{name}.D"].fail(f"{len(values)} coefficients, wanted {', '.join(map(str, COUNTS))}")
+        tree[f"{name}.D"].fail(f"{len(values)} coefficients, expected {', '.join(map(str, COUNTS))}")
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=name),
@@ -122,7 +122,7 @@ def _distortion(name: str, tree: Node) -> Distortion:
     kind = tree["Camera.type"].text() if "Camera.type" in tree else TYPES[0]
     if kind not in TYPES:
         raise UnsupportedModelError(
-            f"the camera type is {strict.shown(kind)}, which has no counterpart here; wanted {', '.join(TYPES)}",
+            f"the camera type is {strict.shown(kind)}, which has no counterpart here; expected {', '.join(TYPES)}",
             source=tree.source,
             place="Camera.type",
         )

@@ -159,7 +159,7 @@ def _sensor_in(comment: str, *, source: str, place: str) -> SizeMm | None:
     width, height = (strict.number(side, source=source, place=place) for side in found.groups())
     if not (width > 0 and height > 0):
         raise ParseError(
-            f"the sensor is {width:g}×{height:g} mm, wanted positive", source=source, place=place
+            f"the sensor is {width:g}×{height:g} mm, expected positive", source=source, place=place
         )
     return width, height
 

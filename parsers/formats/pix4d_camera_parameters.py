@@ -113,7 +113,7 @@ def _images(data: bytes, source: str) -> Iterator[tuple[str, _Camera]]:
         index = block[0][0]
         if len(block) < IMAGE_ROWS:
             raise ParseError(
-                f"{len(block)} lines of an image, wanted {IMAGE_ROWS}; the file is cut short",
+                f"{len(block)} lines of an image, expected {IMAGE_ROWS}; the file is cut short",
                 source=source,
                 place=f"line {index}",
             )

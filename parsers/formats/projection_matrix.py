@@ -66,13 +66,13 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         row for row in short_text(data, source=context.name, max_bytes=LONGEST).splitlines() if row.strip()
     ]
     if len(rows) != 3:
-        raise ParseError(f"{len(rows)} rows of numbers, wanted 3", source=context.name)
+        raise ParseError(f"{len(rows)} rows of numbers, expected 3", source=context.name)
     P = np.array([strict.numbers(row, count=4, source=context.name) for row in rows])
     K = _upper_triangle(P[:, :3], context.name)
     if not (K[0, 0] >= SMALLEST_FOCAL_PX and K[1, 1] >= SMALLEST_FOCAL_PX):
         raise ParseError(
             f"it decomposes into focal lengths of {K[0, 0]:.3g} and {K[1, 1]:.3g}, which are none in px: this is a "
-            "pose or a normalised matrix, wanted P = K·[R | t]",
+            "pose or a normalised matrix, expected P = K·[R | t]",
             source=context.name,
         )
     size = context.size(None)

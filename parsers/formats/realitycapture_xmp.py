@@ -133,7 +133,7 @@ def _fields(root: _Element, source: str) -> Mapping[str, str]:
             described.append(fields)
     if len(described) != 1:
         raise ParseError(
-            f"{len(described)} descriptions hold xcr:{FOCAL}, wanted one; export the metadata with the "
+            f"{len(described)} descriptions hold xcr:{FOCAL}, expected one; export the metadata with the "
             "calibration in it",
             source=source,
         )
@@ -147,7 +147,7 @@ def _distortion(fields: Mapping[str, str], context: ReadContext) -> Distortion |
         return None
     if model not in USED:
         raise UnsupportedModelError(
-            f"the DistortionModel {strict.shown(model)} has no counterpart here, wanted one of {', '.join(USED)}; "
+            f"the DistortionModel {strict.shown(model)} has no counterpart here, expected one of {', '.join(USED)}; "
             "align the images with one of those",
             source=context.name,
             place="DistortionModel",

@@ -184,14 +184,14 @@ def _distortion(model: Node, values: tuple[float, ...], context: ReadContext) ->
     if name not in LENSES:
         raise UnsupportedModelError(
             f"the model is {strict.shown(model.text())}, which has no counterpart here; "
-            f"wanted {', '.join(LENSES)}",
+            f"expected {', '.join(LENSES)}",
             source=model.source,
             place=model.place,
         )
     if not any(values):
         return NoDistortion()
     if len(values) not in {4, 5}:
-        raise ParseError(f"{len(values)} coefficients, wanted 5", source=model.source, place="coeffs")
+        raise ParseError(f"{len(values)} coefficients, expected 5", source=model.source, place="coeffs")
     return LENSES[name](values, model, context)
 
 

@@ -167,7 +167,7 @@ def _native(node: Node) -> Native:
     if fx == 0:
         node.fail("K[0] is 0, which is how ROS marks a camera that is not calibrated")
     if below != 0 or last != (0, 0, 1):
-        node.fail("this is not a camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row")
+        node.fail("this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row")
     return Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
 
 
@@ -190,7 +190,7 @@ def _distortion(tree: Node, spelled: Spelling, *, notes: list[str], assumptions:
     if model not in BY_COUNT:
         raise UnsupportedModelError(
             f"the distortion model is {strict.shown(model)}, which has no counterpart here; "
-            f"wanted {', '.join((*BY_COUNT, *sorted(FISHEYES)))}",
+            f"expected {', '.join((*BY_COUNT, *sorted(FISHEYES)))}",
             source=tree.source,
             place="distortion_model",
         )
@@ -204,7 +204,7 @@ def _declared(node: Node) -> int:
 def _counted(values: tuple[float, ...], counts: tuple[int, ...], node: Node, model: str) -> tuple[float, ...]:
     if len(values) not in counts:
         wanted = " or ".join(map(str, counts))
-        node.fail(f"{len(values)} coefficients for {model}, wanted {wanted}")
+        node.fail(f"{len(values)} coefficients for {model}, expected {wanted}")
     return values
 
 

@@ -144,7 +144,7 @@ def _sections(text: str, source: str) -> Iterator[Section]:
         elif line:
             if not label:
                 raise ParseError(
-                    f"{strict.shown(line)}, wanted one of {', '.join(LABELS)}", source=source, place=place
+                    f"{strict.shown(line)}, expected one of {', '.join(LABELS)}", source=source, place=place
                 )
             numbers += strict.numbers(line, source=source, place=place)
 
@@ -163,7 +163,7 @@ def _keep(section: Section, label: str, numbers: tuple[float, ...], source: str)
         raise ParseError("it is a duplicate key in one section", source=source, place=label)
     if len(numbers) not in LABELS[label]:
         wanted = " or ".join(map(str, LABELS[label]))
-        raise ParseError(f"{len(numbers)} numbers, wanted {wanted}", source=source, place=label)
+        raise ParseError(f"{len(numbers)} numbers, expected {wanted}", source=source, place=label)
     section.blocks[label] = numbers
 
 
@@ -194,7 +194,7 @@ def _camera(section: Section, size: ImageSize, context: ReadContext, *, several:
     fx, skew, cx, below, fy, cy, *last = matrix
     if below != 0 or last != [0, 0, 1]:
         raise ParseError(
-            "this is not a camera matrix: wanted zeros below the diagonal and 0 0 1 in the last row",
+            "this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row",
             source=context.name,
             place="camera matrix",
         )
@@ -224,7 +224,9 @@ def _distortion(values: tuple[float, ...], context: ReadContext) -> Distortion:
     if asked == "fisheye":
         if len(values) != 4:
             raise ParseError(
-                f"{len(values)} coefficients of a fisheye, wanted 4", source=context.name, place="distortion"
+                f"{len(values)} coefficients of a fisheye, expected 4",
+                source=context.name,
+                place="distortion",
             )
         return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
     if len(values) == 4 and any(values) and asked is None:

@@ -149,7 +149,7 @@ def _is_fisheye(document: Node) -> bool:
     model = None if node is None else node.text()
     if other or (model is not None and model != FISHEYE and model not in PERSPECTIVE):
         raise UnsupportedModelError(
-            f"the cameras are {strict.shown(other or model or '')}, which has no counterpart here; wanted "
+            f"the cameras are {strict.shown(other or model or '')}, which has no counterpart here; expected "
             f"{', '.join(sorted(PERSPECTIVE))} or {FISHEYE}",
             source=document.source,
         )
@@ -239,7 +239,7 @@ def _focal(angle_rad: float, side_px: int, source: str) -> float:
     """The focal length of a pinhole that sees the whole side under an angle."""
     if not 0 < angle_rad < math.pi:
         raise ParseError(
-            f"the field of view is {angle_rad:g}, wanted radians between 0 and 3.1416", source=source
+            f"the field of view is {angle_rad:g}, expected radians between 0 and 3.1416", source=source
         )
     return 0.5 * side_px / math.tan(0.5 * angle_rad)
 

@@ -99,7 +99,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     focal, values = _values(text, context.name)
     scale = 1.0 + values["K0"]
     if not scale > 0:
-        raise ParseError(f"K0 is {values['K0']:g}, wanted a small scale", source=context.name, place="K0")
+        raise ParseError(f"K0 is {values['K0']:g}, expected a small scale", source=context.name, place="K0")
     scan_um = context.option(SCAN_UM.name)
     if scan_um is None:
         raise MissingTagError(

@@ -155,7 +155,9 @@ def _sections(text: str, source: str) -> dict[str, Section]:
         key, sign, value = (part.strip() for part in line.partition("="))
         if not sign or section is None:
             raise ParseError(
-                f"{strict.shown(line)}, wanted a section or key=value", source=source, place=f"line {number}"
+                f"{strict.shown(line)}, expected a section or key=value",
+                source=source,
+                place=f"line {number}",
             )
         if key in section.values:
             raise ParseError("it is a duplicate key", source=source, place=f"[{section.name}] {key}")

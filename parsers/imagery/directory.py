@@ -86,7 +86,7 @@ class Tiff:
         orders = {b"II": "<", b"MM": ">"}
         if header[:2] not in orders or len(header) < 8:
             raise block.source.broken(
-                f"found {header[:4]!r} where a TIFF header was wanted (II*\\0 or MM\\0*)"
+                f"found {header[:4]!r} where a TIFF header was expected (II*\\0 or MM\\0*)"
             )
         self.block = block
         self.byte_order = orders[header[:2]]
@@ -95,7 +95,7 @@ class Tiff:
         # exifread and Pillow both take the 42 in the wrong order, which some cameras write.
         if magic not in {42, 43, 42 << 8} or (self._big and len(header) < 16):
             raise block.source.broken(
-                f"found {header[:4]!r} where a TIFF header was wanted (II*\\0 or MM\\0*)"
+                f"found {header[:4]!r} where a TIFF header was expected (II*\\0 or MM\\0*)"
             )
         self.first = self._unpack("Q", header[8:16]) if self._big else self._unpack("I", header[4:8])
 

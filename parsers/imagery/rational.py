@@ -24,7 +24,7 @@ def as_number(value: object, *, source: str | None = None, place: str | None = N
     """
 
     def refuse(found: str) -> BadRationalError:
-        return BadRationalError(f"found {found}; a finite number was wanted", source=source, place=place)
+        return BadRationalError(f"found {found}; a finite number was expected", source=source, place=place)
 
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         if not value:

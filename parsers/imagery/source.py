@@ -59,7 +59,7 @@ class Source:
 
         Args:
             offset: from the start of the file.
-            size: wanted bytes.
+            size: expected bytes.
             ahead: how much to fetch when the bytes are not at hand, if that is more than ``size``.
 
         Raises:
@@ -160,7 +160,7 @@ def _refuse_special(status: os.stat_result, name: str) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = {stat.S_IFDIR: "a directory", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
         found = kind.get(stat.S_IFMT(status.st_mode), "a device")
-        raise InputError(f"this is {found}; an image file was wanted", source=name)
+        raise InputError(f"this is {found}; an image file was expected", source=name)
 
 
 def _reason(error: Exception) -> str:

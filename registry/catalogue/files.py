@@ -89,7 +89,7 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
         return _shipped()
     sources = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
     if not sources:
-        raise InputError("no catalogue here: wanted a YAML file, or a folder with some", source=str(path))
+        raise InputError("no catalogue here: expected a YAML file, or a folder with some", source=str(path))
     return Catalogue(camera for source in sources for camera in _read(source))
 
 
@@ -120,7 +120,7 @@ def _read(path: Path) -> Iterator[KnownCamera]:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", source=str(path)) from None
     if len(data) > LARGEST_FILE:
-        raise ParseError(f"is larger than {LARGEST_FILE >> 20} MiB, wanted a catalogue", source=str(path))
+        raise ParseError(f"is larger than {LARGEST_FILE >> 20} MiB, expected a catalogue", source=str(path))
     maker = load_yaml(data, source=path.name)
     require(maker, SCHEMA, source=path.name, locate=partial(line_of, data))
     return _cameras(cast("_Maker", maker))

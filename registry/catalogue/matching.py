@@ -294,7 +294,7 @@ def _index(cameras: Iterable[KnownCamera]) -> Mapping[tuple[str, str], tuple[Kno
             if identity in there:
                 raise InputError(
                     f"{there[identity].title} and {camera.title} share Model, sub-camera, lens and focal "
-                    "length; wanted one entry for one camera"
+                    "length; expected one entry for one camera"
                 )
             there[identity] = camera
     return {name: tuple(entries.values()) for name, entries in by_name.items()}

@@ -245,7 +245,7 @@ def stream(ref: str, parent: str | None, steps: Sequence[Step]) -> bytes:
 
 def _commit(ref: str, origin: str | None, step: Step, number: int) -> Iterable[bytes]:
     if step.authored.tzinfo is None or step.committed.tzinfo is None:
-        raise RegistryError("the time of a commit states no zone: wanted one with an offset from UTC")
+        raise RegistryError("the time of a commit states no zone: expected one with an offset from UTC")
     yield f"commit {ref}\nmark :{number}\n".encode()
     yield b"author " + step.author.at(step.authored) + b"\n"
     yield b"committer " + step.committer.at(step.committed) + b"\n"

@@ -64,8 +64,8 @@ EXPLAINED = (
     ("Out of diskspace", FULL),
     ("File too large", "a file may not grow that large here; nothing was changed"),
     ("Read-only file system", "the disk is read-only"),
-    ("Permission denied", "access denied; wanted write access to the repository"),
-    ("insufficient permission", "access denied; wanted write access to the repository"),
+    ("Permission denied", "access denied; expected write access to the repository"),
+    ("insufficient permission", "access denied; expected write access to the repository"),
     (
         "dubious ownership",
         "it belongs to another user; git config --global --add safe.directory says you trust it",

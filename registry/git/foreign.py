@@ -155,7 +155,7 @@ def _check_kind(settings: Sequence[Setting], source: str) -> None:
             )
         if setting.key == "extensions.refstorage" and found != "files":
             raise RegistryError(
-                f"{source}: a git repository that keeps its branches as {found}; wanted plain files. Convert "
+                f"{source}: a git repository that keeps its branches as {found}; expected plain files. Convert "
                 "it: git refs migrate --ref-format=files"
             )
 

@@ -125,7 +125,7 @@ def _revision(repo: Repository, fields: list[str], files: str, path: str | None)
     commit = commit.rpartition("\n")[2]
     if HEX.match(commit) is None:
         raise RegistryError(
-            f"{repo.path}: git log told {commit[:60]!r}, wanted a commit; git fsck tells more"
+            f"{repo.path}: git log told {commit[:60]!r}, expected a commit; git fsck tells more"
         )
     return Revision(
         commit=commit,
@@ -271,7 +271,7 @@ def parse_rev(text: str) -> Rev:
     elif NAME.match(text) and not text.startswith("-") and len(text) <= 250:
         return Named(text)
     raise RegistryError(
-        f"{text!r} is no revision: wanted a commit, tag or branch, a date such as 2026-05-01, or firmware:01.09"
+        f"{text!r} is no revision: expected a commit, tag or branch, a date such as 2026-05-01, or firmware:01.09"
     )
 
 
@@ -284,7 +284,7 @@ def _moment_of(text: str) -> datetime:
         return moment + timedelta(days=1, seconds=-1) if is_day else moment.astimezone(UTC)
     except (ValueError, OverflowError):
         raise RegistryError(
-            f"{text!r} is no date: wanted one such as 2026-05-01 or 2026-05-01T12:30Z"
+            f"{text!r} is no date: expected one such as 2026-05-01 or 2026-05-01T12:30Z"
         ) from None
 
 

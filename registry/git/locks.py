@@ -83,7 +83,7 @@ def writer_lock(folder: Path, *, wait_s: float) -> Iterator[WriterLock]:
         handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
     except OSError as error:
         raise RegistryError(
-            f"{folder}: cannot be written: {error.strerror}; wanted write access to the repository"
+            f"{folder}: cannot be written: {error.strerror}; expected write access to the repository"
         ) from None
     try:
         _share(handle, folder)

@@ -76,7 +76,7 @@ def create(
         RegistryError: there is one already, or the folder cannot be made.
     """
     if (path / ".git").exists() or (path / "HEAD").exists():
-        raise RegistryError(f"{path}: there is a git repository already; wanted a folder without one")
+        raise RegistryError(f"{path}: there is a git repository already; expected a folder without one")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -39,7 +39,7 @@ def check_path(path: str) -> str:
     """
     if not all(is_safe_name(name) for name in path.split("/")):
         raise RegistryError(
-            f"{path!r} is not a path in a repository: wanted names of letters, digits, . _ ~ + -"
+            f"{path!r} is not a path in a repository: expected names of letters, digits, . _ ~ + -"
         )
     return path
 
@@ -69,7 +69,7 @@ def check_branch(name: str) -> str:
         or name == "HEAD"
         or any(".." in part or part.endswith((".", ".lock")) for part in parts)
     ):
-        raise RegistryError(f"{name!r} is no name for a branch: wanted letters, digits and . _ + - /")
+        raise RegistryError(f"{name!r} is no name for a branch: expected letters, digits and . _ + - /")
     return name
 
 
@@ -80,7 +80,7 @@ def check_remote_name(name: str) -> str:
         RegistryError: it is not.
     """
     if REMOTE.match(name) is None or ".." in name or name.endswith((".", ".lock")):
-        raise RegistryError(f"{name!r} is no name for a remote: wanted a word such as origin")
+        raise RegistryError(f"{name!r} is no name for a remote: expected a word such as origin")
     return name
 
 
@@ -137,7 +137,7 @@ def _with_scheme(url: str, scheme: str) -> str:
 
 def _refused(url: str, why: str) -> RegistryError:
     return RegistryError(
-        f"{without_secret(url)!r} is no address of a registry ({why}): wanted https://, ssh://, user@host:path or "
+        f"{without_secret(url)!r} is no address of a registry ({why}): expected https://, ssh://, user@host:path or "
         "a folder"
     )
 

@@ -78,7 +78,7 @@ class ObjectReader:
         size = int(parts[2])
         if size > LARGEST_FILE and parts[1] == b"blob":
             self.close()
-            raise RegistryError(f"{name}: {size} bytes, wanted at most {LARGEST_FILE}")
+            raise RegistryError(f"{name}: {size} bytes, expected at most {LARGEST_FILE}")
         data = self._answers.read(size + 1)[:-1]
         if len(data) != size:
             raise EOFError

@@ -94,7 +94,7 @@ def clone(
     url = check_url(url)
     existed = path.exists()
     if existed and (not path.is_dir() or any(path.iterdir())):
-        raise RegistryError(f"{path}: wanted a new or empty folder to clone into")
+        raise RegistryError(f"{path}: expected a new or empty folder to clone into")
     try:
         repo = create(path, bare=bare, durable=durable, check_path=check_path)
         set_remote(repo, "origin", url)

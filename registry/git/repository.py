@@ -95,7 +95,7 @@ def _git_in(folder: Path) -> Git:
     version = _version(git.GIT_PYTHON_GIT_EXECUTABLE)
     if version < OLDEST_GIT:
         found, wanted = (".".join(map(str, numbers)) for numbers in (version, OLDEST_GIT))
-        raise RegistryError(f"found git {found}, wanted {wanted} or newer")
+        raise RegistryError(f"found git {found}, expected {wanted} or newer")
     return git
 
 
@@ -113,7 +113,7 @@ def _version(executable: str) -> tuple[int, ...]:
     told = subprocess.run([executable, "version"], capture_output=True, check=False).stdout  # noqa: S603
     found = re.search(rb"(\d+)\.(\d+)", told)
     if found is None:
-        raise RegistryError(f"{executable}: told {told!r}, wanted git's version")
+        raise RegistryError(f"{executable}: told {told!r}, expected git's version")
     return int(found[1]), int(found[2])
 
 
@@ -164,7 +164,7 @@ class Repository:
         """
         path = Path(os.path.realpath(path.parent if path.name == ".git" else path))
         if not path.is_dir():
-            raise RegistryError(f"{path}: no such folder; wanted a registry, which is a git repository")
+            raise RegistryError(f"{path}: no such folder; expected a registry, which is a git repository")
         git_dir, common_dir, is_bare = _discover(path)
         work_tree = None if is_bare else path
         environment = repository_environment(git_dir, common_dir, work_tree)
@@ -258,7 +258,7 @@ class Repository:
             RegistryError: there is none of that name, or several.
         """
         if any(ord(letter) < 32 for letter in revision) or not revision or len(revision) > 250:
-            raise RegistryError(f"{revision!r} is no revision: wanted a commit, a tag, a branch")
+            raise RegistryError(f"{revision!r} is no revision: expected a commit, a tag, a branch")
         known = self.tip(revision) if HEX.match(revision) else None
         if known is not None:
             return known
@@ -282,7 +282,9 @@ class Repository:
             RegistryError: what git answered is not what it claims to be.
         """
         if "\n" in path or HEX.match(commit) is None:
-            raise RegistryError(f"{commit}:{path!r}: wanted a commit's 40 hex digits and a path of one line")
+            raise RegistryError(
+                f"{commit}:{path!r}: expected a commit's 40 hex digits and a path of one line"
+            )
         found = self._ask(f"{commit}:{path}")
         return Blob(found[0], found[2]) if found and found[1] == b"blob" else None
 
@@ -392,7 +394,7 @@ def _discover(path: Path) -> tuple[Path, Path, bool]:
     if found.code or len(lines) != 3:
         if "not a git repository" in found.told:
             raise RegistryError(
-                f"{path}: no git repository; wanted a registry: calibrary registry init makes one"
+                f"{path}: no git repository; expected a registry: calibrary registry init makes one"
             )
         raise RegistryError(f"{path}: cannot be opened: {explain(found.told)}")
     git_dir = Path(os.path.realpath(lines[1]))

@@ -85,4 +85,4 @@ def require_signed(repo: Repository, commits: Sequence[str], allowed_signers: Pa
     bad = [signature for signature in signatures(repo, commits, allowed_signers) if not signature.is_good]
     if bad:
         shown = "; ".join(map(str, bad[:3])) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
-        raise RegistryError(f"{repo.path}: wanted commits signed by somebody on the list, found {shown}")
+        raise RegistryError(f"{repo.path}: expected commits signed by somebody on the list, found {shown}")

@@ -140,10 +140,10 @@ def _check(repo: Repository, changes: Sequence[Change]) -> None:
     seen = set()
     for change in changes:
         if repo.check_path(change.path) in seen:
-            raise RegistryError(f"{change.path} is changed twice; wanted one change a file")
+            raise RegistryError(f"{change.path} is changed twice; expected one change a file")
         seen.add(change.path)
         if change.data is not None and len(change.data) > LARGEST_FILE:
-            raise RegistryError(f"{change.path}: {len(change.data)} bytes, wanted at most {LARGEST_FILE}")
+            raise RegistryError(f"{change.path}: {len(change.data)} bytes, expected at most {LARGEST_FILE}")
 
 
 def _nothing_due(repo: Repository, parent: str | None) -> str:

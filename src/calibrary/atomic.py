@@ -25,7 +25,7 @@ def check_folder(path: Path, *, place: str | None = None) -> None:
     """
     folder = _existing(path.parent)
     if not folder.is_dir():
-        raise InputError("is a file; wanted a folder", source=str(folder), place=place)
+        raise InputError("is a file; expected a folder", source=str(folder), place=place)
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError("the folder may not be written to", source=str(folder), place=place)
 

@@ -137,10 +137,10 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
         for name in ("fx", "fy", "cx", "cy", "skew"):
             value = float(getattr(self, name))
             if not math.isfinite(value):
-                raise InputError(f"{name} is {value}, wanted a finite number of pixels")
+                raise InputError(f"{name} is {value}, expected a finite number of pixels")
             force_setattr(self, name, value)
         if self.fx <= 0 or self.fy <= 0:
-            raise InputError(f"focal lengths are {self.fx:g} and {self.fy:g} px, wanted positive ones")
+            raise InputError(f"focal lengths are {self.fx:g} and {self.fy:g} px, expected positive ones")
         force_setattr(self, "image_size", _whole(self.image_size))
 
     @property
@@ -161,9 +161,9 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
         """
         K = np.asarray(matrix, dtype=np.float64)
         if K.shape != (3, 3):
-            raise InputError(f"K has shape {K.shape}, wanted (3, 3)")
+            raise InputError(f"K has shape {K.shape}, expected (3, 3)")
         if not np.isfinite(K).all():
-            raise InputError("K holds NaN or infinity, wanted nine finite numbers")
+            raise InputError("K holds NaN or infinity, expected nine finite numbers")
         if K[2, 2] == 0 or K[1, 0] != 0 or K[2, 0] != 0 or K[2, 1] != 0:
             raise InputError(f"K is not upper triangular with K[2, 2] ≠ 0: {K.tolist()}")
         K = K / K[2, 2]
@@ -204,7 +204,7 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
         if width <= 0 or height <= 0 or left < 0 or top < 0 or left + width > w0 or top + height > h0:
             raise FrameError(
                 f"a {w0}×{h0} frame has no part {width}×{height} at ({left:g}, {top:g}); "
-                "wanted a box inside the frame"
+                "expected a box inside the frame"
             )
         return replace(self, cx=self.cx - left, cy=self.cy - top, image_size=(width, height))
 
@@ -516,5 +516,5 @@ def _whole(size: ImageSize) -> ImageSize:
     """``size`` as two ints, if it is an image's."""
     width, height = size
     if not (math.isfinite(width) and math.isfinite(height)) or width % 1 or height % 1 or min(size) <= 0:
-        raise InputError(f"image size is {width}×{height}, wanted whole positive numbers of pixels")
+        raise InputError(f"image size is {width}×{height}, expected whole positive numbers of pixels")
     return int(width), int(height)

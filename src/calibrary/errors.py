@@ -17,7 +17,7 @@
     │   └── ConflictError                somebody changed the entry since
     └── CalibrationError                 a calibration could not be computed
 
-A message says what was found, what was wanted and what to do; ``source`` and ``place`` say where.
+A message says what was found, what was expected and what to do; ``source`` and ``place`` say where.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class Policy:
             band = getattr(self, name)
             if band is not None and not 0 < band[0] < band[1] < math.inf:
                 raise InputError(
-                    f"{name} is [{band[0]:g}, {band[1]:g}], wanted two positive numbers, low before high",
+                    f"{name} is [{band[0]:g}, {band[1]:g}], expected two positive numbers, low before high",
                     source=self.name,
                 )
         for name in (
@@ -72,9 +72,9 @@ class Policy:
         ):
             value = getattr(self, name)
             if value is not None and not 0 <= value <= 1:
-                raise InputError(f"{name} is {value:g}, wanted a fraction 0 … 1", source=self.name)
+                raise InputError(f"{name} is {value:g}, expected a fraction 0 … 1", source=self.name)
         if not 0 <= self.drift_px < math.inf:
-            raise InputError(f"drift_px is {self.drift_px:g}, wanted pixels, 0 or more", source=self.name)
+            raise InputError(f"drift_px is {self.drift_px:g}, expected pixels, 0 or more", source=self.name)
 
 
 FLEET = Policy(name="fleet")

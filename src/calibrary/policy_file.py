@@ -38,13 +38,13 @@ def read_policy(path: Path) -> Policy:
     try:
         if not path.is_file():
             wanted = ", ".join(POLICIES)
-            raise InputError(f"no such policy; wanted {wanted} or a YAML file", source=str(path))
+            raise InputError(f"no such policy; expected {wanted} or a YAML file", source=str(path))
         with path.open("rb") as file:
             data = file.read(LARGEST_POLICY + 1)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", source=str(path)) from None
     if len(data) > LARGEST_POLICY:
-        raise ParseError("is larger than 1 MiB, wanted a policy", source=str(path))
+        raise ParseError("is larger than 1 MiB, expected a policy", source=str(path))
     value = load_yaml(data, source=path.name)
     require(value, "policy-1", source=path.name, locate=partial(line_of, data))
     return policy_from(cast("dict[str, YamlValue]", value))

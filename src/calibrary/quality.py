@@ -50,7 +50,7 @@ class Covariance(Record):
             )
         force_setattr(self, "upper", tuple(float(value) for value in self.upper))
         if not all(math.isfinite(value) for value in self.upper):
-            raise InputError("a covariance holds NaN or infinity, wanted finite numbers")
+            raise InputError("a covariance holds NaN or infinity, expected finite numbers")
         if any(self.upper[at] < 0 for at in _diagonal(n)):
             raise InputError("a covariance holds a negative variance")
 
@@ -68,7 +68,7 @@ class Covariance(Record):
         full = np.asarray(matrix, dtype=np.float64)
         if full.shape != (len(names), len(names)):
             raise InputError(
-                f"a covariance of {len(names)} parameters has shape {full.shape}, wanted {(len(names),) * 2}"
+                f"a covariance of {len(names)} parameters has shape {full.shape}, expected {(len(names),) * 2}"
             )
         spread = np.sqrt(np.abs(np.diag(full)))
         if (np.abs(full - full.T) > SYMMETRY * np.outer(spread, spread)).any():

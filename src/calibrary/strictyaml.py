@@ -94,7 +94,7 @@ def load_yaml(
     """
     octets = _encoded(data, source) if isinstance(data, str) else data
     if len(octets) > max_bytes:
-        raise ParseError(f"is {len(octets)} bytes of YAML, wanted at most {max_bytes}", source=source)
+        raise ParseError(f"is {len(octets)} bytes of YAML, expected at most {max_bytes}", source=source)
     try:
         return _Reader(source, max_depth, frozenset(ignored_tags)).read(_LOADER(octets).get_event)
     except yaml.YAMLError as error:
@@ -166,7 +166,7 @@ class _Reader:
                 outer.append(container)
                 container = value
         if root in ([], [None]):
-            raise ParseError("holds no YAML value, wanted a document", source=self.source)
+            raise ParseError("holds no YAML value, expected a document", source=self.source)
         return root[0]
 
     def key(self, event: ScalarEvent, container: dict[str, YamlValue]) -> str:
@@ -174,10 +174,10 @@ class _Reader:
         self.check_undecorated(event)
         text = self.text(event)
         if text in container:
-            raise self.error(f"key {_shown(text)} is there twice, wanted it once", event)
+            raise self.error(f"key {_shown(text)} is there twice, expected it once", event)
         if not event.style and text in {"", "<<"}:
             what = "an empty key" if not text else "a merge key <<"
-            raise self.error(f"{what}, wanted a key of text: quote it, or write the merged keys out", event)
+            raise self.error(f"{what}, expected a key of text: quote it, or write the merged keys out", event)
         return text
 
     def scalar(self, event: ScalarEvent) -> YamlScalar:
@@ -204,7 +204,7 @@ class _Reader:
             try:
                 text.encode()
             except UnicodeEncodeError as error:
-                raise self.error(f"the lone surrogate {text[error.start]!a}, wanted text", event) from None
+                raise self.error(f"the lone surrogate {text[error.start]!a}, expected text", event) from None
         return text
 
     def number(self, text: str, event: ScalarEvent) -> int | float:
@@ -234,7 +234,7 @@ class _Reader:
         if event.anchor is not None or event.tag is not None:
             self.check_undecorated(event)
         if is_key:
-            raise self.error("a key is a map or list, wanted text", event)
+            raise self.error("a key is a map or list, expected text", event)
         if depth > self.max_depth:
             raise self.error(f"nested more than {self.max_depth} deep", event)
 
@@ -242,25 +242,25 @@ class _Reader:
         """Refuse anchors and tags."""
         if event.anchor is not None:
             raise self.error(
-                f"an anchor &{_shown(event.anchor)}, wanted plain data: write the value out", event
+                f"an anchor &{_shown(event.anchor)}, expected plain data: write the value out", event
             )
         ignored = isinstance(event, CollectionStartEvent) and event.tag in self.ignored_tags
         if event.tag is not None and not ignored:
-            raise self.error(f"a tag {_shown(event.tag)}, wanted plain data: remove it", event)
+            raise self.error(f"a tag {_shown(event.tag)}, expected plain data: remove it", event)
 
     def check_frame(self, event: Event) -> None:
         """Refuse aliases, directives that change meaning, and a second document."""
         if isinstance(event, AliasEvent):
             raise self.error(
-                f"an alias *{_shown(event.anchor or '')}, wanted plain data: write the value out", event
+                f"an alias *{_shown(event.anchor or '')}, expected plain data: write the value out", event
             )
         if not isinstance(event, DocumentStartEvent):
             return
         if self.has_document:
-            raise self.error("a second document starts, wanted one", event)
+            raise self.error("a second document starts, expected one", event)
         self.has_document = True
         if event.tags or event.version not in {None, (1, 2)}:
-            raise self.error("a directive, wanted none or %YAML 1.2: remove it", event)
+            raise self.error("a directive, expected none or %YAML 1.2: remove it", event)
 
     def error(self, message: str, event: Event) -> ParseError:
         """The error for what starts at ``event``."""
@@ -273,7 +273,7 @@ def _encoded(text: str, source: str) -> bytes:
     except UnicodeEncodeError as error:
         line = text.count("\n", 0, error.start) + 1
         found = f"the lone surrogate {text[error.start]!a}"
-        raise ParseError(f"{found}, wanted text", source=source, place=f"line {line}") from None
+        raise ParseError(f"{found}, expected text", source=source, place=f"line {line}") from None
 
 
 def _syntax_error(error: yaml.YAMLError, octets: bytes, source: str) -> ParseError:

@@ -257,7 +257,7 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
         message = f"fx = {fx_over_w:.3f} W, and {agreeing[0].name} says the same independently"
         yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
         return
-    message, remedy = f"fx = {fx_over_w:.3f} W, wanted {low:g} … {high:g} W", None
+    message, remedy = f"fx = {fx_over_w:.3f} W, expected {low:g} … {high:g} W", None
     if not in_band:
         message += ": a 35 mm equivalent or a wrong sensor size, unless the lens really is so"
         knows = policy.known_camera_tolerance is not None
@@ -296,7 +296,7 @@ def _zero_skew(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Fin
         severity=Severity.PASS if ok else Severity.ERROR,
         measured=measured,
         limit=policy.skew_max,
-        message=f"skew is {c.intrinsics.skew:g} px, wanted {'0' if policy.skew_max == 0 else 'next to 0'}",
+        message=f"skew is {c.intrinsics.skew:g} px, expected {'0' if policy.skew_max == 0 else 'next to 0'}",
         remedy=None if ok else "calibrate with skew held at 0",
     )
 

@@ -66,7 +66,7 @@ def test_it_is_plain_data_by_the_commands_schema(result: calibrary.CalibrateResu
 
 
 def test_a_model_that_is_not_there_is_refused_before_any_frame_is_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no lens model 'pinhole'; wanted auto, k1k2"):
+    with pytest.raises(InputError, match="no lens model 'pinhole'; expected auto, k1k2"):
         calibrary.calibrate(tmp_path / "nowhere", square_mm=40, lens_model="pinhole")
 
 

@@ -152,7 +152,7 @@ class TestRefit:
             calibrary.refit(strong, "division", max_error_px=0.01)
 
     def test_a_model_that_is_not_there_is_refused_with_those_that_are(self) -> None:
-        with pytest.raises(InputError, match="'fisheye2'; wanted one of opencv, colmap, none, brown"):
+        with pytest.raises(InputError, match="'fisheye2'; expected one of opencv, colmap, none, brown"):
             calibrary.refit(CAMERA, "fisheye2")
 
 

@@ -42,7 +42,7 @@ class TestOneView:
         (remark,) = remarks_on(Settings(blur_px=3.0))
         assert remark.reason is Reason.BLURRED
         assert remark.text.startswith("blurred 8.")
-        assert "wanted < 8" in remark.text
+        assert "expected < 8" in remark.text
         assert not remark.rejects
 
     def test_a_dragged_view_is_wide_in_one_direction_only(self) -> None:

@@ -71,7 +71,7 @@ def _with_view(**changes: object) -> bytes:
         (b'{"schema": "corners-1", "schema": "corners-1"}', "stands twice"),
         (b'{"views": [NaN]}', "NaN is not a number"),
         (b"9" * 5000, "is not JSON"),
-        (b"[]", "wanted a map"),
+        (b"[]", "expected a map"),
         (_document(schema="corners-2"), "corners-1"),
         (_document(pixel_origin="centre"), "corner"),
         (_document(image_size=[1920, 0]), "at least 1"),

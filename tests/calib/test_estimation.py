@@ -301,5 +301,5 @@ def test_corners_of_no_board_at_all_are_refused() -> None:
 
 
 def test_an_unknown_model_is_refused() -> None:
-    with pytest.raises(InputError, match="wanted auto, k1k2"):
+    with pytest.raises(InputError, match="expected auto, k1k2"):
         estimate(shoot(how=Session(views=3)), "spline")

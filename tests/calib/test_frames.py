@@ -145,7 +145,7 @@ class TestRefusals:
         "content", [b"", b"GIF89a" + bytes(100), b"\0\0\0\x18ftypheic" + bytes(100), bytes(64)]
     )
     def test_what_is_no_jpeg_png_or_tiff(self, tmp_path: Path, content: bytes) -> None:
-        assert "wanted a JPEG, PNG or TIFF" in refusal(tmp_path, content)
+        assert "expected a JPEG, PNG or TIFF" in refusal(tmp_path, content)
         with pytest.raises(UnknownFormatError):
             frame_size(tmp_path / "frame.img")
 

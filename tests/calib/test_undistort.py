@@ -324,7 +324,7 @@ def test_a_principal_point_outside_the_frame_leaves_only_its_own_k() -> None:
 
 
 def test_a_picture_of_another_size_is_refused() -> None:
-    with pytest.raises(FrameError, match="240×160 px, wanted 480×320"):
+    with pytest.raises(FrameError, match="240×160 px, expected 480×320"):
         Undistorter(plan(camera(BROWN)))(noise((240, 160)))
 
 

@@ -456,7 +456,7 @@ def nothing(folder: Path) -> None:
         (mosaic, "checkerboard:9x6", 1, "raw colour mosaic"),
         (printers_ink, "checkerboard:9x6", 3, "CMYK"),
         (cut_short, "checkerboard:9x6", 1, "cut short"),
-        (two_views, "chessboard", 3, "wanted PATTERN:COLUMNSxROWS"),
+        (two_views, "chessboard", 3, "expected PATTERN:COLUMNSxROWS"),
     ],
 )
 def test_bad_frames_get_one_line_and_leave_nothing(
@@ -517,5 +517,5 @@ def test_a_set_of_sights_too_few_to_compute_says_so(calibrated: Run, tmp_path: P
     kept = corners(tmp_path / "kept.json", how=Session(views=2))
     code, _, err = calibrated("--from", kept, "--report", "r.html")
     assert code == 1
-    assert "wanted at least 3" in err
+    assert "expected at least 3" in err
     assert not (tmp_path / "r.html").exists()

@@ -104,7 +104,7 @@ def test_a_camera_that_needs_attention_names_its_images(tmp_path: Path) -> None:
 
 def test_a_focal_length_of_0_0_is_not_blamed_on_the_sensor(outcome: Extraction) -> None:
     rejected = next(c for c in outcome.cameras if c.verdict is Verdict.REJECTED)
-    assert rejected.reason == "EXIF FocalLength is 0/0, wanted a number above 0"
+    assert rejected.reason == "EXIF FocalLength is 0/0, expected a number above 0"
     assert rejected.advice is not None
     assert "sensor" not in rejected.advice
     assert all(way in rejected.advice for way in ("as the camera wrote them", "--registry", "--fallback-k"))

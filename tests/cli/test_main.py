@@ -106,14 +106,17 @@ def test_the_name_alone_shows_the_commands_by_job(capsys: pytest.CaptureFixture[
             ["extract", "a", "--image-dir", "b"],
             "calibrary extract: DIR and --image-dir are the same; give one of them",
         ),
-        (["extract", "--workers", "x"], "calibrary extract: argument --workers: 'x': wanted a whole number"),
+        (
+            ["extract", "--workers", "x"],
+            "calibrary extract: argument --workers: 'x': expected a whole number",
+        ),
         (["extract", "--quiet", "--verbose"], "calibrary extract: argument --verbose/-v: not allowed with"),
         (
             ["registry", "hold", "x"],
             "calibrary registry hold: the following arguments are required: --reason",
         ),
         (["registry"], "calibrary registry: the following arguments are required: COMMAND"),
-        (["registry", "show"], "calibrary registry show: wanted KEY[@REV], or --textconv FILE"),
+        (["registry", "show"], "calibrary registry show: expected KEY[@REV], or --textconv FILE"),
         (
             ["calibrate", "board", "x"],
             "calibrary calibrate board: the following arguments are required: --square-mm",

@@ -52,7 +52,7 @@ def test_every_limit_can_be_said(tmp_path: Path) -> None:
     ("text", "said"),
     [
         ("focal_symetry_max: 0.1\n", "did you mean focal_symmetry_max"),
-        ("focal_symmetry_max: 15\n", "line 3, focal_symmetry_max: 15, wanted at most 1"),
+        ("focal_symmetry_max: 15\n", "line 3, focal_symmetry_max: 15, expected at most 1"),
         ("skew_max: -0.1\n", "line 3, skew_max"),
         ("focal_over_width: [0.8]\n", "focal_over_width"),
         ("focal_over_width: [1.5, 0.8]\n", "focal_over_width"),

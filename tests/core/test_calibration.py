@@ -35,11 +35,11 @@ def test_a_k_that_is_scaled_as_a_whole_is_brought_to_one() -> None:
 @pytest.mark.parametrize(
     ("matrix", "message"),
     [
-        (np.eye(4), r"shape \(4, 4\), wanted \(3, 3\)"),
+        (np.eye(4), r"shape \(4, 4\), expected \(3, 3\)"),
         (np.full((3, 3), math.nan), "NaN or infinity"),
         (K.matrix.T, "not upper triangular"),
         (np.zeros((3, 3)), "not upper triangular"),
-        (np.diag([-100.0, 100.0, 1.0]), "wanted positive ones"),
+        (np.diag([-100.0, 100.0, 1.0]), "expected positive ones"),
     ],
 )
 def test_what_is_no_intrinsic_matrix_is_refused(matrix: np.ndarray, message: str) -> None:
@@ -57,9 +57,9 @@ def test_a_number_of_pixels_is_finite(name: str, value: float) -> None:
 
 @pytest.mark.parametrize("size", [(0, 100), (100, -1), (100.5, 100), (math.nan, 100), (100, math.inf)])
 def test_an_image_has_whole_positive_sides(size: ImageSize) -> None:
-    with pytest.raises(InputError, match="wanted whole positive numbers"):
+    with pytest.raises(InputError, match="expected whole positive numbers"):
         Intrinsics(fx=100, fy=100, cx=50, cy=50, image_size=size)
-    with pytest.raises(InputError, match="wanted whole positive numbers"):
+    with pytest.raises(InputError, match="expected whole positive numbers"):
         K.scaled(size)
 
 
@@ -85,7 +85,7 @@ def test_a_pixel_of_rounding_is_no_other_aspect() -> None:
 
 @pytest.mark.parametrize("box", [(-1, 0, 10, 10), (0, 0, 5473, 10), (10, 0, 10, 3649), (0, 0, 0, 10)])
 def test_a_crop_lies_inside_its_frame(box: tuple[float, float, int, int]) -> None:
-    with pytest.raises(FrameError, match="wanted a box inside the frame"):
+    with pytest.raises(FrameError, match="expected a box inside the frame"):
         K.cropped(box)
 
 

@@ -65,7 +65,7 @@ def test_a_model_cannot_be_changed() -> None:
 
 
 def test_an_array_of_another_shape_is_named() -> None:
-    with pytest.raises(InputError, match=r"shape \(2, 3\), wanted \(N, 2\)"):
+    with pytest.raises(InputError, match=r"shape \(2, 3\), expected \(N, 2\)"):
         NoDistortion().distort(np.zeros((2, 3)))
 
 

@@ -152,7 +152,7 @@ def test_a_key_is_text_whatever_it_looks_like() -> None:
 )
 def test_a_key_twice_is_refused_with_the_line_of_the_second(text: str) -> None:
     error = refusal(text)
-    assert error.message == "key fx is there twice, wanted it once"
+    assert error.message == "key fx is there twice, expected it once"
     assert error.place == "line 3"
 
 
@@ -193,7 +193,7 @@ def test_an_alias_to_nothing_is_refused_by_name() -> None:
 
 @pytest.mark.parametrize("text", ["", "# only a comment\n", "---\n", "null", b"\xef\xbb\xbf"])
 def test_an_empty_document_is_refused(text: bytes | str) -> None:
-    assert refusal(text).message == "holds no YAML value, wanted a document"
+    assert refusal(text).message == "holds no YAML value, expected a document"
 
 
 @pytest.mark.parametrize("text", ["{a: 1}", "a: 1", "---\na: 1\n...\n", "%YAML 1.2\n---\na: 1", "\ufeffa: 1"])
@@ -251,7 +251,7 @@ def test_nesting_ends_where_it_is_said_to() -> None:
 
 def test_size_ends_where_it_is_said_to() -> None:
     assert load_yaml("é: 1", source="s", max_bytes=5) == {"é": 1}
-    with pytest.raises(ParseError, match="is 5 bytes of YAML, wanted at most 4"):
+    with pytest.raises(ParseError, match="is 5 bytes of YAML, expected at most 4"):
         load_yaml("é: 1", source="s", max_bytes=4)
 
 

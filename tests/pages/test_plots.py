@@ -190,7 +190,7 @@ class TestHeatMap:
 
     @pytest.mark.parametrize("shape", [(0, 4), (3,), (2, 2, 2), (2000, 2)])
     def test_of_no_grid_is_refused(self, shape: tuple[int, ...]) -> None:
-        with pytest.raises(InputError, match="wanted"):
+        with pytest.raises(InputError, match="expected"):
             heat_map(np.zeros(shape), SIZE, axis=PX, caption="c")
 
 

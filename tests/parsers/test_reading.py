@@ -146,7 +146,7 @@ def test_cameras_that_do_not_all_read_back_are_refused() -> None:
 
 def test_a_number_that_makes_no_lens_is_the_files_fault(only: Install) -> None:
     def read(_data: bytes, _context: ReadContext) -> list[object]:
-        raise InputError("k1 is nan, wanted a finite number", place="k1")
+        raise InputError("k1 is nan, expected a finite number", place="k1")
 
     only(claiming("alpha", Sure.MAGIC, read=read))
     with pytest.raises(ParseError, match=r"^x\.cal: k1: k1 is nan"):

@@ -48,7 +48,7 @@ def test_a_message_escapes_what_cannot_be_printed() -> None:
 
 def test_numbers_are_counted() -> None:
     assert numbers(" 1 2.5\n3 ", count=(2, 3)) == (1.0, 2.5, 3.0)
-    with pytest.raises(ParseError, match="3 numbers, wanted 4 or 5"):
+    with pytest.raises(ParseError, match="3 numbers, expected 4 or 5"):
         numbers("1 2 3", count=(4, 5))
 
 
@@ -110,15 +110,15 @@ def test_a_complaint_says_which_key_it_is_about() -> None:
     assert camera.get("name") is None
     assert "size" in camera
     for attempt, message in (
-        (lambda: camera["size"].numbers(2), "c.json: cam0.size: 3 numbers, wanted 2"),
+        (lambda: camera["size"].numbers(2), "c.json: cam0.size: 3 numbers, expected 2"),
         (camera["size"].items()[2].whole, r"c.json: cam0.size\[2\]: 1.5 has a fraction"),
         (lambda: camera["fx"], "c.json: cam0: there is no 'fx'; there are 'size', 'name', 'on'"),
-        (camera["on"].number, "c.json: cam0.on: this is a yes or no, wanted a number"),
-        (camera["size"].text, "c.json: cam0.size: this is a list, wanted text"),
-        (camera["name"].items, "c.json: cam0.name: this is empty, wanted a list"),
-        (lambda: camera["size"]["x"], "c.json: cam0.size: this is a list, wanted a mapping"),
-        (lambda: camera["size"].matrix(2, 2), "c.json: cam0.size: 3 numbers, wanted 4"),
-        (lambda: camera.image_size("size", "on"), "c.json: cam0.size: this is a list, wanted a number"),
+        (camera["on"].number, "c.json: cam0.on: this is a yes or no, expected a number"),
+        (camera["size"].text, "c.json: cam0.size: this is a list, expected text"),
+        (camera["name"].items, "c.json: cam0.name: this is empty, expected a list"),
+        (lambda: camera["size"]["x"], "c.json: cam0.size: this is a list, expected a mapping"),
+        (lambda: camera["size"].matrix(2, 2), "c.json: cam0.size: 3 numbers, expected 4"),
+        (lambda: camera.image_size("size", "on"), "c.json: cam0.size: this is a list, expected a number"),
     ):
         with pytest.raises(ParseError, match=message):
             attempt()
@@ -127,7 +127,7 @@ def test_a_complaint_says_which_key_it_is_about() -> None:
 def test_a_matrix_may_lie_in_rows_or_flat() -> None:
     node = load_json(b'{"a": [[1, 2], [3, 4]], "b": [1, 2, 3, 4], "c": [[1, 2]]}', source="x")
     assert node["a"].matrix(2, 2) == node["b"].matrix(2, 2) == ((1, 2), (3, 4))
-    with pytest.raises(ParseError, match="1 rows, wanted 2"):
+    with pytest.raises(ParseError, match="1 rows, expected 2"):
         node["c"].matrix(2, 2)
 
 

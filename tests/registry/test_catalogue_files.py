@@ -34,9 +34,9 @@ def test_a_catalogue_of_ones_own_is_read_from_a_file_or_a_folder(tmp_path: Path)
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('"M1"', "2", "acme.yaml: line 5, cameras[0].models[0]: 2, wanted text: quote it"),
-        ("value: 3.9,", "value: -3.9,", "line 7, cameras[0].pitch_um.value: -3.9, wanted more than 0.1"),
-        ('{value: 3.9, source: "data sheet"}', "3.9", "line 7, cameras[0].pitch_um: 3.9, wanted a map"),
+        ('"M1"', "2", "acme.yaml: line 5, cameras[0].models[0]: 2, expected text: quote it"),
+        ("value: 3.9,", "value: -3.9,", "line 7, cameras[0].pitch_um.value: -3.9, expected more than 0.1"),
+        ('{value: 3.9, source: "data sheet"}', "3.9", "line 7, cameras[0].pitch_um: 3.9, expected a map"),
         (
             ', source: "data sheet"}\n    pitch',
             "}\n    pitch",
@@ -46,14 +46,14 @@ def test_a_catalogue_of_ones_own_is_read_from_a_file_or_a_folder(tmp_path: Path)
         (
             "[6000, 4000]",
             "[6000, 4000.0]",
-            "line 6, cameras[0].native_size.value[1]: 4000.0, wanted a whole number",
+            "line 6, cameras[0].native_size.value[1]: 4000.0, expected a whole number",
         ),
-        ("[6000, 4000]", "[6000]", "cameras[0].native_size.value: [6000], wanted at least 2 items"),
+        ("[6000, 4000]", "[6000]", "cameras[0].native_size.value: [6000], expected at least 2 items"),
         ('make: "Acme"\n', "", "acme.yaml: line 1: lacks make"),
-        ("catalogue-1", "catalogue-9", "'calibrary/catalogue-9', wanted 'calibrary/catalogue-1'"),
+        ("catalogue-1", "catalogue-9", "'calibrary/catalogue-9', expected 'calibrary/catalogue-1'"),
         ('title: "Mapper"', "title: 017", "017 starts with 0"),
         ('title: "Mapper"', 'title: "Mapper"\n    title: "x"', "line 5: key title is there twice"),
-        ('["M1"]', '["M1"]\n    sub_camera: "infrared"', "'infrared', wanted 'blue', 'green'"),
+        ('["M1"]', '["M1"]\n    sub_camera: "infrared"', "'infrared', expected 'blue', 'green'"),
     ],
 )
 def test_what_is_wrong_in_a_catalogue_of_ones_own_is_said_with_its_line(

@@ -51,7 +51,7 @@ def test_every_model_has_its_place_in_a_file(model: str) -> None:
 def test_the_schema_knows_no_other_models() -> None:
     family: Any = load("entry-1")["$defs"]
     assert family["Distortion"]["properties"]["model"]["enum"] == [*MODELS]
-    with pytest.raises(ParseError, match="'own', wanted"):
+    with pytest.raises(ParseError, match="'own', expected"):
         require(document(distortion={"model": "own"}), "entry-1")
 
 

@@ -57,7 +57,7 @@ def test_a_number_is_finite_and_no_boolean(value: float) -> None:
 
 
 def test_a_whole_number_is_written_as_one() -> None:
-    assert said(5472.0, {"type": "integer"}) == [((), "5472.0, wanted a whole number")]
+    assert said(5472.0, {"type": "integer"}) == [((), "5472.0, expected a whole number")]
     assert said(5472, {"type": "integer"}) == []
 
 
@@ -67,24 +67,24 @@ DEEP = {"properties": {"a": {"properties": {"b": {"type": "number"}}}}}
 @pytest.mark.parametrize(
     ("value", "schema", "message"),
     [
-        (1.1, {"type": "string"}, "1.1, wanted text: quote it"),
-        (True, {"type": "string"}, "true, wanted text: quote it"),
-        (None, {"type": "string"}, "null, wanted text: quote it"),
-        ([], {"type": "string"}, "[], wanted text"),
-        ("x", {"type": ["number", "null"]}, "'x', wanted a number or null"),
-        ({}, {"type": "array"}, "a map, wanted a list"),
-        ([1, 2, 3, 4, 5], {"type": "object"}, "a list of 5, wanted a map"),
+        (1.1, {"type": "string"}, "1.1, expected text: quote it"),
+        (True, {"type": "string"}, "true, expected text: quote it"),
+        (None, {"type": "string"}, "null, expected text: quote it"),
+        ([], {"type": "string"}, "[], expected text"),
+        ("x", {"type": ["number", "null"]}, "'x', expected a number or null"),
+        ({}, {"type": "array"}, "a map, expected a list"),
+        ([1, 2, 3, 4, 5], {"type": "object"}, "a list of 5, expected a map"),
         ({}, {"required": ["a", "b"]}, "lacks a, b"),
-        (-1, {"minimum": 0}, "-1, wanted at least 0"),
-        (2, {"maximum": 1}, "2, wanted at most 1"),
-        (0, {"exclusiveMinimum": 0}, "0, wanted more than 0"),
-        (1, {"exclusiveMaximum": 1}, "1, wanted less than 1"),
-        ("c", {"enum": ["a", "b", None]}, "'c', wanted 'a', 'b' or null"),
-        ("c", {"const": "a"}, "'c', wanted 'a'"),
-        ("c", {"pattern": "^[ab]$"}, "'c', wanted text that matches ^[ab]$"),
-        ("", {"minLength": 1}, "'', wanted at least 1 characters"),
-        ([1, 1], {"uniqueItems": True}, "[1, 1], wanted no two items alike"),
-        ([1], {"minItems": 2}, "[1], wanted at least 2 items"),
+        (-1, {"minimum": 0}, "-1, expected at least 0"),
+        (2, {"maximum": 1}, "2, expected at most 1"),
+        (0, {"exclusiveMinimum": 0}, "0, expected more than 0"),
+        (1, {"exclusiveMaximum": 1}, "1, expected less than 1"),
+        ("c", {"enum": ["a", "b", None]}, "'c', expected 'a', 'b' or null"),
+        ("c", {"const": "a"}, "'c', expected 'a'"),
+        ("c", {"pattern": "^[ab]$"}, "'c', expected text that matches ^[ab]$"),
+        ("", {"minLength": 1}, "'', expected at least 1 characters"),
+        ([1, 1], {"uniqueItems": True}, "[1, 1], expected no two items alike"),
+        ([1], {"minItems": 2}, "[1], expected at least 2 items"),
         (
             {"pich": 1},
             {"properties": {"pitch": {}, "size": {}}, "additionalProperties": False},
@@ -93,10 +93,10 @@ DEEP = {"properties": {"a": {"properties": {"b": {"type": "number"}}}}}
         (
             {"zzz": 1},
             {"properties": {"pitch": {}, "size": {}}, "additionalProperties": False},
-            "'zzz' is no key here, wanted pitch or size",
+            "'zzz' is no key here, expected pitch or size",
         ),
-        ("\x1b[2J", {"type": "number"}, "'\\x1b[2J', wanted a number"),
-        ({"a": {"b": "x"}}, {"anyOf": [{"type": "string"}, DEEP]}, "'x', wanted a number"),
+        ("\x1b[2J", {"type": "number"}, "'\\x1b[2J', expected a number"),
+        ({"a": {"b": "x"}}, {"anyOf": [{"type": "string"}, DEEP]}, "'x', expected a number"),
     ],
 )
 def test_a_breach_is_said_in_words(value: Json, schema: dict[str, object], message: str) -> None:
@@ -125,7 +125,7 @@ def test_a_document_is_refused_with_line_path_and_how_much_more_there_is() -> No
     assert "(and 1 more to put right)" in caught.value.message
     with pytest.raises(ParseError) as caught:
         require({"schema": "calibrary/policy-1", "name": 1.1}, "policy-1", locate=partial(line_of, POLICY))
-    assert str(caught.value) == "line 2, name: 1.1, wanted text: quote it"
+    assert str(caught.value) == "line 2, name: 1.1, expected text: quote it"
 
 
 def test_a_good_document_is_let_through() -> None:

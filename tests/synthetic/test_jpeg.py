@@ -39,7 +39,7 @@ def test_a_flat_frame_of_twenty_megapixels_decodes_and_is_small() -> None:
 
 @pytest.mark.parametrize("size", [(0, 10), (10, 65_536)])
 def test_a_frame_no_jpeg_can_hold_is_refused(size: tuple[int, int]) -> None:
-    with pytest.raises(InputError, match=r"wanted sides of 1 … 65535"):
+    with pytest.raises(InputError, match=r"expected sides of 1 … 65535"):
         flat_scan(size)
 
 
@@ -77,7 +77,7 @@ def test_pixels_may_be_coloured(tmp_path: Path) -> None:
 
 
 def test_pixels_of_another_size_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="wanted those of 64×48"):
+    with pytest.raises(InputError, match="expected those of 64×48"):
         write_jpeg(tmp_path / "a.jpg", (64, 48), pixels=np.zeros((64, 48), dtype=np.uint8))
 
 
@@ -90,7 +90,7 @@ def test_any_segments_may_stand_in_any_order() -> None:
 
 
 def test_a_payload_too_long_for_a_segment_is_refused() -> None:
-    with pytest.raises(InputError, match=r"0xFFE3.*wanted at most 65533"):
+    with pytest.raises(InputError, match=r"0xFFE3.*expected at most 65533"):
         Segment(0xE3, bytes(65_534)).encode()
 
 

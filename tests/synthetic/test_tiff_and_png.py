@@ -95,7 +95,7 @@ def test_gdals_list_is_an_xml_document_of_items(tmp_path: Path) -> None:
 
 
 def test_a_file_of_no_pages_is_refused() -> None:
-    with pytest.raises(InputError, match="wanted at least one"):
+    with pytest.raises(InputError, match="expected at least one"):
         encode_tiff([])
 
 
@@ -105,9 +105,9 @@ def test_a_thumbnail_is_refused_because_it_would_be_a_page() -> None:
 
 
 def test_a_page_of_odd_depth_or_shape_is_refused() -> None:
-    with pytest.raises(InputError, match="wanted 8 or 16 bits"):
+    with pytest.raises(InputError, match="expected 8 or 16 bits"):
         TiffPage(size=(8, 8), bits=12)
-    with pytest.raises(InputError, match="wanted 16 bits and 8×8"):
+    with pytest.raises(InputError, match="expected 16 bits and 8×8"):
         TiffPage(size=(8, 8), bits=16, pixels=np.zeros((8, 8), dtype=np.uint8))
 
 

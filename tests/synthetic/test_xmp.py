@@ -113,7 +113,7 @@ def test_a_packet_is_filled_up_to_its_length_before_its_end() -> None:
 
 
 def test_a_packet_longer_than_its_length_is_refused() -> None:
-    with pytest.raises(InputError, match="wanted at most 100"):
+    with pytest.raises(InputError, match="expected at most 100"):
         packet(*attributes(DRONE_DJI, DewarpFlag="0"), length=100).encode()
 
 

@@ -111,7 +111,7 @@ def calibrate(
     'few-views'
     """
     if lens_model != "auto" and lens_model not in list(Solvable):
-        raise InputError(f"no lens model {lens_model!r:.40}; wanted auto, {', '.join(Solvable)}")
+        raise InputError(f"no lens model {lens_model!r:.40}; expected auto, {', '.join(Solvable)}")
     pattern = parse_board(board, square_mm, marker_mm) if board is not None else float(square_mm)
     paths = find_frames([str(one) for one in ([frames] if isinstance(frames, str | Path) else frames)])
     metadata = describe_frames(paths, _stated(camera), focus)

@@ -173,7 +173,7 @@ def refit(
         capacity = Capacity(models=(MODELS[model],), skew=True)
     else:
         raise InputError(
-            f"no distortion model {model!r:.60}; wanted one of {', '.join([*families, *MODELS])}"
+            f"no distortion model {model!r:.60}; expected one of {', '.join([*families, *MODELS])}"
         )
     fitted = adapt(camera, capacity, max_error_px=max_error_px)
     if fitted.distortion == camera.distortion or fitted.quality is None:

@@ -85,9 +85,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _run(arguments: argparse.Namespace) -> int:
     wants_fleet = arguments.since is not None or arguments.firmware is not None
     if wants_fleet == bool(arguments.operands) or len(arguments.operands) not in {0, 2}:
-        arguments.parser.error("wanted two calibrations A B, or --since REV, or --firmware OLD..NEW")
+        arguments.parser.error("expected two calibrations A B, or --since REV, or --firmware OLD..NEW")
     if not 0 < arguments.altitude_m < float("inf"):
-        arguments.parser.error("--altitude-m: wanted metres above ground, more than 0")
+        arguments.parser.error("--altitude-m: expected metres above ground, more than 0")
     if arguments.html is not None:
         from calibrary.jobs.extract.outputs import check_page_place
 
@@ -237,7 +237,7 @@ def _fleet(arguments: argparse.Namespace) -> int:
         else:
             old, dots, new = arguments.firmware.partition("..")
             if not (old and dots and new):
-                arguments.parser.error("--firmware: wanted OLD..NEW, such as 01.08..01.09")
+                arguments.parser.error("--firmware: expected OLD..NEW, such as 01.08..01.09")
             changes = by_firmware(registry, old, new, policy, progress)
     if arguments.html is not None:
         from calibrary.jobs.diff.page import fleet_page

@@ -242,13 +242,13 @@ def _between(text: str, low: float, high: float, wanted: str) -> _Given:
     try:
         value = _Given(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number, wanted {wanted}") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is no number, expected {wanted}") from None
     if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text} is out of range, wanted {wanted}")
+        raise argparse.ArgumentTypeError(f"{text} is out of range, expected {wanted}")
     return value
 
 
 def _count(text: str) -> int:
     if not text.isdecimal() or not 0 <= int(text) <= 256:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 0 … 256")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 0 … 256")
     return int(text)

@@ -210,7 +210,7 @@ def _questions(arguments: argparse.Namespace) -> Questions:
         )
         text = _asked(arguments, question, "--for unit or --for model").lower()
         if text not in {"unit", "model"}:
-            arguments.parser.error(f"--for: {text!r:.20}, wanted unit or model")
+            arguments.parser.error(f"--for: {text!r:.20}, expected unit or model")
         return Serves(text)
 
     return Questions(square_mm=square_mm, serves=serves)
@@ -360,5 +360,5 @@ def _say(screen: Screen, text: str, style: str | None = None) -> None:
 
 def _count(text: str) -> int:
     if not text.isdecimal() or len(text) > 4 or int(text) > 256:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 0 … 256")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 0 … 256")
     return int(text)

@@ -73,18 +73,18 @@ def image_size(text: str) -> ImageSize:
     """(width, height) out of "5472x3648"."""
     width, _, height = text.lower().replace("×", "x").partition("x")
     if not (width.isdecimal() and height.isdecimal() and int(width) > 0 and int(height) > 0):
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted WxH in whole pixels, such as 5472x3648")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected WxH in whole pixels, such as 5472x3648")
     return int(width), int(height)
 
 
 def _mebibytes(text: str) -> int:
     if not text.isdecimal() or not 0 < int(text) <= LARGEST_MIB:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted whole MiB, 1 to {LARGEST_MIB}")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected whole MiB, 1 to {LARGEST_MIB}")
     return int(text)
 
 
 def _option(text: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not (name and equals and value):
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted NAME=VALUE")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected NAME=VALUE")
     return name, value

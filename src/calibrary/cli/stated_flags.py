@@ -33,4 +33,4 @@ def _day(text: str) -> str:
     try:
         return date.fromisoformat(text).isoformat()
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a day such as 2019-03-05") from None
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a day such as 2019-03-05") from None

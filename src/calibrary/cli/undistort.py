@@ -243,7 +243,7 @@ def _alpha(text: str) -> float:
 def _quality(text: str) -> int:
     value = _number(text, 1, 100)
     if value % 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number")
     return int(value)
 
 
@@ -253,7 +253,7 @@ def _number(text: str, low: float, high: float) -> float:
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a number from {low:g} to {high:g}")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number from {low:g} to {high:g}")
     return value
 
 

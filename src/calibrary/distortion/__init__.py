@@ -116,7 +116,7 @@ def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion
     kind = MODELS.get(model)
     if kind is None:
         raise UnsupportedModelError(
-            f"distortion model {model!r:.60} is not known, wanted one of {', '.join(MODELS)}; "
+            f"distortion model {model!r:.60} is not known, expected one of {', '.join(MODELS)}; "
             "nothing is approximated silently"
         )
     unknown = [name for name in coefficients if name not in kind.names()]
@@ -128,7 +128,7 @@ def distortion_from(model: str, coefficients: Mapping[str, float]) -> Distortion
     missing = [name for name in required if name not in coefficients]
     if missing:
         raise InputError(
-            f"the {model} model lacks {_listed(missing)}; wanted {_listed(kind.names())}, "
+            f"the {model} model lacks {_listed(missing)}; expected {_listed(kind.names())}, "
             "zero where measured as zero"
         )
     return kind(**coefficients)

@@ -37,7 +37,7 @@ class Distortion(Record, tag_field="model"):
             value = _number(getattr(self, name))
             if value is None:
                 raise InputError(
-                    f"{name} of the {self.model} model is {getattr(self, name)!r:.40}, wanted a finite number",
+                    f"{name} of the {self.model} model is {getattr(self, name)!r:.40}, expected a finite number",
                     place=name,
                 )
             force_setattr(self, name, value)
@@ -121,7 +121,7 @@ def as_rows(values: ArrayLike, columns: int) -> FloatArray:
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"got values that are no (N, {columns}) array of numbers: {error}") from None
     if array.ndim != 2 or array.shape[1] != columns:
-        raise InputError(f"got an array of shape {array.shape}, wanted (N, {columns})")
+        raise InputError(f"got an array of shape {array.shape}, expected (N, {columns})")
     return array
 
 

@@ -58,7 +58,7 @@ class BrownPolynomial(OpenCVDistortion):
         for name in ("b1", "b2"):
             if abs(getattr(self, name)) > LARGEST_AFFINITY:
                 raise InputError(
-                    f"{name} is {getattr(self, name):g}, wanted an affinity of at most {LARGEST_AFFINITY:g}: "
+                    f"{name} is {getattr(self, name):g}, expected an affinity of at most {LARGEST_AFFINITY:g}: "
                     "a sensor is not skewed or stretched by more than a tenth",
                     place=name,
                 )

@@ -44,7 +44,7 @@ class FieldOfView(Distortion):
         Distortion.__post_init__(self)
         if abs(self.omega) >= math.pi:
             raise InputError(
-                f"omega is {self.omega:g} rad, wanted an angle below 180° (3.1416 rad); is it in degrees?",
+                f"omega is {self.omega:g} rad, expected an angle below 180° (3.1416 rad); is it in degrees?",
                 place="omega",
             )
 

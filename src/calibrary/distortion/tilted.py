@@ -54,7 +54,7 @@ class Tilted(OpenCVDistortion):
         for name in ("tau_x", "tau_y"):
             if abs(getattr(self, name)) >= math.pi / 2:
                 raise InputError(
-                    f"{name} is {getattr(self, name):g} rad, wanted a tilt below 90° (1.5708 rad): "
+                    f"{name} is {getattr(self, name):g} rad, expected a tilt below 90° (1.5708 rad): "
                     "beyond it the sensor looks away from the lens; is it in degrees?",
                     place=name,
                 )

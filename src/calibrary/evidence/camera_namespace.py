@@ -91,7 +91,7 @@ def _focal_px(scene: Scene, value: float, size: ImageSize) -> tuple[tuple[float,
     if unit in PIXEL_UNITS:
         return as_px, ""
     if unit:
-        return None, f"has the unknown unit {unit[:20]!r}, wanted mm or pixels"
+        return None, f"has the unknown unit {unit[:20]!r}, expected mm or pixels"
     return _unit_by_cross_check(scene, value, size, as_px, as_mm)
 
 

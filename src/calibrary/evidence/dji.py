@@ -51,7 +51,7 @@ def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Fi
     values = numbers(terms)
     if values is None or len(values) != count:
         found = "no list of numbers" if values is None else f"{len(values)} numbers"
-        return Dropped(source=source, tag=tag, reason=f"holds {found}, wanted {count}")
+        return Dropped(source=source, tag=tag, reason=f"holds {found}, expected {count}")
     fx, fy, dx, dy, *rest = values
     if fx <= 0 or fy <= 0:
         return Dropped(

@@ -34,13 +34,13 @@ class TagFault:
 
     Attributes:
         tag: as people know it, such as "EXIF FocalLength".
-        found: what stood there, short.
-        wanted: what would have been right.
+        found: what the tag contains, shortened.
+        expected: what a usable tag contains.
     """
 
     tag: str
     found: str
-    wanted: str
+    expected: str
 
 
 @dataclass(frozen=True, slots=True)

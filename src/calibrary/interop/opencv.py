@@ -62,12 +62,12 @@ def lens_from(coefficients: ArrayLike, *, fisheye: bool = False) -> Distortion:
         raise InputError("the distortion coefficients are not an array of numbers") from None
     if values.ndim > 2 or (values.ndim == 2 and 1 not in values.shape and values.size):
         raise InputError(
-            f"the distortion coefficients have shape {values.shape}, wanted one row or one column"
+            f"the distortion coefficients have shape {values.shape}, expected one row or one column"
         )
     given = values.ravel().tolist()
     if fisheye:
         if len(given) != 4:
-            raise InputError(f"{len(given)} coefficients of a fisheye, wanted cv2.fisheye's k1 k2 k3 k4")
+            raise InputError(f"{len(given)} coefficients of a fisheye, expected cv2.fisheye's k1 k2 k3 k4")
         return KannalaBrandt(**dict(zip(KannalaBrandt.names(), given, strict=True)))
     if not given:
         return NoDistortion()

@@ -68,7 +68,9 @@ class Link:
     def __post_init__(self) -> None:
         # A scheme, or the two slashes that stand for "the same scheme, another host".
         if re.match(r"[^/?#]*:|[/\\]{2}", self.target.strip()) or not self.target.isprintable():
-            raise InputError(f"a page links to {self.target!r:.80}, wanted a relative address or an #anchor")
+            raise InputError(
+                f"a page links to {self.target!r:.80}, expected a relative address or an #anchor"
+            )
 
 
 Cell: TypeAlias = str | Badge | Link

@@ -120,7 +120,7 @@ def _depth(error: ValidationError) -> int:
 
 def _type(found: object, wanted: object, _: object) -> str:
     kinds = [wanted] if isinstance(wanted, str) else _list(wanted)
-    text = f"{_shown(found)}, wanted {_either(KINDS.get(str(kind), str(kind)) for kind in kinds)}"
+    text = f"{_shown(found)}, expected {_either(KINDS.get(str(kind), str(kind)) for kind in kinds)}"
     if kinds[0] == "string" and not isinstance(found, dict | list):
         text += ": quote it"
     return text
@@ -136,28 +136,28 @@ def _additional(found: object, _: object, schema: object) -> str:
     extra = [name for name in _mapping(found) if name not in known]
     name = extra[0] if extra else "?"
     close = get_close_matches(name, known, n=1)
-    wanted = f"did you mean {close[0]}?" if close else f"wanted {_either(known)}"
+    wanted = f"did you mean {close[0]}?" if close else f"expected {_either(known)}"
     return f"{_shown(name)} is no key here, {wanted}"
 
 
 def _enum(found: object, wanted: object, _: object) -> str:
-    return f"{_shown(found)}, wanted {_either(map(_shown, _list(wanted)))}"
+    return f"{_shown(found)}, expected {_either(map(_shown, _list(wanted)))}"
 
 
 def _const(found: object, wanted: object, _: object) -> str:
-    return f"{_shown(found)}, wanted {_shown(wanted)}"
+    return f"{_shown(found)}, expected {_shown(wanted)}"
 
 
 def _pattern(found: object, wanted: object, _: object) -> str:
-    return f"{_shown(found)}, wanted text that matches {wanted}"
+    return f"{_shown(found)}, expected text that matches {wanted}"
 
 
 def _unique(found: object, *_: object) -> str:
-    return f"{_shown(found)}, wanted no two items alike"
+    return f"{_shown(found)}, expected no two items alike"
 
 
 def _bound(words: str) -> Callable[[object, object, object], str]:
-    return lambda found, wanted, _: f"{_shown(found)}, wanted {words.format(wanted)}"
+    return lambda found, wanted, _: f"{_shown(found)}, expected {words.format(wanted)}"
 
 
 _SAYINGS: Final[Mapping[str, Callable[[Any, Any, Any], str]]] = {

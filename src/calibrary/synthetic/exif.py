@@ -168,7 +168,7 @@ class ExifField:
         """
         tag = TAGS.get(self.name)
         if tag is None:
-            raise InputError(f"no tag is called {self.name!r}; wanted one of {', '.join(TAGS)}")
+            raise InputError(f"no tag is called {self.name!r}; expected one of {', '.join(TAGS)}")
         kind = tag.type if self.type is None else self.type
         entry = Field(tag=tag.number, type=kind, values=self.values, count=self.count, offset=self.offset)
         return tag.directory, entry

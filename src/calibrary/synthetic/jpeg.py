@@ -54,7 +54,7 @@ class Segment:
         """
         if len(self.payload) > _MAX_PAYLOAD:
             raise InputError(
-                f"a payload of {len(self.payload)} bytes, wanted at most {_MAX_PAYLOAD}; split it",
+                f"a payload of {len(self.payload)} bytes, expected at most {_MAX_PAYLOAD}; split it",
                 place=f"JPEG marker 0xFF{self.marker:02X}",
             )
         return struct.pack(">BBH", 0xFF, self.marker, len(self.payload) + 2) + self.payload
@@ -112,7 +112,7 @@ def flat_scan(size: ImageSize) -> bytes:
     """
     width, height = size
     if not (1 <= width <= _MAX_SIDE and 1 <= height <= _MAX_SIDE):
-        raise InputError(f"a JPEG of {width}×{height} pixels, wanted sides of 1 … {_MAX_SIDE}")
+        raise InputError(f"a JPEG of {width}×{height} pixels, expected sides of 1 … {_MAX_SIDE}")
     quantisation = Segment(0xDB, b"\0" + bytes([16]) * 64)
     frame = Segment(0xC0, struct.pack(">BHHB", 8, height, width, 1) + b"\1\x11\0")
     one_code = b"\1" + bytes(15) + b"\0"
@@ -176,7 +176,7 @@ def write_jpeg(
         InputError: the pixels are not of ``size``, or something does not fit the format.
     """
     if pixels is not None and pixels.shape[1::-1] != size:
-        raise InputError(f"pixels of shape {pixels.shape}, wanted those of {size[0]}×{size[1]}")
+        raise InputError(f"pixels of shape {pixels.shape}, expected those of {size[0]}×{size[1]}")
     head: list[Segment] = []
     if exif is not None:
         head.append(exif_segment(exif))

@@ -101,7 +101,7 @@ class Field:
             return len(rows), b"".join(order.pack(code, *row) for row in rows)
         except (KeyError, ValueError, TypeError, struct.error) as error:
             raise InputError(
-                f"{self.values!r} cannot be stored as TIFF type {self.type}; wanted values of that type",
+                f"{self.values!r} cannot be stored as TIFF type {self.type}; expected values of that type",
                 place=f"tag 0x{self.tag:04X}",
             ) from error
 

@@ -48,12 +48,14 @@ class TiffPage:
 
     def __post_init__(self) -> None:
         if self.bits not in {8, 16} or min(self.size) < 1:
-            raise InputError(f"a page of {self.size} px and {self.bits} bits, wanted 8 or 16 bits and a size")
+            raise InputError(
+                f"a page of {self.size} px and {self.bits} bits, expected 8 or 16 bits and a size"
+            )
         pixels = self.pixels
         if pixels is not None and (pixels.shape[1::-1] != self.size or pixels.itemsize * 8 != self.bits):
             raise InputError(
                 f"pixels of shape {pixels.shape} and type {pixels.dtype}, "
-                f"wanted {self.bits} bits and {self.size[0]}×{self.size[1]}"
+                f"expected {self.bits} bits and {self.size[0]}×{self.size[1]}"
             )
 
     @property
@@ -83,7 +85,7 @@ def encode_tiff(
         InputError: there is no page, or ``exif`` has a thumbnail (in a TIFF that would be a page).
     """
     if not pages:
-        raise InputError("no page, wanted at least one")
+        raise InputError("no page, expected at least one")
     exif = ExifTags() if exif is None else exif
     if exif.thumbnail is not None:
         raise InputError("a thumbnail in a TIFF is a page of its own; give it as a page")

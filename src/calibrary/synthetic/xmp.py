@@ -178,7 +178,7 @@ class XmpPacket:
         taken = len(before) + len(after)
         length = taken if self.length is None else self.length
         if taken > length:
-            raise InputError(f"the XMP packet takes {taken} bytes, wanted at most {length}")
+            raise InputError(f"the XMP packet takes {taken} bytes, expected at most {length}")
         return before + _blanks(length - taken) + after
 
     def encode_extended(self) -> bytes:

@@ -132,7 +132,7 @@ class TestRange:
         put(fleet, GOOD)
         code, _, told = run(capsys, "check", text)
         assert code == 4
-        assert "wanted REV..REV" in told
+        assert "expected REV..REV" in told
 
 
 def test_a_shallow_checkout_as_ci_makes_it_is_checked(
@@ -180,7 +180,7 @@ class TestWorkTree:
         (fleet / an_entry(model="Sealed").path).write_bytes(replaced("fx: 3661.25", "fx: 3662.25"))
         code, out, _ = run(capsys, "check", "--worktree")
         assert code == 1
-        assert f"{other}: error: wanted a regular file (entry)" in out
+        assert f"{other}: error: expected a regular file (entry)" in out
         assert f"{an_entry(model='Sealed').path}: error: " in out
 
     def test_a_plain_folder_is_checked_like_one(

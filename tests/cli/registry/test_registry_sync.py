@@ -177,8 +177,8 @@ def test_uncommitted_work_is_not_touched(fleet: Path, twin: Path, capsys: pytest
     ("word", "told"),
     [
         ("backup", "no remote 'backup'"),
-        ("ext::sh -c id", "wanted"),
-        ("--upload-pack=x", "wanted"),
+        ("ext::sh -c id", "expected"),
+        ("--upload-pack=x", "expected"),
     ],
 )
 @pytest.mark.usefixtures("fleet")

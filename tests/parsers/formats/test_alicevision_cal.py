@@ -55,7 +55,7 @@ def test_eight_numbers_of_another_kind_are_refused() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (CAL.replace("1604.3 ", ""), "7 numbers, wanted 8"),
+        (CAL.replace("1604.3 ", ""), "7 numbers, expected 8"),
         (CAL.replace("1604.3", "1604,3"), "decimal point"),
         (CAL.replace("1604.3", "-1604.3"), "focal lengths"),
         (CAL.replace("1920", "1920.5"), "image size"),

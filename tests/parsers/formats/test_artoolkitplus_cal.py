@@ -59,8 +59,8 @@ def test_a_sixth_coefficient_is_told() -> None:
     ("text", "message"),
     [
         ("ARToolKitPlus_CamCal_Rev02\n", "no line of numbers"),
-        (CAL.replace(" 10\n", "\n"), "12 numbers, wanted 13"),
-        (CAL.replace(" 10\n", " 0 10\n"), "14 numbers, wanted 13"),
+        (CAL.replace(" 10\n", "\n"), "12 numbers, expected 13"),
+        (CAL.replace(" 10\n", " 0 10\n"), "14 numbers, expected 13"),
         (CAL.replace("631.3", "631,3"), "decimal point"),
         (CAL.replace("1104.7", "0"), "focal lengths"),
         (CAL.replace("1280", "1280.5"), "image size"),

@@ -157,7 +157,7 @@ def test_a_mirrored_image_is_refused() -> None:
     [
         (tsai("RPC", "rpc_degree = 1\n"), "convert_pinhole_model"),
         (tsai("Photometrix", METRIC), "ellipses"),
-        (tsai("TSAI", TSAI).replace("PINHOLE", "OPTICAL_BAR"), "wanted PINHOLE"),
+        (tsai("TSAI", TSAI).replace("PINHOLE", "OPTICAL_BAR"), "expected PINHOLE"),
         (
             tsai(
                 "AdjustableTSAI",

@@ -112,7 +112,7 @@ def test_zeros_are_no_distortion() -> None:
         ("V    3648 ", "V    3648.5 ", "image size"),
         ("8.76020000e+00", "8,7602", "decimal point"),
         ("   K2  0.0000", "   K1  0.0000", "K1 is a duplicate key"),
-        ("   K2  0.0000", "   K2  ", "4 numbers, wanted 5"),
+        ("   K2  0.0000", "   K2  ", "4 numbers, expected 5"),
         ("Results for Camera 1", "Results", "no 'Results for Camera'"),
         ("Australis Bundle", "Bundle", "no line 'Australis"),
         (END, END[:-1], "cut short"),

@@ -91,8 +91,8 @@ def test_the_image_size_is_asked_for_where_it_is_missing() -> None:
     [
         ("cc = [ 2740.8", "dd = [ 2740.8", "does not assign cc"),
         ("alpha_c = 0.0007", "fc = [ 1 ; 1 ];\nalpha_c = 0.0007", "assigned twice"),
-        ("fc = [ 3650.100000000000364 ;", "fc = [", "1 numbers, wanted 2"),
-        ("fc = [ 3650.1", "fc = [ system('x') 3650.1", "not a number|wanted 2"),
+        ("fc = [ 3650.100000000000364 ;", "fc = [", "1 numbers, expected 2"),
+        ("fc = [ 3650.1", "fc = [ system('x') 3650.1", "not a number|expected 2"),
         ("; -0.0062", "; -0.0062 ; 0.3", "sixth"),
         ("3650.1", "-3650.1", "focal lengths"),
         ("ny = 3648;", "", "does not assign ny"),

@@ -74,12 +74,12 @@ def test_without_a_size_it_asks_for_one() -> None:
     [
         (bundle("700 0 0", heading="# Bundle file v9.9"), "9.9"),
         (bundle("700 0 0", count=0), "0 cameras"),
-        (bundle("700 0 0", count=10**9), "cameras, wanted"),
-        (bundle("700 0"), "2 numbers, wanted 3"),
+        (bundle("700 0 0", count=10**9), "cameras, expected"),
+        (bundle("700 0"), "2 numbers, expected 3"),
         (bundle("700 nan 0"), "not finite"),
         (bundle("-700 0 0"), "focal length"),
         (bundle("0 0 0"), "no image of it was placed"),
-        (bundle("700 0 0", count=40), "numbers, wanted|ends before"),
+        (bundle("700 0 0", count=40), "numbers, expected|ends before"),
         (b"# Bundle file v0.3\n1 1\n700 0 0\n1 0 0\n0 1 0\n0 0 1\n0.1 0.2 -0.", "ends before"),
     ],
 )

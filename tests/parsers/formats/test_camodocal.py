@@ -118,7 +118,7 @@ def test_scaramuzza_is_refused_by_name_with_the_way_out() -> None:
         (PINHOLE.replace("4.332e+02", "0"), "focal"),
         (PINHOLE.replace("432.9", ".nan"), "finite"),
         (MEI.replace("1.12", "-1"), "xi"),
-        ("%YAML:1.0\ncam0_calib: 3\n", "wanted text"),
+        ("%YAML:1.0\ncam0_calib: 3\n", "expected text"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(text: str, match: str) -> None:

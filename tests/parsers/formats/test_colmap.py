@@ -240,7 +240,7 @@ def test_a_heading_that_counts_more_cameras_betrays_a_cut_file() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("1 OPENCV 5472 3648 3650.1 3648.7 2741.3 1815.9 0 0 0", "7 parameters, wanted 8"),
+        ("1 OPENCV 5472 3648 3650.1 3648.7 2741.3 1815.9 0 0 0", "7 parameters, expected 8"),
         ("1 PINHOLE 5472 3648 3650.1 3648.7 2741.3 nan", "not finite"),
         ("1 PINHOLE 5472 3648 3650,1 3648.7 2741.3 1", "decimal point"),
         ("1 PINHOLE 5472 3648 0 3648.7 2741.3 1", "focal lengths"),
@@ -267,7 +267,7 @@ def test_a_model_of_a_later_colmap_is_refused_by_name() -> None:
     ("data", "message"),
     [
         (struct.pack("<Q", 0), "states 0 cameras"),
-        (struct.pack("<Q", 1 << 40), "cameras, wanted"),
+        (struct.pack("<Q", 1 << 40), "cameras, expected"),
         (struct.pack("<QIiQQ4d", 1, 1, 1, 5472, 3648, 1, 1, 1, float("nan")), "not finite"),
         (struct.pack("<QIiQQ4d", 1, 1, 1, 0, 3648, 1, 1, 1, 1), "image size"),
         (struct.pack("<QIiQQ4d", 1, 1, 1, 5472, 3648, 1, 1, 1, 1) + b"\0", "1 bytes follow"),
@@ -356,7 +356,7 @@ SAMPLES = {
         (["CREATE TABLE cameras (camera_id, prior_focal_length)"], "no such column"),
         ([TABLE, "INSERT INTO cameras VALUES ('1', 1, 9, 9, x'00', 1)"], "whole numbers"),
         ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, x'00', 1)"], "not doubles"),
-        ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(24), 1)"], "3 parameters, wanted 4"),
+        ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(24), 1)"], "3 parameters, expected 4"),
         ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(32), 1)"], "focal lengths"),
         ([TABLE, "INSERT INTO cameras VALUES (1, 1, 9, 9, zeroblob(2000000), 1)"], "cannot be read"),
         ([TABLE, "INSERT INTO cameras VALUES (1, 0, 9, 9, x'" + "ff" * 24 + "', 1)"], "not finite"),

@@ -112,7 +112,7 @@ def test_an_object_of_sockets_is_read_too() -> None:
         ),
         (device([0]), ParseError, "1 values"),
         (device([0, entry(D8, width=0)]), ParseError, "image size"),
-        (device(3), ParseError, "wanted a list"),
+        (device(3), ParseError, "expected a list"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(document: Json, error: type[InputError], match: str) -> None:

@@ -82,7 +82,7 @@ def test_a_sensor_that_is_no_camera_is_not_claimed() -> None:
     [
         ("resolution: [752, 480]\n", "", "resolution"),
         ("[752, 480]", "[752]", "1 numbers"),
-        ("8.1e-04]", "8.1e-04, 0.1]", "5 numbers, wanted 4"),
+        ("8.1e-04]", "8.1e-04, 0.1]", "5 numbers, expected 4"),
         ("433.2", "-433.2", "focal"),
     ],
 )

@@ -88,8 +88,8 @@ def test_the_fisheye_may_be_named() -> None:
     ("changes", "message"),
     [
         ({"calib_dimension": {"w": 3840}}, "'h'"),
-        (params(distortion_coeffs=[0.1, 0.2]), "2 numbers, wanted 4"),
-        (params(camera_matrix=[[1, 0, 1], [0, 1, 1]]), "2 rows, wanted 3"),
+        (params(distortion_coeffs=[0.1, 0.2]), "2 numbers, expected 4"),
+        (params(camera_matrix=[[1, 0, 1], [0, 1, 1]]), "2 rows, expected 3"),
         (params(camera_matrix=[[1, 0, 1], [1, 1, 1], [0, 0, 1]]), "not a camera matrix"),
         (params(camera_matrix=[[0, 0, 1], [0, 1, 1], [0, 0, 1]]), "focal lengths"),
     ],

@@ -110,7 +110,7 @@ def test_what_k_cannot_hold_is_refused(changes: dict[str, str | None], message: 
     [
         (block({"FOCAL_LENGTH": None}), r"line 1: there is no \$FOCAL_LENGTH"),
         (block({"FOCAL_LENGTH": " -51"}), "focal lengths"),
-        (block({"CCD_INTERIOR_ORIENTATION": " 1 2 3"}), "3 numbers, wanted 6"),
+        (block({"CCD_INTERIOR_ORIENTATION": " 1 2 3"}), "3 numbers, expected 6"),
         (block({"CCD_ROWS": " 8708.5"}), "image size"),
         (block({"RADIAL_COEFFS": " 0 x"}), "not a number"),
         (block()[:-6] + "\n", r"no \$END"),

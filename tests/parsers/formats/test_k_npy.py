@@ -87,13 +87,13 @@ def test_the_image_size_has_to_be_given() -> None:
 def test_another_matrix_is_neither_claimed_nor_read(array: Any) -> None:
     with pytest.raises(UnknownFormatError, match="no format claims it"):
         read(npy(array))
-    with pytest.raises(ParseError, match="wanted"):
+    with pytest.raises(ParseError, match="expected"):
         parsers.decode(npy(array), name="K.npy", format="k_npy", image_size=SIZE)
 
 
 @pytest.mark.parametrize("array", [K[:2], K[None], np.array(3.0), K.astype(complex), K.astype(bool)])
 def test_another_array_is_refused(array: Any) -> None:
-    with pytest.raises(ParseError, match="wanted"):
+    with pytest.raises(ParseError, match="expected"):
         parsers.decode(npy(array), name="K.npy", format="k_npy", image_size=SIZE)
 
 

@@ -233,8 +233,8 @@ def test_another_model_is_refused_by_name(text: str, match: str) -> None:
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        (chain("omni", FOCAL, "radtan", "0.1, 0.1, 0.1, 0.1"), "4 numbers, wanted 5"),
-        (chain("pinhole", FOCAL, "radtan", "0.1, 0.1, 0.1, 0.1, 0.1"), "5 numbers, wanted 4"),
+        (chain("omni", FOCAL, "radtan", "0.1, 0.1, 0.1, 0.1"), "4 numbers, expected 5"),
+        (chain("pinhole", FOCAL, "radtan", "0.1, 0.1, 0.1, 0.1, 0.1"), "5 numbers, expected 4"),
         (chain("eucm", f"1.6, 1.1, {FOCAL}", "none", ""), "alpha"),
         (chain("ds", f"-1.0, 0.6, {FOCAL}", "none", ""), "xi"),
         (chain("omni", f"-0.1, {FOCAL}", "none", ""), "xi"),

@@ -93,7 +93,7 @@ def test_a_missing_end_of_line_matters_only_where_numbers_are_read() -> None:
     ("old", "new", "match"),
     [
         ("9.742e+02", "9,742e+02", "decimal point"),
-        ("-7.2e-02", "", "4 numbers, wanted 5"),
+        ("-7.2e-02", "", "4 numbers, expected 5"),
         ("S_00: 1.392000e+03", "S_00: 1392.5", "image size"),
         (
             "K_00: 9.742e+02 0.000000e+00 6.914e+02 0.0",
@@ -101,7 +101,7 @@ def test_a_missing_end_of_line_matters_only_where_numbers_are_read() -> None:
             "not a camera matrix",
         ),
         ("K_01:", "K_00:", "K_00: it is a duplicate key"),
-        ("T_00: 0 0 0", "nonsense", "line 7.*wanted a name"),
+        ("T_00: 0 0 0", "nonsense", "line 7.*expected a name"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(old: str, new: str, match: str) -> None:

@@ -181,7 +181,7 @@ def test_metashapes_own_model_keeps_its_own_order_of_deviations() -> None:
 @pytest.mark.parametrize(
     ("covariance", "message"),
     [
-        ("<params>f cx</params><coeffs>1 0 0</coeffs>", "3 numbers, wanted 4"),
+        ("<params>f cx</params><coeffs>1 0 0</coeffs>", "3 numbers, expected 4"),
         ("<params>f f</params><coeffs>1 0 0 1</coeffs>", "each once"),
         ("<params>f</params><coeffs>nan</coeffs>", "not finite"),
     ],

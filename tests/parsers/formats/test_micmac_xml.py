@@ -179,7 +179,7 @@ def test_an_identity_between_image_and_camera_is_nothing() -> None:
     [
         (xml(), "no <CalibDistortion>"),
         (xml(model()).replace(b"3650.1 ", b"1,5"), "decimal point"),
-        (xml(model()).replace(b"1840.5", b""), "1 numbers, wanted 2"),
+        (xml(model()).replace(b"1840.5", b""), "1 numbers, expected 2"),
         (xml(model((1e300, 1e300))), "not finite"),
         (xml(model(fraser={"b1": 0.3})), "b1"),
         (xml("<ModRad/>"), "CDist"),

@@ -77,13 +77,13 @@ def test_without_a_size_it_asks_for_one() -> None:
     ("data", "message"),
     [
         (nvm(image(), heading="NVM_V3 FreeK"), "FixedK or nothing"),
-        (nvm(image(), heading="NVM_V3 FixedK 1 2 3"), "3 numbers, wanted 4 or 5"),
+        (nvm(image(), heading="NVM_V3 FixedK 1 2 3"), "3 numbers, expected 4 or 5"),
         (nvm(image(), count=0), "0 cameras"),
-        (nvm(image(), count=10**8), "cameras, wanted"),
-        (nvm("a.jpg 1084.59 0 0"), "wanted a name and 10"),
+        (nvm(image(), count=10**8), "cameras, expected"),
+        (nvm("a.jpg 1084.59 0 0"), "expected a name and 10"),
         (nvm(image(f="x")), "not a number"),
         (nvm(image(f="0")), "focal length"),
-        (nvm(image(), count=2), "wanted a name and 10"),
+        (nvm(image(), count=2), "expected a name and 10"),
         (nvm(image())[:40], "cut short"),
     ],
 )

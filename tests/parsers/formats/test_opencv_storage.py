@@ -262,7 +262,7 @@ def test_five_coefficients_are_no_fisheye_whatever_is_said() -> None:
 def test_a_count_that_opencv_does_not_know_is_refused() -> None:
     text = YAML.replace("rows: 5", "rows: 6").replace("-0.0172 ]", "-0.0172, 0.1 ]")
     with pytest.raises(
-        ParseError, match="distortion_coefficients: 6 distortion coefficients, wanted 4, 5, 8"
+        ParseError, match="distortion_coefficients: 6 distortion coefficients, expected 4, 5, 8"
     ):
         read(text)
 
@@ -341,10 +341,10 @@ def test_each_camera_of_a_mirror_pair_has_its_own_xi() -> None:
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ("xi: 0.9\n", "5 distortion coefficients beside xi, wanted cv2.omnidir's four"),
-        ("xi: -1.0\n", "xi is -1, wanted one number above −1"),
+        ("xi: 0.9\n", "5 distortion coefficients beside xi, expected cv2.omnidir's four"),
+        ("xi: -1.0\n", "xi is -1, expected one number above −1"),
         ("xi2: 0.9\n", "there is no camera matrix beside this xi"),
-        ("xi: [ 0.9, 0.8 ]\n", "xi is 0.9, 0.8, wanted one number"),
+        ("xi: [ 0.9, 0.8 ]\n", "xi is 0.9, 0.8, expected one number"),
     ],
 )
 def test_an_xi_that_makes_no_mirror_is_refused(more: str, message: str) -> None:

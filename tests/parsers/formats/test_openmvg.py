@@ -147,10 +147,10 @@ def test_a_class_without_a_counterpart_is_refused_by_name(name: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"disto_k3": [0.2, -0.8]}, "2 numbers, wanted 3"),
+        ({"disto_k3": [0.2, -0.8]}, "2 numbers, expected 3"),
         ({"focal_length": -1}, "focal lengths"),
-        ({"focal_length": None}, "wanted a number"),
-        ({"principal_point": 5}, "wanted a list"),
+        ({"focal_length": None}, "expected a number"),
+        ({"principal_point": 5}, "expected a list"),
         ({"width": 0}, "image size"),
     ],
     ids=str,

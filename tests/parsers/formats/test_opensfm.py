@@ -277,8 +277,8 @@ def test_a_camera_without_a_size_asks_for_it(size: dict[str, int | None]) -> Non
     [
         ({"focal_x": "0,66"}, "decimal point"),
         ({"focal_x": 0}, "focal lengths"),
-        ({"k1": None}, "wanted a number"),
-        ({"c_x": [1]}, "wanted a number"),
+        ({"k1": None}, "expected a number"),
+        ({"c_x": [1]}, "expected a number"),
         ({"width": 5472.5}, "image size"),
         ({"height": -1}, "image size"),
     ],

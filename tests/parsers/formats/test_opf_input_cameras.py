@@ -76,7 +76,7 @@ def test_a_size_that_contradicts_the_file_is_refused() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"image_size_px": [5472]}, "1 numbers, wanted 2"),
+        ({"image_size_px": [5472]}, "1 numbers, expected 2"),
         ({"image_size_px": [5472, 0]}, "image size"),
         ({"internals": {}}, "type"),
         ({"id": "7"}, "whole number"),

@@ -69,9 +69,9 @@ def test_photos_with_cameras_of_their_own_give_each_of_them() -> None:
 @pytest.mark.parametrize(
     ("was", "is_now", "message"),
     [
-        (" 5472 3648", " 5472", "line 2: 3 numbers, wanted 4"),
+        (" 5472 3648", " 5472", "line 2: 3 numbers, expected 4"),
         (" 5472 3648", " 0 3648", "image size"),
-        ("8.7602  6.5791", "8.7602", "line 4: 9 numbers, wanted 10"),
+        ("8.7602  6.5791", "8.7602", "line 4: 9 numbers, expected 10"),
         ("8.7602", "-8.7602", "focal lengths"),
         ("13.13280 8.75520 0.00148", "0 8.75520 0.00148", "format is 0"),
         ("Bundle Soln", "Bundle", "not a head"),

@@ -86,7 +86,7 @@ def test_a_size_of_another_shape_than_the_sensor_is_refused() -> None:
         ("F 8.7", "F -8.7", "focal lengths"),
         (" assuming a sensor width", "", "assuming a sensor width"),
         ("x8.7552", "x0.0 8.7552", "assuming a sensor width"),
-        ("13.13280000000000030667", "0", "wanted positive"),
+        ("13.13280000000000030667", "0", "expected positive"),
         ("T2 0.00081\n", "T2 0.00081", "cut short"),
     ],
 )

@@ -86,11 +86,11 @@ def test_another_heading_is_refused() -> None:
     ("text", "message"),
     [
         (HEADING, "no image"),
-        (HEADING + image().rsplit("\n", 2)[0] + "\n", "line 9: 9 lines of an image, wanted 10"),
+        (HEADING + image().rsplit("\n", 2)[0] + "\n", "line 9: 9 lines of an image, expected 10"),
         (HEADING + image()[:-1], "cut short"),
         (HEADING + image().replace("0 0 1\n-", "0 0 2\n-"), "not a camera matrix"),
         (HEADING + image().replace("0 3648.70", "1 3648.70"), "not a camera matrix"),
-        (HEADING + image().replace("-0.0062", ""), "line 13: 2 numbers, wanted 3"),
+        (HEADING + image().replace("-0.0062", ""), "line 13: 2 numbers, expected 3"),
         (HEADING + image().replace("5472 3648", "5472"), "not a file name"),
         (HEADING + image(f="-3"), "focal lengths"),
         (HEADING + image(f="inf"), "not finite"),

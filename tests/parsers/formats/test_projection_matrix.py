@@ -75,7 +75,7 @@ def test_a_pose_is_no_camera() -> None:
         (b"1 2 3 4\n2 4 6 8\n0 0 1 0\n", "no inverse"),
         (b"0 0 0 0\n0 0 0 0\n0 0 0 0\n", "no inverse"),
         (b"1 2 3 4\n2 4 6 8\n", "2 rows"),
-        (b"1 2 3 4\n2 4 6\n1 1 1 1\n", "3 numbers, wanted 4"),
+        (b"1 2 3 4\n2 4 6\n1 1 1 1\n", "3 numbers, expected 4"),
         (b"1 2 3 4\n2 4 6,5 1\n1 1 1 1\n", "decimal point"),
     ],
 )

@@ -109,7 +109,7 @@ def test_what_has_no_counterpart_is_refused_by_name(changes: dict[str, str | Non
         ({"FocalLength35mm": None}, "0 descriptions"),
         ({"FocalLength35mm": "24,3"}, "decimal point"),
         ({"FocalLength35mm": "0"}, "focal lengths"),
-        ({"DistortionCoeficients": "1 2 3"}, "3 numbers, wanted 6"),
+        ({"DistortionCoeficients": "1 2 3"}, "3 numbers, expected 6"),
         ({"DistortionCoeficients": None}, "no coefficients"),
     ],
 )

@@ -159,9 +159,9 @@ def test_another_model_is_refused_by_name() -> None:
     [
         (file(k=(0.0,) * 9), ParseError, "not calibrated"),
         (file(k=(*K[:3], 1.0, *K[4:])), ParseError, "not a camera matrix"),
-        (file(k=K[:8]), ParseError, "8 numbers, wanted 9"),
+        (file(k=K[:8]), ParseError, "8 numbers, expected 9"),
         (file(D=BROWN5[:3]), ParseError, "3 coefficients"),
-        (file("equidistant"), ParseError, "5 coefficients for equidistant, wanted 4"),
+        (file("equidistant"), ParseError, "5 coefficients for equidistant, expected 4"),
         (file().replace("1920", "1920.5"), ParseError, "image size"),
         (file().replace("971.6", ".nan"), ParseError, "finite"),
         (file() + "camera_name: again\n", ParseError, "twice"),

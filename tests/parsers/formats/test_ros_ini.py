@@ -130,7 +130,7 @@ def test_a_rectification_goes_back_beside_its_own_k_only() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "match"),
     [
-        ("1733.2 0.000000 971.6\n", "1733.2 0.000000\n", "8 numbers, wanted 9"),
+        ("1733.2 0.000000 971.6\n", "1733.2 0.000000\n", "8 numbers, expected 9"),
         ("0.000000 1731.9", "0.5 1731.9", "not a camera matrix"),
         ("width\n1920\n", "", "no 'width'"),
         ("[image]", "[picture]", "no \\[image\\]"),
@@ -138,7 +138,7 @@ def test_a_rectification_goes_back_beside_its_own_k_only() -> None:
         ("1733.2", "1733,2", "decimal point"),
         ("rectification\n", "distortion\n", "duplicate"),
         ("rectification\n", "R\n", "'R' is not a number"),
-        ("[narrow_stereo/left]\n", "[narrow_stereo/left]\nabc\n", "wanted one of"),
+        ("[narrow_stereo/left]\n", "[narrow_stereo/left]\nabc\n", "expected one of"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(old: str, new: str, match: str) -> None:

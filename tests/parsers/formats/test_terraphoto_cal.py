@@ -69,7 +69,7 @@ def test_a_plate_in_other_units_is_refused() -> None:
     [
         ("PlateSize= 4000 3000\n", "", "no PlateSize"),
         ("PrincipalPoint(XoYoZo)= 12.4 -7.1 -3650.3\n", "", "no PrincipalPoint"),
-        (" -3650.3", "", "2 numbers, wanted 3"),
+        (" -3650.3", "", "2 numbers, expected 3"),
         ("-3650.3", "0", "focal lengths"),
         ("Orientation= TOP", "Version= 1", "is a duplicate key"),
         ("Orientation= TOP", "Orientation", "Key= value"),

@@ -150,7 +150,7 @@ def test_another_ini_is_not_claimed() -> None:
         ("fy=1058.1", "fx=1058.1", "fx: it is a duplicate key"),
         ("[RIGHT_CAM_2K]", "[LEFT_CAM_2K]", "is a duplicate key"),
         ("fx=1058.5", "fx=1058,5", "decimal point"),
-        ("fx=1058.5", "fx 1058.5", "wanted a section or key=value"),
+        ("fx=1058.5", "fx 1058.5", "expected a section or key=value"),
         ("k1=-0.0643\n", "", r"\[RIGHT_CAM_2K\] k1"),
     ],
 )

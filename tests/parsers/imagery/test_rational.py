@@ -47,7 +47,7 @@ def test_a_zero_denominator_is_named_not_divided(value: object) -> None:
     [Ratio(0, 0), math.nan, math.inf, -math.inf, None, "8.8", b"8.8", (), [], (8.8, 4.5), True, 10**400],
 )
 def test_what_is_no_single_finite_number_is_refused(value: object) -> None:
-    with pytest.raises(BadRationalError, match="a finite number was wanted"):
+    with pytest.raises(BadRationalError, match="a finite number was expected"):
         as_number(value)
 
 

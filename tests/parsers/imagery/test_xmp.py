@@ -199,7 +199,7 @@ def test_broken_xmp_is_a_fault_and_exif_counts(broken: bytes) -> None:
     metadata = read(jpeg(exif_segment(ExifTags(make="DJI", focal_mm=(88, 10))), *xmp_segments(broken)))
     assert (metadata.make, metadata.focal_mm) == ("DJI", 8.8)
     (fault,) = metadata.faults
-    assert (fault.tag, fault.wanted) == ("XMP", "well-formed XMP")
+    assert (fault.tag, fault.expected) == ("XMP", "well-formed XMP")
 
 
 def test_a_broken_packet_does_not_cost_the_next_one() -> None:

@@ -249,7 +249,7 @@ def test_an_empty_registry_has_no_tip_and_says_so(tmp_path: Path, is_bare: bool)
 
 def test_a_folder_that_is_no_repository_is_told_so(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "missing"):
-        with pytest.raises(RegistryError, match="wanted a registry"):
+        with pytest.raises(RegistryError, match="expected a registry"):
             Repository.open(path)
 
 
@@ -274,7 +274,7 @@ def test_a_repository_of_reftables_is_refused_in_words(bare: Repository) -> None
 
 def test_a_git_that_is_too_old_is_refused_in_words(bare: Repository, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("calibrary.registry.git.repository._version", lambda _: (2, 20))
-    with pytest.raises(RegistryError, match=r"found git 2\.20, wanted 2\.24 or newer"):
+    with pytest.raises(RegistryError, match=r"found git 2\.20, expected 2\.24 or newer"):
         Repository.open(bare.path)
 
 

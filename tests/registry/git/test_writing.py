@@ -170,7 +170,7 @@ def test_a_branch_that_git_would_misread_is_refused(name: str) -> None:
 
 
 def test_a_file_too_large_or_changed_twice_is_refused(bare: Repository) -> None:
-    with pytest.raises(RegistryError, match="wanted at most"):
+    with pytest.raises(RegistryError, match="expected at most"):
         put(bare, {OTHER: b"x" * (LARGEST_FILE + 1)})
     with pytest.raises(RegistryError, match="changed twice"):
         write(bare, [Change(path=OTHER, data=b"1"), Change(path=OTHER, data=b"2")], "x\n")

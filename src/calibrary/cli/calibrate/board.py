@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     writers = {".pdf": to_pdf, ".svg": to_svg}
     write = writers.get(arguments.out.suffix.lower())
     if write is None:
-        raise InputError("wanted a file that ends in .pdf or .svg", source=str(arguments.out))
+        raise InputError("expected a file that ends in .pdf or .svg", source=str(arguments.out))
     board = board_of(arguments.board, arguments)
     page = lay_out(board, page_size(arguments.page) if arguments.page else None)
     write_files({arguments.out: write(board, page)})

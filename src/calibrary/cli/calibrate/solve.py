@@ -185,7 +185,7 @@ def _check_usage(arguments: argparse.Namespace) -> None:
     parser = arguments.parser
     given = [bool(arguments.frames), arguments.corners_in is not None, arguments.points is not None]
     if sum(given) != 1:
-        parser.error("wanted frames, --from CORNERS or --points CSV, and one of them only")
+        parser.error("expected frames, --from CORNERS or --points CSV, and one of them only")
     if arguments.frames and arguments.square_mm is None:
         parser.error("the side of a square is not known: say --square-mm MM")
     if not arguments.frames and (arguments.board or arguments.square_mm or arguments.marker_mm):
@@ -368,5 +368,5 @@ def _keep(
 
 def _count(text: str) -> int:
     if not text.isdecimal() or len(text) > 4 or int(text) > 256:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 0 … 256")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 0 … 256")
     return int(text)

@@ -133,7 +133,7 @@ def _from_file(path: Path) -> Calibration:
     calibrations = parsers.read(path)
     if len(calibrations) != 1:
         raise InputError(
-            f"holds {len(calibrations)} cameras; wanted a file with one, which 'calibrary convert --camera N' writes",
+            f"holds {len(calibrations)} cameras; expected a file with one, which 'calibrary convert --camera N' writes",
             source=path.name,
         )
     return calibrations[0]
@@ -160,7 +160,7 @@ def _known(name: str) -> KnownCamera:
                 if found
                 else "none like it"
             )
-            + "; wanted one Model or title of those that 'calibrary catalogue' lists"
+            + "; expected one Model or title of those that 'calibrary catalogue' lists"
         )
     return found[0]
 
@@ -209,5 +209,5 @@ def _quality(text: str) -> int:
 def _whole(text: str, low: int, high: int) -> int:
     value = int(text) if text.isdecimal() and len(text) < 12 else low - 1
     if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number from {low} to {high}")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number from {low} to {high}")
     return value

@@ -83,7 +83,7 @@ def _range(text: str) -> FirmwareRange:
     try:
         return FirmwareRange(min=first.strip(" .") or None, max=last.strip(" .") or None)
     except InputError as error:
-        raise argparse.ArgumentTypeError(f"{text!r}: {error}; wanted MIN..MAX, MIN.. or ..MAX") from None
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}; expected MIN..MAX, MIN.. or ..MAX") from None
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -179,16 +179,16 @@ def _day(text: str) -> date:
     try:
         return date.fromisoformat(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a day such as 2026-04-01") from None
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a day such as 2026-04-01") from None
 
 
 def _months(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text[:6]) <= 1200:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of months, 1 … 1200")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of months, 1 … 1200")
     return int(text)
 
 
 def _count(text: str) -> int:
     if not text.isdecimal() or len(text) > 4 or int(text) > 256:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 0 … 256")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 0 … 256")
     return int(text)

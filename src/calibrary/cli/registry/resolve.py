@@ -124,4 +124,4 @@ def _day(text: str) -> date:
     try:
         return date.fromisoformat(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a day such as 2026-05-01") from None
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a day such as 2026-05-01") from None

@@ -37,7 +37,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _port(text: str) -> int:
     if not text.isdecimal() or not 0 <= int(text) <= 65_535:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a port, 1 … 65535, or 0 for any that is free")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a port, 1 … 65535, or 0 for any that is free")
     return int(text)
 
 

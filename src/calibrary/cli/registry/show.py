@@ -58,7 +58,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     if (arguments.key is None) == (arguments.textconv is None):
-        arguments.parser.error("wanted KEY[@REV], or --textconv FILE")
+        arguments.parser.error("expected KEY[@REV], or --textconv FILE")
     if arguments.textconv is not None:
         return _convert(arguments.textconv)
     if arguments.diff is not None and arguments.yaml:

@@ -43,7 +43,7 @@ def worker_count(text: str) -> int:
         ArgumentTypeError: it is none.
     """
     if not text.isdecimal() or not 1 <= int(text) <= 256:
-        raise argparse.ArgumentTypeError(f"{text!r}: wanted a whole number of processes, 1 … 256")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 1 … 256")
     return int(text)
 
 

@@ -55,7 +55,7 @@ def age_finding(entry: Entry, today: date, stale_months: int, *, has_flown: bool
         rule=Rule.OLD,
         severity=severity,
         place=id_,
-        message=f"it was calibrated on {made}, {months} months ago, wanted less than {stale_months}{unflown}",
+        message=f"it was calibrated on {made}, {months} months ago, expected less than {stale_months}{unflown}",
         remedy=f"calibrate it anew: calibrary calibrate FRAMES --as {id_}" if has_flown else None,
     )
 

@@ -70,10 +70,10 @@ def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
             new = [item for item in map(Path, matched) if item.is_file()]
             problem = "a pattern that fits no file"
         if not new:
-            raise InputError(f"{problem}; wanted the frames of the board", source=operand)
+            raise InputError(f"{problem}; expected the frames of the board", source=operand)
         found.update(dict.fromkeys(new))
     if len(found) > MOST_FRAMES:
-        raise InputError(f"{len(found)} frames; wanted at most {MOST_FRAMES}, some 15 to 60 are best")
+        raise InputError(f"{len(found)} frames; expected at most {MOST_FRAMES}, some 15 to 60 are best")
     return tuple(found)
 
 
@@ -103,7 +103,7 @@ def describe_frames(
         if changed := edits(metadata):
             raise InputError(
                 f"{' and '.join(changed)}, so its pixels are no longer where the lens put them; "
-                "wanted the frames as the camera wrote them",
+                "expected the frames as the camera wrote them",
                 source=path.name,
             )
         notes.update(dict.fromkeys(_notes(metadata)))

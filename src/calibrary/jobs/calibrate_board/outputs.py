@@ -59,12 +59,14 @@ class Places:
         wanted = [*self._named()]
         for flag, path, suffixes in wanted:
             if suffixes and path.suffix.lower() not in suffixes:
-                raise InputError(f"wanted a name that ends in {suffixes[0]}", source=str(path), place=flag)
+                raise InputError(f"expected a name that ends in {suffixes[0]}", source=str(path), place=flag)
             if path.is_dir():
-                raise InputError("is a folder; wanted a file's name", source=str(path), place=flag)
+                raise InputError("is a folder; expected a file's name", source=str(path), place=flag)
             check_folder(path, place=flag)
         if len({path.resolve() for _, path, _ in wanted}) < len(wanted):
-            raise InputError("two outputs have one name; wanted a file each", source=str(wanted[0][1].parent))
+            raise InputError(
+                "two outputs have one name; expected a file each", source=str(wanted[0][1].parent)
+            )
         if self.out is not None:
             self._format()
 
@@ -105,7 +107,7 @@ class Places:
             if self.format not in {record.name for record in written}:
                 names = ", ".join(record.name for record in written)
                 raise InputError(
-                    f"{self.format!r:.40} is no format that is written; wanted one of {names}", place="--to"
+                    f"{self.format!r:.40} is no format that is written; expected one of {names}", place="--to"
                 )
             return self.format
         suffix = self.out.suffix.lower() if self.out is not None else ""

@@ -205,11 +205,11 @@ def _held(result: CalibrationResult) -> KeyValues:
     seen, limits = result.evidence.geometry, result.limits
     return KeyValues(
         (
-            ("normals spread", f"{seen.tilt_spread_deg:.1f}°, wanted {limits.tilt_wanted_deg:g}°"),
+            ("normals spread", f"{seen.tilt_spread_deg:.1f}°, expected {limits.tilt_wanted_deg:g}°"),
             ("roll spread", f"{seen.roll_spread_deg:.0f}°"),
-            ("farthest ÷ nearest corner", f"{seen.depth_ratio:.2f}, wanted {limits.depth_wanted:g}"),
+            ("farthest ÷ nearest corner", f"{seen.depth_ratio:.2f}, expected {limits.depth_wanted:g}"),
             ("median distance", f"{seen.distance_mm / 1000:.3g} m"),
-            ("cells with a corner", f"{seen.coverage.fraction:.0%}, wanted {limits.cells_wanted:.0%}"),
+            ("cells with a corner", f"{seen.coverage.fraction:.0%}, expected {limits.cells_wanted:.0%}"),
             (
                 "reach towards the frame's corners",
                 f"{seen.coverage.reach:.0%}, needed {limits.reach_needed:.0%}",

@@ -101,7 +101,7 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
     if not path.exists():
         raise InputError("no such file", source=str(path))
     if not path.is_file():
-        raise InputError("is no regular file, wanted one calibration file or image", source=str(path))
+        raise InputError("is no regular file, expected one calibration file or image", source=str(path))
     data = entry_file(path) if reading.format is None else None
     if data is not None:
         found = [_from_entry(parse_entry(data, path.name, require_digest=False), request)]

@@ -86,7 +86,7 @@ def _read(text: str, reading: Reading, image_size: ImageSize | None) -> Argument
     if not path.exists():
         return _entry(text, reading.registry)
     if not path.is_file():
-        raise InputError("is no regular file, wanted one calibration file or image", source=text)
+        raise InputError("is no regular file, expected one calibration file or image", source=text)
     if reading.format is None and (data := entry_file(path)) is not None:
         entry = parse_entry(data, path.name, require_digest=False)
         return Argument(label=text, calibration=entry.calibration)

@@ -121,7 +121,7 @@ def export(
         raise InputError("no entry to export; 'calibrary registry list' shows what there is")
     if form in TABLES:
         if out.is_dir():
-            raise InputError("is a folder, wanted the name of a file", source=str(out))
+            raise InputError("is a folder, expected the name of a file", source=str(out))
         data = _csv(stored) if form == "csv" else _yaml(stored)
         write_files({out: data})
         written = tuple(Exported(entry_id=one.id, file=out.name, fit=None) for one in stored)

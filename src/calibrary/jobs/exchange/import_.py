@@ -169,7 +169,7 @@ def imported_json(found: Import, commit: str | None) -> dict[str, Json]:
 def _files(folder: Path) -> Iterator[Path]:
     if not folder.is_dir():
         raise RegistryError(
-            f"{folder}: no such folder; wanted one with calibration files, or the word 'catalogue'; 'calibrary "
+            f"{folder}: no such folder; expected one with calibration files, or the word 'catalogue'; 'calibrary "
             "registry add' takes a single file"
         )
 

@@ -259,7 +259,7 @@ def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
         return why, "calibrate it as a fisheye; put that file beside the images, or register it (--registry)"
     fault = metadata.fault("EXIF FocalLength")
     if fault is not None:
-        return f"EXIF FocalLength is {fault.found}, wanted {fault.wanted}", own_files
+        return f"EXIF FocalLength is {fault.found}, expected {fault.expected}", own_files
     if evidence.dropped:
         dropped = evidence.dropped[0]
         why, _, what_to_do = f"{dropped.tag}: {dropped.reason}".partition("; ")

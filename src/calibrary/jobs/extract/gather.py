@@ -117,7 +117,7 @@ def collect_images(given: Sequence[Path], *, recursive: bool) -> ImageSet:
         InputError: none is given, or one is not there or cannot be read.
     """
     if not given:
-        raise InputError("no image is given; wanted a folder, or a list of images")
+        raise InputError("no image is given; expected a folder, or a list of images")
     if len(given) == 1 and not given[0].is_file():
         [folder] = given
         return ImageSet(paths=tuple(find_images(folder, recursive=recursive)), root=folder, folders=(folder,))

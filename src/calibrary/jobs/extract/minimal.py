@@ -68,7 +68,7 @@ def extract_intrinsic_matrix(
     name = Path(image_path).name
     for what, value in (("sensor width", sensor_width_mm), ("sensor height", sensor_height_mm)):
         if not (value > 0 and math.isfinite(value)):
-            raise InputError(f"{what} is {value} mm, wanted a positive number", source=name)
+            raise InputError(f"{what} is {value} mm, expected a positive number", source=name)
     focal_mm, (width_px, height_px) = _focal_and_size(Path(image_path))
 
     fx = (focal_mm / sensor_width_mm) * width_px
@@ -98,7 +98,7 @@ def _focal_and_size(path: Path) -> tuple[float, tuple[int, int]]:
     fault = metadata.fault(FOCAL_TAG)
     if fault is not None:
         raise BadRationalError(
-            f"{FOCAL_TAG} is {fault.found}, wanted {fault.wanted}", source=path.name, place=FOCAL_TAG
+            f"{FOCAL_TAG} is {fault.found}, expected {fault.expected}", source=path.name, place=FOCAL_TAG
         )
     if metadata.focal_35mm is not None:
         raise MissingTagError(

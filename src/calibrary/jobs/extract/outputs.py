@@ -103,7 +103,9 @@ def check_place(matrix_path: Path) -> None:
         InputError: the name is no .npy, or its folder may not be written to.
     """
     if matrix_path.suffix != ".npy":
-        raise InputError("wanted a name that ends in .npy", source=str(matrix_path), place="--output-matrix")
+        raise InputError(
+            "expected a name that ends in .npy", source=str(matrix_path), place="--output-matrix"
+        )
     check_folder(matrix_path, place="--output-matrix")
 
 
@@ -114,7 +116,7 @@ def check_page_place(path: Path) -> None:
         InputError: the name is no .html, or its folder may not be written to.
     """
     if path.suffix.lower() not in {".html", ".htm"}:
-        raise InputError("wanted a name that ends in .html", source=str(path), place="--html")
+        raise InputError("expected a name that ends in .html", source=str(path), place="--html")
     check_folder(path, place="--html")
 
 

@@ -256,7 +256,7 @@ def _findings(report: Report | None) -> Iterator[Block]:
         Column("result"),
         Column("measured", numeric=True),
         Column("limit", numeric=True),
-        Column("what was found and wanted"),
+        Column("what was found and expected"),
     )
     caption = f"K against the {report.policy} policy"
     table = Table(

@@ -254,7 +254,7 @@ def _findings(report: Report | None) -> Iterator[Block]:
         return
     table = Table(
         caption=f"K against the {report.policy} policy",
-        columns=(Column("rule"), Column("result"), Column("what was found and wanted")),
+        columns=(Column("rule"), Column("result"), Column("what was found and expected")),
         rows=tuple(
             (f.rule, Badge(f.severity.value, SEVERITIES[f.severity]), f.message) for f in report.findings
         ),

@@ -239,7 +239,7 @@ def _why(comparison: EstimateComparison, board: BoardSolve | None) -> str:
         and board.result is not None
         and board.result.verdict is BoardVerdict.PROVISIONAL
     )
-    return f"{told}; provisional, better frames are wanted before it is approved" if provisional else told
+    return f"{told}; provisional: take better frames before approving it" if provisional else told
 
 
 def _serves(camera: PayloadCamera, comparison: EstimateComparison, questions: Questions) -> Serves:

@@ -31,7 +31,7 @@ def check_out(out: Path) -> Path:
     if not place.exists():
         return place
     if not place.is_dir():
-        raise InputError("is a file, wanted a folder for the site", source=str(out))
+        raise InputError("is a file, expected a folder for the site", source=str(out))
     try:
         found = {item.name for item in place.iterdir()}
     except OSError as error:

@@ -110,7 +110,7 @@ def as_values(values: ArrayLike, what: str) -> FloatArray:
     """
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 1:
-        raise InputError(f"{what} has shape {array.shape}, wanted (N,)")
+        raise InputError(f"{what} has shape {array.shape}, expected (N,)")
     return np.where(np.isfinite(array), array, math.nan)
 
 
@@ -122,7 +122,7 @@ def as_points(values: ArrayLike, what: str, columns: int = 2) -> FloatArray:
     """
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != columns:
-        raise InputError(f"{what} has shape {array.shape}, wanted (N, {columns})")
+        raise InputError(f"{what} has shape {array.shape}, expected (N, {columns})")
     return array
 
 

@@ -197,7 +197,7 @@ def _grid(values: ArrayLike, depth: int) -> FloatArray:
     grid = np.asarray(values, dtype=np.float64)
     if grid.ndim != 3 or grid.shape[2] != depth or min(grid.shape[:2]) < 2:
         raise InputError(
-            f"a map of shape {grid.shape}, wanted (rows, columns, {depth}), two of each at least"
+            f"a map of shape {grid.shape}, expected (rows, columns, {depth}), two of each at least"
         )
     return grid
 

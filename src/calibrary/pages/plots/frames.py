@@ -111,7 +111,9 @@ def heat_map(
     """
     grid = np.asarray(values, dtype=np.float64)
     if grid.ndim != 2 or not grid.size or max(grid.shape) > 1000:
-        raise InputError(f"{axis.quantity} has shape {grid.shape}, wanted (rows, columns), at most 1000 each")
+        raise InputError(
+            f"{axis.quantity} has shape {grid.shape}, expected (rows, columns), at most 1000 each"
+        )
     grid = np.where(np.isfinite(grid), grid, math.nan)
     finite = grid[np.isfinite(grid)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
