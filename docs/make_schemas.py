@@ -22,6 +22,13 @@ PRINTED: Final[Mapping[str, str]] = {
     "corners-1": "calibrary.calib.corners_file:CornersFile",
     "calibration-result-1": "calibrary.jobs.calibrate_board.report:CalibrateReport",
     "registry-audit-1": "calibrary.jobs.audit.report:AuditReport",
+    "registry-check-1": "calibrary.registry.check_registry:CheckDocument",
+    "registry-export-1": "calibrary.jobs.exchange.export:ExportReport",
+    "registry-import-1": "calibrary.jobs.exchange.import_:ImportReport",
+    "undistort-1": "calibrary.jobs.undistort.report:UndistortReport",
+    "inspect-1": "calibrary.jobs.inspect.report:InspectReport",
+    "inspect-files-1": "calibrary.jobs.inspect.report:InspectFilesReport",
+    "formats-1": "calibrary.parsers.listing:FormatListing",
     "onboard-1": "calibrary.jobs.onboard.report:OnboardReport",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final, Literal
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
-from calibrary.records import Json, to_json
+from calibrary.records import Meta, Record
 from calibrary.registry.check import CheckReport, check
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, commit_at, history, parse_rev
+from calibrary.registry.git.objects import CommitId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.signatures import signatures
 from calibrary.registry.paths import CAMERAS, ROOT, SUFFIX, check_path, folder_of, id_of
@@ -20,12 +21,13 @@ from calibrary.registry.snapshot import Snapshot, entry_paths, read_entry_file
 from calibrary.validation import Finding, Severity
 
 __all__ = [
+    "CheckDocument",
     "Checked",
     "check_all",
     "check_range",
     "check_signatures",
     "check_work_tree",
-    "checked_json",
+    "document_of",
     "parse_range",
 ]
 
@@ -36,6 +38,26 @@ BLOCK: Final = 250
 """Entries that are read at once; one by one, waiting for git takes a third of a check."""
 
 Progress = Callable[[int, int], None]
+
+
+class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"):
+    """What ``calibrary registry check --json`` prints.
+
+    Attributes:
+        verdict: bad where there is an error or an unsigned commit.
+        commit: that was checked; None for files that lie in a folder.
+        before: where a range begins; None where everything was checked.
+        entries: how many were checked.
+        findings: in the order of their paths.
+        unsigned: commits without a signature by a person on the list, and why; None where that was not asked.
+    """
+
+    verdict: Literal["good", "bad"]
+    commit: CommitId | None
+    before: CommitId | None
+    entries: Annotated[int, Meta(ge=0)]
+    findings: tuple[Finding, ...]
+    unsigned: tuple[str, ...] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,19 +215,16 @@ def check_signatures(
     return tuple(str(found) for found in signatures(repo, commits, signers) if not found.is_good)
 
 
-def checked_json(done: Checked, unsigned: tuple[str, ...] | None) -> dict[str, Json]:
-    """The JSON form of a check (schemas/registry-check-1.schema.json)."""
-    findings: list[Json] = [to_json(finding) for finding in done.report.findings]
-    commits: Json = [*unsigned] if unsigned is not None else None
-    return {
-        "schema": "calibrary/registry-check-1",
-        "verdict": "good" if done.report.is_good and not unsigned else "bad",
-        "commit": done.commit,
-        "before": done.before,
-        "entries": done.report.entries,
-        "findings": findings,
-        "unsigned": commits,
-    }
+def document_of(done: Checked, unsigned: tuple[str, ...] | None) -> CheckDocument:
+    """A check, and the commits that are not signed by a person on the list; None where that was not asked."""
+    return CheckDocument(
+        verdict="good" if done.report.is_good and not unsigned else "bad",
+        commit=done.commit,
+        before=done.before,
+        entries=done.report.entries,
+        findings=done.report.findings,
+        unsigned=unsigned,
+    )
 
 
 class _Files(Mapping[str, bytes]):

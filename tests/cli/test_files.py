@@ -77,7 +77,7 @@ def test_inspect_walks_a_folder_and_a_file_that_is_none_does_not_stop_it(
     (xml.parent / "notes.txt").write_text("nothing to see")
     code, out, _ = run(capsys, "inspect", "--json", xml.parent)
     document = json.loads(out)
-    require(document, "inspect-1")
+    require(document, "inspect-files-1")
     files = {one["file"]: one for one in document["files"]}
     assert code == 3
     assert files["camera.xml"]["error"] is None

@@ -42,6 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import errors, out, plain
     from calibrary.parsers import formats
+    from calibrary.parsers.listing import listing
 
     wanted = (arguments.name or "").casefold()
     records = [r for r in formats() if wanted in r.name.casefold() or wanted in r.title.casefold()]
@@ -50,8 +51,7 @@ def _run(arguments: argparse.Namespace) -> int:
         errors().say(plain(f"{complaint}; 'calibrary formats' lists them all"))
         return 1
     if arguments.json:
-        document = {"schema": "calibrary/formats-1", "formats": [_json(record) for record in records]}
-        print_json(document)
+        print_json(listing(records))
     elif arguments.markdown:
         sys.stdout.write(markdown(records))
     else:
@@ -108,18 +108,3 @@ def _show(screen: Screen, records: Sequence[Format], *, details: bool) -> None:
         for option in record.options:
             values = "|".join(option.values)
             screen.say(f"  --set {option.name}={values}: {plain(option.meaning)}")
-
-
-def _json(record: Format) -> dict[str, object]:
-    return {
-        "name": record.name,
-        "title": record.title,
-        "suffixes": list(record.suffixes),
-        "reads": record.read is not None,
-        "writes": record.write is not None,
-        "refuses": record.refuses,
-        "needs_image_size": record.needs_image_size,
-        "convention": list(record.convention.sentences()) if record.convention is not None else None,
-        "options": {option.name: list(option.values) for option in record.options},
-        "reference": record.reference,
-    }

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
-    from calibrary.records import Json
 
 __all__ = ["add_parser"]
 
@@ -127,24 +126,23 @@ def _described(path: Path, answers: Answers) -> Inspected:
 
 
 def _print_json(inspected: Sequence[Inspected], *, alone: bool) -> None:
-    documents = [_json(one) for one in inspected]
-    told: dict[str, Json] = documents[0] if alone else {"files": list(documents)}
-    document: dict[str, Json] = {"schema": "calibrary/inspect-1", **told}
-    print_json(document)
+    from msgspec.structs import asdict
 
+    from calibrary.jobs.inspect.report import InspectedFile, InspectFilesReport, InspectReport
 
-def _json(one: Inspected) -> dict[str, Json]:
-    from calibrary.records import to_json
-
-    return {
-        "file": one.path.name,
-        "format": one.format,
-        "why": one.why,
-        "conventions": list(one.sentences),
-        "calibrations": [to_json(calibration) for calibration in one.calibrations],
-        "warnings": list(one.warnings),
-        "error": one.error,
-    }
+    files = [
+        InspectedFile(
+            file=one.path.name,
+            format=one.format,
+            why=one.why,
+            conventions=one.sentences,
+            calibrations=one.calibrations,
+            warnings=one.warnings,
+            error=one.error,
+        )
+        for one in inspected
+    ]
+    print_json(InspectReport(**asdict(files[0])) if alone else InspectFilesReport(files=tuple(files)))
 
 
 def _show(screen: Screen, one: Inspected) -> None:

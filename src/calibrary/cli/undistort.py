@@ -126,7 +126,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from rich.progress import track
 
     from calibrary.cli.console import note, out
-    from calibrary.cli.undistort_display import document, show
+    from calibrary.cli.undistort_display import report_of, show
     from calibrary.parsers.discovery import format_named
 
     calibration = _calibration(arguments)
@@ -145,8 +145,7 @@ def _run(arguments: argparse.Namespace) -> int:
         error.args = (f"{len(done)} of {len(jobs)} images were undistorted",)
         raise
     if arguments.json:
-        described = document(arguments, done, cameras.by_size)
-        print_json(described)
+        print_json(report_of(arguments, done, cameras.by_size))
     else:
         show(out(arguments), done, cameras.by_size, arguments.out)
     return EXIT_UNREADABLE if any(one.error is not None for one in done) else 0

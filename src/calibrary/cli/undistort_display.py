@@ -12,46 +12,45 @@ if TYPE_CHECKING:
     from calibrary.calibration import ImageSize
     from calibrary.cli.console import Screen
     from calibrary.cli.undistort_work import Done, Written
-    from calibrary.records import Json
+    from calibrary.jobs.undistort.report import UndistortReport
 
-__all__ = ["document", "show"]
+__all__ = ["report_of", "show"]
 
 
-def document(
+def report_of(
     arguments: argparse.Namespace, done: Sequence[Done], cameras: Mapping[ImageSize, Written]
-) -> dict[str, Json]:
-    """What was done, as schemas/undistort-1.schema.json describes it."""
-    from calibrary.records import to_json
+) -> UndistortReport:
+    """What was done."""
+    from calibrary.jobs.undistort.report import UndistortedCamera, UndistortedImage, UndistortReport
 
     out: Path = arguments.out
-    return {
-        "schema": "calibrary/undistort-1",
-        "calibration": arguments.calibration.name,
-        "cameras": [
-            {
-                "file": camera.path.name,
-                "format": arguments.to,
-                "verdict": camera.verdict.outcome.value,
-                "dropped": list(camera.verdict.dropped),
-                "image_size": list(size),
-                "calibration": to_json(camera.calibration),
-                "kept": camera.plan.kept,
-                "empty": camera.plan.empty,
-                "notes": list(camera.notes),
-            }
+    return UndistortReport(
+        calibration=arguments.calibration.name,
+        cameras=tuple(
+            UndistortedCamera(
+                file=camera.path.name,
+                format=arguments.to,
+                verdict=camera.verdict.outcome,
+                dropped=tuple(camera.verdict.dropped),
+                image_size=size,
+                calibration=camera.calibration,
+                kept=camera.plan.kept,
+                empty=camera.plan.empty,
+                notes=camera.notes,
+            )
             for size, camera in cameras.items()
-        ],
-        "images": [
-            {
-                "file": one.job.image.name,
-                "output": one.job.output.relative_to(out).as_posix() if one.error is None else None,
-                "camera": cameras[one.size].path.name if one.size is not None else None,
-                "warnings": list(one.warnings),
-                "error": one.error,
-            }
+        ),
+        images=tuple(
+            UndistortedImage(
+                file=one.job.image.name,
+                output=one.job.output.relative_to(out).as_posix() if one.error is None else None,
+                camera=cameras[one.size].path.name if one.size is not None else None,
+                warnings=one.warnings,
+                error=one.error,
+            )
             for one in done
-        ],
-    }
+        ),
+    )
 
 
 def show(screen: Screen, done: Sequence[Done], cameras: Mapping[ImageSize, Written], out: Path) -> None:

@@ -68,7 +68,7 @@ def test_of_two_that_a_program_calls_alike_only_the_plainer_is_written(
     assert [one["entry"] for one in done["written"]] == [FIRST.id]
     [left] = done["left_out"]
     assert left["entry"] == unit.id
-    assert FIRST.id in left["why"]
+    assert FIRST.id in left["reason"]
 
 
 def test_what_a_format_cannot_hold_is_left_out_with_the_reason(

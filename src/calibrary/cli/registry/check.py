@@ -68,7 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
         check_range,
         check_signatures,
         check_work_tree,
-        checked_json,
+        document_of,
         parse_range,
     )
 
@@ -89,8 +89,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.signatures:
         unsigned = check_signatures(snapshot, arguments.allowed_signers, before=before, after=after)
     if arguments.json:
-        document = checked_json(done, unsigned)
-        print_json(document)
+        print_json(document_of(done, unsigned))
     else:
         _show(out(arguments), done, unsigned)
     return 0 if done.report.is_good and not unsigned else EXIT_BAD

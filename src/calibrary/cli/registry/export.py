@@ -58,15 +58,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import out
-    from calibrary.jobs.exchange.export import export, exported_json
+    from calibrary.jobs.exchange.export import export, report_of
 
     snapshot = opened(arguments).snapshot(arguments.at)
     statuses = arguments.status or ("approved", "held")
     stored = [one for one in snapshot.entries() if one.entry.status.value in statuses]
     done = export(stored, arguments.format, arguments.out, max_error_px=arguments.max_error_px)
     if arguments.json:
-        document = exported_json(done, snapshot.commit)
-        print_json(document)
+        print_json(report_of(done, snapshot.commit))
     else:
         _tell(out(arguments), done, arguments.out)
     return 0
@@ -74,18 +73,17 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _tell(screen: Screen, done: Export, out: Path) -> None:
     from calibrary.cli.console import plain
+    from calibrary.parsers.format import Fidelity
 
-    refitted = [one for one in done.written if one.fit is not None and not one.fit.exact]
+    refitted = [one for one in done.written if one.verdict is Fidelity.REFITTED]
     count = len(done.written)
     lines = [
         f"{out}: {count} {'entry' if count == 1 else 'entries'} as {done.format}, {count - len(refitted)} exact"
     ]
     lines += [
-        f"  refitted: {one.entry_id}: rms {one.fit.rms_px:.3g} px, max {one.fit.max_px:.3g} px"
-        for one in refitted
-        if one.fit is not None
+        f"  refitted: {one.entry}: rms {one.rms_px:.3g} px, max {one.max_px:.3g} px" for one in refitted
     ]
-    lines += [f"  left out: {one.entry_id}: {one.why}" for one in done.left_out]
+    lines += [f"  left out: {one.entry}: {one.reason}" for one in done.left_out]
     if done.dropped:
         lines.append(f"  it has no place for: {', '.join(done.dropped)}")
     for line in lines:

@@ -66,7 +66,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import note
     from calibrary.cli.registry.changes import tell_written
-    from calibrary.jobs.exchange.import_ import Fate, imported_json, write_import
+    from calibrary.jobs.exchange.import_ import Fate, report_of, write_import
 
     registry, screen = opened(arguments), deciding_screen(arguments)
     found = _found(arguments, registry, note(arguments))
@@ -79,8 +79,7 @@ def _run(arguments: argparse.Namespace) -> int:
     else:
         screen.say("nothing was written" + ("" if found.due.items else ": nothing is new"))
     if arguments.json:
-        document = imported_json(found, written.commit if written is not None else None)
-        print_json(document)
+        print_json(report_of(found, written.commit if written is not None else None))
     nothing_taken = found.count(Fate.FAILED) == len(found.items)
     return EXIT_INPUT if found.items and nothing_taken else 0
 
@@ -131,7 +130,7 @@ def _show(screen: Screen, found: Import) -> None:
     for item in found.items:
         if item.fate is Fate.SAME and item.reason is None:
             continue
-        named = f" → {item.entry_id}" if item.entry_id is not None else ""
+        named = f" → {item.entry}" if item.entry is not None else ""
         why = f": {item.reason}" if item.reason is not None else ""
         said = plain(f"{item.source}{named}{why}")
         screen.say(f"[{styles[item.fate]}]{item.fate.value:8}[/]{said}")

@@ -12,18 +12,19 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 from calibrary import parsers
 from calibrary.atomic import write_files
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
-from calibrary.records import Json
+from calibrary.records import Meta, Record
 from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.git.objects import CommitId
 from calibrary.registry.snapshot import StoredEntry
 
-__all__ = ["TABLES", "Export", "Exported", "NotExported", "export", "exported_json"]
+__all__ = ["TABLES", "Export", "ExportReport", "Exported", "NotExported", "export", "report_of"]
 
 SHORT: Final[Mapping[str, str]] = {"odm": "odm_cameras", "opensfm": "opensfm", "colmap": "colmap_text"}
 """Names that people use for formats, beside the formats' own."""
@@ -60,27 +61,51 @@ COLUMNS: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Exported:
+class Exported(Record):
     """One entry that was written.
 
     Attributes:
-        entry_id: of the entry.
+        entry: its id.
         file: its name, below the folder where there are several.
-        fit: how exactly the file holds it; None of a table, which holds the numbers themselves.
+        verdict: how exactly the file holds it; a table holds the numbers themselves.
+        rms_px, max_px: distance between where the two put the same ray.
     """
 
-    entry_id: str
+    entry: str
     file: str
-    fit: Fit | None
+    verdict: Fidelity = Fidelity.EXACT
+    rms_px: Annotated[float, Meta(ge=0)] = 0.0
+    max_px: Annotated[float, Meta(ge=0)] = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NotExported:
-    """One entry that was not written, and why."""
+class NotExported(Record):
+    """One entry that was not written.
 
-    entry_id: str
-    why: str
+    Attributes:
+        entry: its id.
+        reason: why.
+    """
+
+    entry: str
+    reason: str
+
+
+class ExportReport(Record, tag_field="schema", tag="calibrary/registry-export-1"):
+    """What ``calibrary registry export --json`` prints.
+
+    Attributes:
+        commit: of the registry; None for a plain folder.
+        format: the format's own name.
+        written: the entries that were written.
+        left_out: those that the format cannot hold, or not beside the others.
+        dropped: what the format has no place for, in words.
+    """
+
+    commit: CommitId | None
+    format: str
+    written: tuple[Exported, ...]
+    left_out: tuple[NotExported, ...]
+    dropped: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +149,7 @@ def export(
             raise InputError("is a folder, expected the name of a file", source=str(out))
         data = _csv(stored) if form == "csv" else _yaml(stored)
         write_files({out: data})
-        written = tuple(Exported(entry_id=one.id, file=out.name, fit=None) for one in stored)
+        written = tuple(Exported(entry=one.id, file=out.name) for one in stored)
         return Export(format=form, written=written)
     record = format_named(SHORT.get(form, form))
     if record.write is None or record.capacity is None:
@@ -136,31 +161,16 @@ def export(
     return _folder(stored, record, out, max_error_px)
 
 
-def exported_json(done: Export, commit: str | None) -> dict[str, Json]:
-    """The JSON form of an export (schemas/registry-export-1.schema.json)."""
-    entries: list[Json] = [
-        {
-            "entry": one.entry_id,
-            "file": one.file,
-            "verdict": _outcome(one.fit),
-            "rms_px": one.fit.rms_px if one.fit is not None else 0.0,
-            "max_px": one.fit.max_px if one.fit is not None else 0.0,
-        }
-        for one in done.written
-    ]
-    left: list[Json] = [{"entry": one.entry_id, "why": one.why} for one in done.left_out]
-    return {
-        "schema": "calibrary/registry-export-1",
-        "commit": commit,
-        "format": done.format,
-        "written": entries,
-        "left_out": left,
-        "dropped": [*done.dropped],
-    }
+def report_of(done: Export, commit: str | None) -> ExportReport:
+    """An export of the entries of a commit."""
+    return ExportReport(
+        commit=commit, format=done.format, written=done.written, left_out=done.left_out, dropped=done.dropped
+    )
 
 
-def _outcome(fit: Fit | None) -> str:
-    return (Fidelity.EXACT if fit is None or fit.exact else Fidelity.REFITTED).value
+def _exported(entry_id: str, file: str, fit: Fit) -> Exported:
+    verdict = Fidelity.EXACT if fit.exact else Fidelity.REFITTED
+    return Exported(entry=entry_id, file=file, verdict=verdict, rms_px=fit.rms_px, max_px=fit.max_px)
 
 
 def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> Export:
@@ -182,10 +192,9 @@ def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: f
     return Export(
         format=record.name,
         written=tuple(
-            Exported(entry_id=one.id, file=out.name, fit=fit)
-            for one, fit in zip(stored, verdict.fits, strict=True)
+            _exported(one.id, out.name, fit) for one, fit in zip(stored, verdict.fits, strict=True)
         ),
-        left_out=tuple(NotExported(entry_id=name, why=why) for name, why in sorted(left.items())),
+        left_out=tuple(NotExported(entry=name, reason=reason) for name, reason in sorted(left.items())),
         dropped=verdict.dropped,
     )
 
@@ -253,13 +262,13 @@ def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: flo
         try:
             data, verdict = parsers.encode([one.entry.calibration], record, name=name, max_error_px=limit)
         except InputError as error:
-            left.append(NotExported(entry_id=one.id, why=error.message))
+            left.append(NotExported(entry=one.id, reason=error.message))
             continue
         files[out / name] = data
         dropped |= dict.fromkeys(verdict.dropped)
-        written.append(Exported(entry_id=one.id, file=name, fit=verdict.fits[0]))
+        written.append(_exported(one.id, name, verdict.fits[0]))
     if not files:
-        raise UnsupportedModelError(f"{record.name} holds none of the {len(left)} entries: {left[0].why}")
+        raise UnsupportedModelError(f"{record.name} holds none of the {len(left)} entries: {left[0].reason}")
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

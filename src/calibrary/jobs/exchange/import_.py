@@ -11,24 +11,34 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.jobs.exchange.add import AddRequest, propose_file
 from calibrary.jobs.exchange.argument import Reading
 from calibrary.jobs.exchange.catalogue_entries import KIND, catalogue_entries
 from calibrary.parsers.image_names import is_image
-from calibrary.records import Json, replace, to_json
+from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git.objects import CommitId
 from calibrary.registry.git.writing import Written
 from calibrary.registry.proposals import Proposal, Proposals, checked, proposal_of
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
-from calibrary.validation import Severity
+from calibrary.validation import Finding, Severity
 
-__all__ = ["Fate", "Import", "Item", "import_catalogue", "import_folder", "imported_json", "write_import"]
+__all__ = [
+    "Fate",
+    "Import",
+    "ImportReport",
+    "Item",
+    "import_catalogue",
+    "import_folder",
+    "report_of",
+    "write_import",
+]
 
 SKIPPED_FOLDERS: Final = frozenset({".git"})
 
@@ -43,21 +53,36 @@ class Fate(StrEnum):
     FAILED = "failed"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Item:
+class Item(Record):
     """One calibration on its way in.
 
     Attributes:
         source: the file's name below the folder, or the catalogue's title.
         fate: what becomes of it.
-        entry_id: of the entry it is, where that is known.
+        entry: its id, where it is known.
         reason: why it is left or failed, or what a person should know of it.
     """
 
     source: str
     fate: Fate
-    entry_id: str | None = None
+    entry: str | None = None
     reason: str | None = None
+
+
+class ImportReport(Record, tag_field="schema", tag="calibrary/registry-import-1"):
+    """What ``calibrary registry import --json`` prints.
+
+    Attributes:
+        commit: that was written; None where nothing was.
+        due: how many entries were written, or would have been.
+        items: every calibration that was found.
+        findings: of the registry's check.
+    """
+
+    commit: CommitId | None
+    due: Annotated[int, Meta(ge=0)]
+    items: tuple[Item, ...]
+    findings: tuple[Finding, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +155,7 @@ def import_catalogue(registry: Registry) -> Import:
         current = _readable(snapshot, entry.path) if base is not None else None
         fate, reason = _fate(entry, current) if base is not None else (Fate.NEW, None)
         source = entry.calibration.provenance.tag or entry.id
-        items.append(Item(source=source, fate=fate, entry_id=entry.id, reason=reason))
+        items.append(Item(source=source, fate=fate, entry=entry.id, reason=reason))
         if fate in {Fate.NEW, Fate.CHANGED}:
             due.append(proposal_of(entry, current, base))
     return _judged(snapshot, "the catalogue of known cameras", items, due)
@@ -150,20 +175,14 @@ def write_import(registry: Registry, found: Import, *, reason: str | None = None
     return registry.save(found.due, subject=f"Import {found.what}: {count} {whose}", reason=reason)
 
 
-def imported_json(found: Import, commit: str | None) -> dict[str, Json]:
-    """The JSON form of an import (schemas/registry-import-1.schema.json)."""
-    items: list[Json] = [
-        {"source": item.source, "fate": item.fate.value, "entry": item.entry_id, "why": item.reason}
-        for item in found.items
-    ]
-    findings: list[Json] = [to_json(finding) for finding in found.proposals.findings]
-    return {
-        "schema": "calibrary/registry-import-1",
-        "commit": commit,
-        "due": len(found.due.items),
-        "items": items,
-        "findings": findings,
-    }
+def report_of(found: Import, commit: str | None) -> ImportReport:
+    """An import, and the commit that it was written as."""
+    return ImportReport(
+        commit=commit,
+        due=len(found.due.items),
+        items=found.items,
+        findings=found.proposals.findings,
+    )
 
 
 def _files(folder: Path) -> Iterator[Path]:
@@ -196,7 +215,7 @@ def _of_file(
     for proposal in proposals.items:
         fate = Fate.SAME if not proposal.changes else Fate.NEW if proposal.is_new else Fate.CHANGED
         reason = "; ".join(proposal.warnings) or None
-        yield Item(source=source, fate=fate, entry_id=proposal.entry.id, reason=reason), proposal
+        yield Item(source=source, fate=fate, entry=proposal.entry.id, reason=reason), proposal
 
 
 def _taken_in(due: dict[str, tuple[Proposal, str]], item: Item, proposal: Proposal) -> Item:
@@ -256,8 +275,8 @@ def _judged(snapshot: Snapshot, what: str, items: Sequence[Item], proposed: Sequ
     return Import(
         what=what,
         items=tuple(
-            replace(item, fate=Fate.FAILED, reason=bad[item.entry_id])
-            if item.entry_id in bad and item.fate in {Fate.NEW, Fate.CHANGED}
+            replace(item, fate=Fate.FAILED, reason=bad[item.entry])
+            if item.entry in bad and item.fate in {Fate.NEW, Fate.CHANGED}
             else item
             for item in items
         ),

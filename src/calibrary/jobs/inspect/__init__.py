@@ -1,0 +1,1 @@
+"""Identifying files: what a run reports."""

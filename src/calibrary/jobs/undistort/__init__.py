@@ -1,0 +1,1 @@
+"""Undistorting images: what a run reports."""
