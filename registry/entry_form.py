@@ -285,7 +285,7 @@ def _version(document: Document, source: str) -> int:
     name = document.get("schema")
     told = re.fullmatch(r"calibrary/entry-(\d{1,9})", name) if isinstance(name, str) else None
     if told is None:
-        found = f"{name!r:.60}, wanted" if "schema" in document else "missing; wanted"
+        found = f"{name!r:.60}, expected" if "schema" in document else "missing; expected"
         raise ParseError(
             f"schema is {found} 'calibrary/entry-{CURRENT}': is this a registry's entry?", source=source
         )

@@ -77,6 +77,21 @@ class Grade(StrEnum):
         """Whether a K of this grade may reach a solver as a K."""
         return self not in {Grade.PRIOR, Grade.SEED}
 
+    @property
+    def meaning(self) -> str:
+        """Origin of such intrinsics, for the legend of a report."""
+        return GRADE_MEANINGS[self]
+
+
+GRADE_MEANINGS = {
+    Grade.CALIBRATED: "measured on this unit, with a calibration target or by the manufacturer",
+    Grade.ADJUSTED: "estimated by the bundle adjustment of a reconstruction",
+    Grade.DESIGN: "design value of the manufacturer for the camera model",
+    Grade.DERIVED: "focal length divided by pixel pitch or sensor size",
+    Grade.PRIOR: "rough value such as the 35 mm equivalent, only for comparison",
+    Grade.SEED: "generic start for a self-calibration",
+}
+
 
 class CameraKey(Record):
     """Which camera a calibration is of. EXIF Model alone is not a key: four sub-cameras may share it.
@@ -105,7 +120,7 @@ class CameraKey(Record):
 
     def __str__(self) -> str:
         make, model = self.make or "", self.model or ""
-        # "Canon Canon PowerShot" helps nobody.
+        # "Canon Canon PowerShot" is redundant.
         name = model if make and model.lower().startswith(make.lower()) else f"{make} {model}".strip()
         focal = f"{self.focal_mm:g} mm" if self.focal_mm is not None else None
         size = "{}×{}".format(*self.image_size) if self.image_size else None
@@ -163,7 +178,7 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
         if K.shape != (3, 3):
             raise InputError(f"K has shape {K.shape}, expected (3, 3)")
         if not np.isfinite(K).all():
-            raise InputError("K holds NaN or infinity, expected nine finite numbers")
+            raise InputError("K contains NaN or infinity, expected nine finite numbers")
         if K[2, 2] == 0 or K[1, 0] != 0 or K[2, 0] != 0 or K[2, 1] != 0:
             raise InputError(f"K is not upper triangular with K[2, 2] ≠ 0: {K.tolist()}")
         K = K / K[2, 2]

@@ -3,9 +3,9 @@
 ::
 
     CalibraryError
-    ├── InputError (ValueError)          something that was read or given is wrong: .source, .place
+    ├── InputError (ValueError)          an input or argument is wrong: .source, .place
     │   ├── MissingTagError              a tag that is needed is not there
-    │   ├── BadRationalError             an EXIF rational that is no number (zero denominator)
+    │   ├── BadRationalError             an EXIF rational that is not a number (zero denominator)
     │   ├── FrameError                   a calibration's frame cannot be brought to this image's size
     │   ├── ParseError                   a file is not what it claims to be
     │   ├── UnknownFormatError           no reader claims the file
@@ -14,18 +14,16 @@
     ├── ValidationError                  a policy was broken: .report
     ├── RegistryError
     │   ├── UnknownCameraError (KeyError)
-    │   └── ConflictError                somebody changed the entry since
+    │   └── ConflictError                the entry has changed since it was read
     └── CalibrationError                 a calibration could not be computed
 
-A message says what was found, what was expected and what to do; ``source`` and ``place`` say where.
+A message states what was found, what was expected and what to do; ``source`` and ``place`` say where.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from calibrary.validation import Report
+from collections.abc import Sequence
+from typing import Protocol
 
 __all__ = [
     "AmbiguousFormatError",
@@ -45,12 +43,28 @@ __all__ = [
 ]
 
 
+class ValidationReport(Protocol):
+    """What is known here of the report of a ValidationError, a :class:`calibrary.validation.Report`."""
+
+    @property
+    def policy(self) -> str:
+        """Name of the policy."""
+
+    @property
+    def verdict(self) -> str:
+        """Whether K may be used."""
+
+    @property
+    def failures(self) -> Sequence[object]:
+        """The findings that failed, worst first."""
+
+
 class CalibraryError(Exception):
     """The root of all errors raised on purpose."""
 
 
 class InputError(CalibraryError, ValueError):
-    """Something that was read or given is wrong.
+    """An input or an argument is wrong.
 
     Attributes:
         source: the file (or argument) it came from, if known.
@@ -80,7 +94,7 @@ class MissingTagError(InputError):
 
 
 class BadRationalError(InputError):
-    """An EXIF rational that is no number, such as 0/0 or 5/0."""
+    """An EXIF rational that is not a number, such as 0/0 or 5/0."""
 
 
 class FrameError(InputError):
@@ -107,10 +121,10 @@ class ValidationError(CalibraryError):
     """A calibration broke a policy.
 
     Attributes:
-        report: every rule measured, with the limit it was held against.
+        report: the calibrary.validation.Report: the finding of every rule, with its limit.
     """
 
-    def __init__(self, message: str, report: Report) -> None:
+    def __init__(self, message: str, report: ValidationReport) -> None:
         super().__init__(message)
         self.report = report
 
@@ -120,14 +134,14 @@ class RegistryError(CalibraryError):
 
 
 class UnknownCameraError(RegistryError, KeyError):
-    """The registry holds no such camera."""
+    """The registry contains no such camera."""
 
     def __str__(self) -> str:
         return Exception.__str__(self)
 
 
 class ConflictError(RegistryError):
-    """Somebody changed the entry since it was read."""
+    """The entry has changed since it was read."""
 
 
 class CalibrationError(CalibraryError):

@@ -16,7 +16,7 @@ VISIBLE: Final = frozenset({"rgb", "wide", "zoom", "medium-tele", "tele"})
 BANDS: Final = frozenset({"blue", "green", "red", "red-edge", "nir", "panchromatic"})
 
 SUB_CAMERAS: Final = VISIBLE | BANDS | {"thermal", "multispectral"}
-"""The common vocabulary; any other word is a tag nobody has explained yet."""
+"""The common vocabulary; any other word is an unknown tag."""
 
 _SPELLINGS: Final = {
     "rgb": "rgb visible visual vis color colour truecolor truecolour eo",

@@ -19,7 +19,7 @@ class Policy:
         focal_symmetry_max: |fx − fy| / max(fx, fy) above this is an error.
         focal_symmetry_proven: above this a K is unproven (calibrated cameras hold 0.5 %); None to not ask.
         principal_point_drift_max: offset from the middle over the side, per axis.
-        focal_over_width: (low, high) of fx / W for a camera nobody knows, from its images' metadata.
+        focal_over_width: (low, high) of fx / W for an unknown camera, from the metadata of its images.
         measured_over_width: the same for a calibration that was measured and handed over (fields of view of
             130 … 3 degrees: what a lens can be); None to hold it to ``focal_over_width`` as well.
         known_camera_tolerance: ± of a known camera's fx, None to hold known cameras to the band as well.
@@ -27,7 +27,7 @@ class Policy:
         source_agreement: how near independent focal lengths must lie.
         skew_max: |skew| / fx; a bundle adjustment may leave a trace of it, metadata never does.
         group_spread_max: (max − min) / fx over the images of one camera.
-        assumed_sensor_is_unproven: whether a K may rest on a sensor size nobody stated.
+        assumed_sensor_is_unproven: whether a K on an assumed sensor size is unproven.
         distortion_monotonic: whether distortion must be one-to-one up to the image's corners.
         drift_significance: a difference of two calibrations that noise makes more often than this is noise.
         drift_focal: Δf / f from which a significant difference is a drift, unless it is shown to be smaller …

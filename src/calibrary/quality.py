@@ -30,7 +30,7 @@ class Covariance(Record):
         upper: the matrix's upper triangle row by row, n (n + 1) / 2 numbers.
 
     Raises:
-        InputError: a name stands twice, the count does not fit the names, a number is not finite, or a
+        InputError: a name is duplicated, the count does not fit the names, a number is not finite, or a
             variance is negative.
     """
 
@@ -50,9 +50,9 @@ class Covariance(Record):
             )
         force_setattr(self, "upper", tuple(float(value) for value in self.upper))
         if not all(math.isfinite(value) for value in self.upper):
-            raise InputError("a covariance holds NaN or infinity, expected finite numbers")
+            raise InputError("a covariance contains NaN or infinity, expected finite numbers")
         if any(self.upper[at] < 0 for at in _diagonal(n)):
-            raise InputError("a covariance holds a negative variance")
+            raise InputError("a covariance contains a negative variance")
 
     @classmethod
     def from_matrix(cls, names: tuple[str, ...], matrix: ArrayLike) -> Covariance:

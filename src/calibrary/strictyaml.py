@@ -166,7 +166,7 @@ class _Reader:
                 outer.append(container)
                 container = value
         if root in ([], [None]):
-            raise ParseError("holds no YAML value, expected a document", source=self.source)
+            raise ParseError("contains no YAML value, expected a document", source=self.source)
         return root[0]
 
     def key(self, event: ScalarEvent, container: dict[str, YamlValue]) -> str:
@@ -174,7 +174,7 @@ class _Reader:
         self.check_undecorated(event)
         text = self.text(event)
         if text in container:
-            raise self.error(f"key {_shown(text)} is there twice, expected it once", event)
+            raise self.error(f"duplicate key {_shown(text)}", event)
         if not event.style and text in {"", "<<"}:
             what = "an empty key" if not text else "a merge key <<"
             raise self.error(f"{what}, expected a key of text: quote it, or write the merged keys out", event)
@@ -194,7 +194,7 @@ class _Reader:
         if _OTHER_BASE.fullmatch(text):
             return self.integer(int(text, 0), event)
         if _NOT_FINITE.fullmatch(text):
-            raise self.error(f"{text} is no finite number; quote it if it is text", event)
+            raise self.error(f"{text} is not a finite number; quote it if it is text", event)
         return text
 
     def text(self, event: ScalarEvent) -> str:
@@ -214,7 +214,7 @@ class _Reader:
         if not _INTEGER.fullmatch(text):
             value = float(text)
             if not math.isfinite(value):
-                raise self.error(f"{_shown(text)} is no finite number; quote it if it is text", event)
+                raise self.error(f"{_shown(text)} is not a finite number; quote it if it is text", event)
             return value
         if _LEADING_ZERO.fullmatch(text):
             raise self.error(

@@ -19,6 +19,7 @@ from calibrary.policy import Policy
 from calibrary.records import Json, Record
 
 __all__ = [
+    "UNPROVEN_LEGEND",
     "Circumstances",
     "Expected",
     "Finding",
@@ -30,7 +31,7 @@ __all__ = [
 ]
 
 REGISTER = "register the camera (--registry)"
-GIVE_FILES = "give the files as the camera wrote them"
+GIVE_FILES = "provide the original files from the camera"
 
 
 class Severity(StrEnum):
@@ -43,8 +44,15 @@ class Severity(StrEnum):
     ERROR = "error"
 
 
+UNPROVEN_LEGEND = "unproven: plausible, but not confirmed by a second source"
+"""Explains the verdict, once in every report."""
+
+
 class Verdict(StrEnum):
-    """What becomes of a K."""
+    """Whether a K may be used.
+
+    Unproven: plausible, but not confirmed by a second source.
+    """
 
     VALID = "valid"
     UNPROVEN = "unproven"
@@ -92,12 +100,12 @@ def _is_finite(value: Json) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expected:
-    """What somebody who knows the camera says fx should be, in the frame of the calibration.
+    """Expected fx of a known camera, at the image size of the calibration.
 
     Attributes:
         fx: px.
         spread: relative half-width that is known for this camera, None for the policy's.
-        tolerance: what whoever answers for this camera wants instead of the policy's, be it more or less.
+        tolerance: of the registry entry, in place of the policy's; larger or smaller.
         source: "catalogue" or "registry".
     """
 
@@ -134,7 +142,7 @@ class Circumstances:
         expected: of a known camera.
         others: what other sources say, the judged one not among them.
         focal_mm, focal_35mm: EXIF's, where the K rests on them.
-        sensor_assumed: the K rests on a sensor size nobody stated.
+        sensor_assumed: the K rests on an assumed sensor size.
         zoomed: the K rests on how the camera handles digital zoom.
         edits: what an editor did to the pixels since the camera wrote them.
         spread: how far K's numbers spread over the images of this camera, as a share of fx.
@@ -177,7 +185,7 @@ class Report(Record):
 
     @property
     def remedy(self) -> str | None:
-        """What to do first, None for a valid K. A sensor nobody stated comes before all that it leads to."""
+        """What to do first, None for a valid K. An unstated sensor size comes before its consequences."""
         if not self.failures:
             return None
         unstated = next((f for f in self.findings if f.rule == "sensor-stated"), None)
@@ -194,7 +202,7 @@ class Report(Record):
 
 
 def validate(calibration: Calibration, policy: Policy, circumstances: Circumstances | None = None) -> Report:
-    """Hold a calibration against a policy; every rule is measured."""
+    """Validate a calibration against a policy; every rule is evaluated."""
     around = circumstances or Circumstances()
     findings = tuple(f for rule in RULES for f in rule(calibration, policy, around))
     return Report(policy=policy.name, findings=findings)
@@ -228,16 +236,18 @@ def _principal_point(c: Calibration, policy: Policy, _: Circumstances) -> Iterat
     measured = max(abs(K.cx - width / 2) / width, abs(K.cy - height / 2) / height)
     limit = policy.principal_point_drift_max
     ok = measured <= limit
-    message = f"principal point is {measured:.2%} of the frame from its middle, at most {limit:.2%}"
+    message = (
+        f"principal point is {measured:.2%} of the image size from the image centre, at most {limit:.2%}"
+    )
     if not ok:
-        message += ": a decentred lens, or a K of another frame"
+        message += ": a decentred lens, or a K of another image size"
     yield Finding(
         rule="principal-point-drift",
         severity=Severity.PASS if ok else Severity.ERROR,
         measured=measured,
         limit=limit,
         message=message,
-        remedy=None if ok else "check which frame size this calibration is of, or calibrate anew",
+        remedy=None if ok else "check the image size of this calibration, or calibrate again",
     )
 
 
@@ -251,18 +261,18 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
     measured = c.provenance.kind != "image-metadata" and c.grade.is_metric
     low, high = (policy.measured_over_width if measured else None) or policy.focal_over_width
     in_band = low <= fx_over_w <= high
-    # A estimate's own rounding excuses it for disagreeing; it does not make it agree (a 35 mm equivalent of 1).
+    # The rounding of an estimate can excuse a disagreement, but proves no agreement (a 35 mm equivalent of 1).
     agreeing = [o for o in around.others if o.independent and _apart(c, o) <= policy.source_agreement]
     if policy.independent_sources_settle and agreeing and not around.sensor_assumed:
-        message = f"fx = {fx_over_w:.3f} W, and {agreeing[0].name} says the same independently"
+        message = f"fx = {fx_over_w:.3f} W, confirmed independently by {agreeing[0].name}"
         yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
         return
     message, remedy = f"fx = {fx_over_w:.3f} W, expected {low:g} … {high:g} W", None
     if not in_band:
-        message += ": a 35 mm equivalent or a wrong sensor size, unless the lens really is so"
+        message += ": a 35 mm equivalent or a wrong sensor size, unless the lens has this focal length"
         knows = policy.known_camera_tolerance is not None
-        way = REGISTER if knows else "judge by --policy fleet, which knows real cameras"
-        remedy = f"check the sensor size; if the lens is so, {way}"
+        way = REGISTER if knows else "use --policy fleet, which has limits for known cameras"
+        remedy = f"check the sensor size; if the focal length is right, {way}"
     yield Finding(
         rule="focal-plausibility",
         severity=Severity.PASS if in_band else Severity.ERROR,
@@ -296,8 +306,8 @@ def _zero_skew(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Fin
         severity=Severity.PASS if ok else Severity.ERROR,
         measured=measured,
         limit=policy.skew_max,
-        message=f"skew is {c.intrinsics.skew:g} px, expected {'0' if policy.skew_max == 0 else 'next to 0'}",
-        remedy=None if ok else "calibrate with skew held at 0",
+        message=f"skew is {c.intrinsics.skew:g} px, expected {'0' if policy.skew_max == 0 else 'close to 0'}",
+        remedy=None if ok else "calibrate with skew fixed at 0",
     )
 
 
@@ -328,9 +338,9 @@ def _source_agreement(c: Calibration, policy: Policy, around: Circumstances) -> 
         limit = max(policy.source_agreement, other.tolerance)
         if measured <= limit:
             continue
-        # A known camera is judged by what is known of it; an unknown one is not proven while estimates quarrel.
+        # A known camera is judged by its expected fx; an unknown one stays unproven while its sources disagree.
         settled = around.expected is not None or not policy.independent_sources_settle
-        message = f"{other.name} says fx = {other.fx:.1f} px, {other.fx / c.intrinsics.fx - 1.0:+.1%}"
+        message = f"{other.name} states fx = {other.fx:.1f} px, {other.fx / c.intrinsics.fx - 1.0:+.1%}"
         if other.cause:
             message += f": {other.cause}"
         yield Finding(
@@ -349,7 +359,7 @@ def _sensor_stated(_: Calibration, policy: Policy, around: Circumstances) -> Ite
     yield Finding(
         rule="sensor-stated",
         severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
-        message="nobody stated the sensor size that K rests on",
+        message="the sensor size is not stated; K rests on an assumed one",
         remedy=f"name the sensor (--sensor-width-mm, --sensor-height-mm), or {REGISTER}",
     )
 
@@ -360,7 +370,7 @@ def _digital_zoom(_: Calibration, policy: Policy, around: Circumstances) -> Iter
     yield Finding(
         rule="digital-zoom",
         severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
-        message="no tag proves what digital zoom did to this frame",
+        message="digital zoom is on, and no tag states how it changed the image",
         remedy="fly without digital zoom, or calibrate and register this zoom state",
     )
 
@@ -371,8 +381,8 @@ def _as_the_camera_wrote_it(_: Calibration, policy: Policy, around: Circumstance
         yield Finding(
             rule="as-recorded",
             severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
-            message=f"{edit}, and the tags still describe the frame before",
-            remedy="give the files as the camera wrote them",
+            message=f"{edit}, and the tags still describe the image before that",
+            remedy="provide the original files from the camera",
         )
 
 
@@ -403,14 +413,14 @@ def _group_spread(_: Calibration, policy: Policy, around: Circumstances) -> Iter
         f"K spreads by {around.spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
     )
     if not ok:
-        message += ": two units or two modes of one go by the same name"
+        message += ": images of two units or two capture modes have the same camera key"
     yield Finding(
         rule="one-k-per-camera",
         severity=Severity.PASS if ok else Severity.ERROR,
         measured=around.spread,
         limit=policy.group_spread_max,
         message=message,
-        remedy=None if ok else "put each unit's and each mode's images into a folder of their own",
+        remedy=None if ok else "put the images of each unit and each capture mode into a separate folder",
     )
 
 
@@ -422,7 +432,7 @@ def _apart(c: Calibration, other: NamedFocal) -> float:
 Rule = Callable[[Calibration, Policy, Circumstances], Iterator[Finding]]
 
 RULES: tuple[Rule, ...] = (
-    # A leak is what makes a focal length implausible, so it is told first.
+    # A leak makes the focal length implausible, so it is reported first.
     _leak_35mm,
     _focal_symmetry,
     _principal_point,

@@ -86,7 +86,7 @@ def test_a_calibration_beside_a_listed_image_is_found(mixed: Path) -> None:
         ([], "no image is given"),
         ("nowhere", "nowhere: does not exist"),
         (["DJI_0001.JPG", "DJI_0009.JPG"], r"DJI_0009\.JPG: does not exist"),
-        ("sub/empty", r"sub/empty: holds no images"),
+        ("sub/empty", r"sub/empty: contains no images"),
     ],
 )
 def test_what_is_not_there_is_said(

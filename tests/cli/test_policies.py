@@ -56,7 +56,7 @@ def test_every_limit_can_be_said(tmp_path: Path) -> None:
         ("skew_max: -0.1\n", "line 3, skew_max"),
         ("focal_over_width: [0.8]\n", "focal_over_width"),
         ("focal_over_width: [1.5, 0.8]\n", "focal_over_width"),
-        ("group_spread_max: .nan\n", "line 3: .nan is no finite number"),
+        ("group_spread_max: .nan\n", "line 3: .nan is not a finite number"),
         ("base: lenient\n", "'fleet' or 'source'"),
         ("independent_sources_settle: 1\n", "independent_sources_settle"),
         ("skew_max: 0.1\nskew_max: 0.2\n", "skew_max"),

@@ -168,5 +168,5 @@ def test_a_frame_an_editor_changed_is_unproven_under_fleet() -> None:
     around = Circumstances(edits=("an editor cropped the frame",))
     report = validate(calibration(), FLEET, around)
     assert report.verdict is Verdict.UNPROVEN
-    assert "as the camera wrote them" in str(report.remedy)
+    assert "original files from the camera" in str(report.remedy)
     assert validate(calibration(), SOURCE, around).verdict is Verdict.VALID

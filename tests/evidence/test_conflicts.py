@@ -99,7 +99,7 @@ def test_millimetres_taken_for_pixels_do_not_get_past_the_cross_check() -> None:
     evidence = collect(Scene(metadata=micasense("5.45", unit="pixels")))
     assert evidence.chosen is not None
     assert evidence.chosen.intrinsics.fx == pytest.approx(5.5 * 266.666667)
-    assert "another frame" in evidence.dropped[0].reason
+    assert "another image size" in evidence.dropped[0].reason
 
 
 def test_a_conflict_without_a_known_pattern_says_so() -> None:

@@ -161,7 +161,7 @@ def test_camera_perspective_distortion_is_k1_k2_k3_p1_p2() -> None:
 def test_a_focal_length_that_fits_in_neither_unit_is_dropped() -> None:
     evidence = collect(Scene(metadata=micasense("90")))
     assert evidence.dropped[0].source is Source.CAMERA_PERSPECTIVE
-    assert "neither as mm nor as pixels" in evidence.dropped[0].reason
+    assert "neither in mm nor in pixels" in evidence.dropped[0].reason
 
 
 def test_an_unknown_unit_is_not_guessed() -> None:
@@ -236,7 +236,7 @@ def test_a_thermal_frame_with_the_colour_cameras_calibration_drops_it() -> None:
     }
     metadata = ImageMetadata(size=(640, 512), make="Skydio", model="X2", xmp=xmp("drone-skydio", **values))
     evidence = collect(Scene(metadata=metadata, known=thermal))
-    assert "outside the 640×512 frame" in evidence.dropped[0].reason
+    assert "outside the 640×512 image" in evidence.dropped[0].reason
     assert evidence.chosen is None
 
 

@@ -14,7 +14,7 @@ BRANCH = re.compile(r"^ {4}(?P<indent>[│ ]*)(?:[├└]── )?(?P<name>[A-Z]
 CLASSES = {
     name: item
     for name, item in inspect.getmembers(errors, inspect.isclass)
-    if item.__module__ == errors.__name__
+    if item.__module__ == errors.__name__ and not getattr(item, "_is_protocol", False)
 }
 
 

@@ -42,7 +42,7 @@ def test_a_catalogue_of_ones_own_is_read_from_a_file_or_a_folder(tmp_path: Path)
             "}\n    pitch",
             "line 6, cameras[0].native_size: lacks source",
         ),
-        ("pitch_um:", "pitch:", "'pitch' is no key here, did you mean pitch_um?"),
+        ("pitch_um:", "pitch:", "'pitch' is not a valid key, did you mean pitch_um?"),
         (
             "[6000, 4000]",
             "[6000, 4000.0]",
@@ -52,7 +52,7 @@ def test_a_catalogue_of_ones_own_is_read_from_a_file_or_a_folder(tmp_path: Path)
         ('make: "Acme"\n', "", "acme.yaml: line 1: lacks make"),
         ("catalogue-1", "catalogue-9", "'calibrary/catalogue-9', expected 'calibrary/catalogue-1'"),
         ('title: "Mapper"', "title: 017", "017 starts with 0"),
-        ('title: "Mapper"', 'title: "Mapper"\n    title: "x"', "line 5: key title is there twice"),
+        ('title: "Mapper"', 'title: "Mapper"\n    title: "x"', "line 5: duplicate key title"),
         ('["M1"]', '["M1"]\n    sub_camera: "infrared"', "'infrared', expected 'blue', 'green'"),
     ],
 )

@@ -30,7 +30,7 @@ def lens(model: str) -> dict[str, Any]:
 def test_the_coefficients_of_a_model_are_the_codes(model: str) -> None:
     good = lens(model)
     require(document(distortion=good), "entry-1")
-    with pytest.raises(ParseError, match="'k99' is no key here"):
+    with pytest.raises(ParseError, match="'k99' is not a valid key"):
         require(document(distortion={**good, "k99": 0.0}), "entry-1")
     for field in fields(MODELS[model]):
         without = {name: value for name, value in good.items() if name != field.name}

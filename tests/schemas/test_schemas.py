@@ -88,12 +88,12 @@ DEEP = {"properties": {"a": {"properties": {"b": {"type": "number"}}}}}
         (
             {"pich": 1},
             {"properties": {"pitch": {}, "size": {}}, "additionalProperties": False},
-            "'pich' is no key here, did you mean pitch?",
+            "'pich' is not a valid key, did you mean pitch?",
         ),
         (
             {"zzz": 1},
             {"properties": {"pitch": {}, "size": {}}, "additionalProperties": False},
-            "'zzz' is no key here, expected pitch or size",
+            "'zzz' is not a valid key, expected pitch or size",
         ),
         ("\x1b[2J", {"type": "number"}, "'\\x1b[2J', expected a number"),
         ({"a": {"b": "x"}}, {"anyOf": [{"type": "string"}, DEEP]}, "'x', expected a number"),

@@ -50,7 +50,7 @@ def _perspective(scene: Scene) -> Finding:
     source = Source.CAMERA_PERSPECTIVE
     values = numbers(scene.metadata.xmp_text(SCHEMA, "PerspectiveFocalLength") or "")
     if values is None or len(values) != 1 or values[0] <= 0:
-        return Dropped(source=source, tag=FOCAL_TAG, reason="holds no positive focal length")
+        return Dropped(source=source, tag=FOCAL_TAG, reason="contains no positive focal length")
     size = files_frame(scene.metadata)
     focal_px, how = _focal_px(scene, values[0], size)
     if focal_px is None:
@@ -85,7 +85,7 @@ def _focal_px(scene: Scene, value: float, size: ImageSize) -> tuple[tuple[float,
     unit = (scene.metadata.xmp_text(SCHEMA, "PerspectiveFocalLengthUnits") or "").lower()
     as_px = (value, value)
     as_mm = (value * per_mm[0], value * per_mm[1]) if per_mm is not None else None
-    no_pitch = "is in mm, and neither FocalPlaneResolution nor the catalogue tells the pixel pitch"
+    no_pitch = "is in mm, and neither FocalPlaneResolution nor the catalogue states the pixel pitch"
     if unit in MILLIMETRE_UNITS:
         return (as_mm, "") if as_mm is not None else (None, no_pitch)
     if unit in PIXEL_UNITS:
@@ -106,16 +106,16 @@ def _unit_by_cross_check(
     if expected is not None:
         expected_px = expected * size[0]
         if abs(as_px[0] / expected_px - 1.0) <= UNIT_AGREEMENT:
-            return as_px, "no unit tag: in pixels, by agreement with FocalLength"
+            return as_px, "no unit tag: taken as pixels, which agrees with FocalLength"
         if as_mm is not None and abs(as_mm[0] / expected_px - 1.0) <= UNIT_AGREEMENT:
-            return as_mm, "no unit tag: in mm, by agreement with FocalLength"
-        return None, f"= {value:g} has no unit and agrees with FocalLength neither as mm nor as pixels"
-    # Fields of view of 3 … 130 degrees; nothing else tells.
+            return as_mm, "no unit tag: taken as mm, which agrees with FocalLength"
+        return None, f"= {value:g} has no unit, and agrees with FocalLength neither in mm nor in pixels"
+    # Fields of view of 3 … 130 degrees; nothing else decides.
     if 0.23 * size[0] <= value <= 19 * size[0]:
-        return as_px, "no unit tag: in pixels, because as mm no lens is that long"
+        return as_px, "no unit tag: taken as pixels, because no lens is that long in mm"
     if as_mm is not None and 0.23 * size[0] <= as_mm[0] <= 19 * size[0]:
-        return as_mm, "no unit tag: in mm, because as pixels no lens is that wide"
-    return None, f"= {value:g} has no unit, and nothing tells whether it is mm or pixels"
+        return as_mm, "no unit tag: taken as mm, because no lens is that wide in pixels"
+    return None, f"= {value:g} has no unit, and no other tag shows whether it is in mm or pixels"
 
 
 def _centre(scene: Scene, size: ImageSize) -> tuple[tuple[float, float] | None, str]:
@@ -125,15 +125,18 @@ def _centre(scene: Scene, size: ImageSize) -> tuple[tuple[float, float] | None, 
         return None, ""
     values = numbers(text)
     if values is None or len(values) != 2:
-        return None, "PrincipalPoint holds no two numbers: the middle of the frame instead"
+        return None, "PrincipalPoint does not contain two numbers: the image centre is used instead"
     per_mm = scene.px_per_mm()
     readings = [(values[0], values[1])]
     if per_mm is not None:
         readings.insert(0, (values[0] * per_mm[0], values[1] * per_mm[1]))
     for point in readings:
         if all(abs(c / side - 0.5) <= CENTRE_SLACK for c, side in zip(point, size, strict=True)):
-            return point, "PrincipalPoint counts from the upper left"
-    return None, "PrincipalPoint is nowhere near the middle in mm or pixels: the middle instead"
+            return point, "PrincipalPoint is measured from the upper left corner"
+    return (
+        None,
+        "PrincipalPoint is far from the image centre both in mm and in pixels: the image centre is used instead",
+    )
 
 
 def _distortion(scene: Scene) -> Distortion | None:
@@ -150,7 +153,7 @@ def _fisheye(scene: Scene) -> Finding:
         return Dropped(
             source=Source.CAMERA_FISHEYE,
             tag=FISHEYE_TAG,
-            reason="holds no C, D, E, F with C and F positive",
+            reason="does not contain C, D, E, F with positive C and F",
         )
     size = files_frame(scene.metadata)
     centre, note = _centre(scene, size)

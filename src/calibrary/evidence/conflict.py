@@ -27,14 +27,14 @@ class Cause(StrEnum):
     """What most likely made two estimates disagree; the value is the sentence for people."""
 
     WRONG_EXIF_FOCAL = "this camera is known to write a wrong EXIF FocalLength"
-    LEAK_35MM = "a 35 mm equivalent stands where the focal length in millimetres belongs"
+    LEAK_35MM = "the 35 mm equivalent was written as the focal length in millimetres"
     DIGITAL_ZOOM = "digital zoom is applied in one of them only"
     OTHER_SUB_CAMERA = "the tag belongs to another sub-camera of this Model"
-    STALE_EXIF_SIZE = "EXIF's image size is not the file's"
-    CROP = "one of them does not know that the frame was cropped or resized"
-    UNIT = "millimetres were taken for pixels, or pixels for millimetres"
+    STALE_EXIF_SIZE = "the image size in EXIF differs from that of the file"
+    CROP = "the image was cropped or resized, which only one of them takes into account"
+    UNIT = "millimetres were read as pixels, or pixels as millimetres"
     SENSOR_SIZE = "the sensor size is not this camera's"
-    UNKNOWN = "no known cause fits; look at the tags"
+    UNKNOWN = "unknown cause; check the tags"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

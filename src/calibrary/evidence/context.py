@@ -94,7 +94,7 @@ class Scene:
         if not (0 <= intrinsics.cx <= width and 0 <= intrinsics.cy <= height):
             return (
                 f"the optical centre ({intrinsics.cx:.1f}, {intrinsics.cy:.1f}) lies outside the "
-                f"{width}×{height} frame: the tag belongs to another sub-camera"
+                f"{width}×{height} image: the tag belongs to another sub-camera"
             )
         expected = self.expected_over_width()
         if expected is None:
@@ -103,8 +103,8 @@ class Scene:
         if abs(off) <= FOREIGN_TAG:
             return None
         return (
-            f"fx = {intrinsics.fx:.1f} px in a {width}×{height} frame is {off:+.0%} from this camera's focal length "
-            "over its pitch: the tag belongs to another sub-camera, or counts in another frame"
+            f"fx = {intrinsics.fx:.1f} px at {width}×{height} differs by {off:+.0%} from this camera's focal length ÷ "
+            "pixel pitch: the tag belongs to another sub-camera, or refers to another image size"
         )
 
     def expected_over_width(self) -> float | None:
@@ -149,7 +149,7 @@ class Scene:
         over_width = [focal / K.image_size[0] for focal in (K.fx, K.fy)]
         if not low <= min(over_width) <= max(over_width) <= high:
             found = " and ".join(f"{value:.3g}" for value in over_width)
-            reason = f"fx and fy are {found} W, and no lens lies outside {low:g} … {high:g} W"
+            reason = f"fx and fy are {found} W, expected {low:g} … {high:g} W of any lens"
             return Dropped(source=source, tag=tag, reason=reason)
         return SourceEstimate(
             source=source,

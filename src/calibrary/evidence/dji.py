@@ -51,15 +51,15 @@ def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Fi
     values = numbers(terms)
     if values is None or len(values) != count:
         found = "no list of numbers" if values is None else f"{len(values)} numbers"
-        return Dropped(source=source, tag=tag, reason=f"holds {found}, expected {count}")
+        return Dropped(source=source, tag=tag, reason=f"contains {found}, expected {count} numbers")
     fx, fy, dx, dy, *rest = values
     if fx <= 0 or fy <= 0:
         return Dropped(
             source=source,
             tag=tag,
-            reason="holds zeros: this camera was never calibrated, or lost it in repair",
+            reason="contains zeros: this camera was never calibrated, or lost its calibration in a repair",
         )
-    reason = "no frame to count in"
+    reason = "no image size is known that it could refer to"
     for size in _frames(scene):
         try:
             intrinsics = Intrinsics(fx=fx, fy=fy, cx=size[0] / 2 + dx, cy=size[1] / 2 + dy, image_size=size)
@@ -101,10 +101,12 @@ def _design(scene: Scene) -> Iterator[Finding]:
         return
     values = numbers(text)
     if values is None or len(values) != 1 or values[0] <= 0:
-        yield Dropped(source=Source.DJI_DESIGN, tag=tag, reason="holds no positive number of pixels")
+        yield Dropped(
+            source=Source.DJI_DESIGN, tag=tag, reason="does not contain a positive number of pixels"
+        )
         return
     centre = _design_centre(scene.metadata)
-    reason = "no frame to count in"
+    reason = "no image size is known that it could refer to"
     for size in _frames(scene):
         cx, cy = centre or (size[0] / 2, size[1] / 2)
         intrinsics = Intrinsics(fx=values[0], fy=values[0], cx=cx, cy=cy, image_size=size)

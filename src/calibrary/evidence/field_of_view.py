@@ -31,7 +31,7 @@ def estimates(scene: Scene) -> Iterator[Finding]:
         yield Dropped(
             source=Source.FIELD_OF_VIEW,
             tag=TAG,
-            reason="holds no angle between 3 and 130 degrees",
+            reason="does not contain an angle between 3 and 130 degrees",
         )
         return
     width, height = files_frame(scene.metadata)

@@ -63,10 +63,10 @@ def exif_contradiction(metadata: ImageMetadata) -> str | None:
     exif_size, size = metadata.exif_size, metadata.size
     if exif_size is None or _leads(exif_size, size):
         return None
-    text = f"EXIF describes a {_x(exif_size)} frame but the file holds {_x(size)} pixels"
+    text = f"EXIF states an image size of {_x(exif_size)}, but the file contains {_x(size)} pixels"
     if same_aspect(exif_size, size[::-1]):
-        return f"{text}: it was rotated by 90°; give the camera's own file"
-    return f"{text}, which is neither that frame scaled nor a 1:1 crop of it; give the camera's own file"
+        return f"{text}: it was rotated by 90°; provide the original file from the camera"
+    return f"{text}, which is neither that size scaled nor a 1:1 crop of it; provide the original file from the camera"
 
 
 def files_frame(metadata: ImageMetadata) -> ImageSize:
@@ -106,10 +106,11 @@ def _step(adapted: Adapted, target: ImageSize) -> Adapted:
         )
     if same_aspect(source, target[::-1]):
         raise FrameError(
-            f"a {_x(source)} frame does not lead to {_x(target)}: it was rotated by 90°; give the camera's own file"
+            f"{_x(source)} cannot be converted to {_x(target)}: the image was rotated by 90°; "
+            "provide the original file from the camera"
         )
     raise FrameError(
-        f"a {_x(source)} frame does not lead to {_x(target)} by a scale or a centred 1:1 crop; "
+        f"{_x(source)} cannot be converted to {_x(target)} by scaling or a centred 1:1 crop; "
         "register the camera at this size"
     )
 
@@ -151,7 +152,7 @@ def _zoomed(adapted: Adapted, metadata: ImageMetadata) -> Adapted:
         steps=(*adapted.steps, f"enlarged {zoom:g}× by digital zoom"),
         assumptions=(
             *adapted.assumptions,
-            "digital zoom was enlarged back to the full frame, about its centre",
+            "digital zoom was enlarged back to the full image size, about its centre",
         ),
     )
 

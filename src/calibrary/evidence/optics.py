@@ -34,7 +34,7 @@ def _metric(scene: Scene) -> Iterator[Finding]:
             yield Dropped(
                 source=Source.CATALOGUE_PITCH,
                 tag="EXIF FocalLength",
-                reason=f"{scene.metadata.focal_mm:g} mm: this camera is known to write a wrong focal length",
+                reason=f"{scene.metadata.focal_mm:g} mm: this camera model is known to write a wrong focal length",
             )
         return
     if scene.given_sensor_mm is not None:
@@ -91,7 +91,9 @@ def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
             reason=f"{resolution[0]:g} {unit.value} would be a sensor outside 1 … 100 mm diagonal",
         )
         return
-    assumptions = ("FocalPlaneResolution counts per inch",) if scene.metadata.focal_plane_unit is None else ()
+    assumptions = (
+        ("FocalPlaneResolution is in pixels per inch",) if scene.metadata.focal_plane_unit is None else ()
+    )
     intrinsics = _centred(focal_mm * per_mm[0], focal_mm * per_mm[1], files_frame(scene.metadata))
     foreign = scene.is_foreign(intrinsics) if scene.known is not None else None
     if foreign is not None:
@@ -106,7 +108,7 @@ def _prior(scene: Scene) -> Iterator[Finding]:
         return
     size = scene.native_size or files_frame(scene.metadata)
     focal = focal_35mm / DIAGONAL_35MM * math.hypot(*size)
-    assumptions = () if scene.native_size else ("the file shows the native frame's diagonal",)
+    assumptions = () if scene.native_size else ("the image covers the full sensor diagonal",)
     yield scene.estimate(
         Source.FOCAL_35MM,
         "EXIF FocalLengthIn35mmFilm",

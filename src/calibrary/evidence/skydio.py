@@ -31,9 +31,11 @@ def estimates(scene: Scene) -> Iterator[Finding]:
     if focal is None:
         return
     if min(focal) <= 0:
-        yield Dropped(source=Source.SKYDIO_CALIBRATED, tag=TAG, reason="holds no positive numbers of pixels")
+        yield Dropped(
+            source=Source.SKYDIO_CALIBRATED, tag=TAG, reason="does not contain two positive numbers of pixels"
+        )
         return
-    reason = "its full-sensor frame is not known; register the camera with its native size"
+    reason = "the full sensor size of this camera is unknown; register the camera with its native size"
     for size in _full_frames(scene, centre):
         try:
             cx, cy = (

@@ -137,7 +137,7 @@ def _additional(found: object, _: object, schema: object) -> str:
     name = extra[0] if extra else "?"
     close = get_close_matches(name, known, n=1)
     wanted = f"did you mean {close[0]}?" if close else f"expected {_either(known)}"
-    return f"{_shown(name)} is no key here, {wanted}"
+    return f"{_shown(name)} is not a valid key, {wanted}"
 
 
 def _enum(found: object, wanted: object, _: object) -> str:

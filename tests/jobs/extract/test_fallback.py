@@ -91,7 +91,7 @@ class TestTheOrder:
         assert steps_of(camera) == [
             ("fallback-k", "not there"),
             ("calibration-file", "not there"),
-            ("self-calibration-seed", "kept aside"),
+            ("self-calibration-seed", "kept as a seed"),
             ("registry", "taken"),
         ]
         assert focal_px(camera) == 3661.25

@@ -1,4 +1,4 @@
-"""The run as a page: the same verdicts, reasons and numbers as everywhere else, those that need somebody first."""
+"""The run as a page: the same verdicts, reasons and numbers as everywhere else, those that need attention first."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_what_stands_in_is_told_with_all_that_was_tried(page: Page) -> None:
 
 
 def test_images_that_were_set_aside_are_listed_with_the_reason(outcome: Extraction, page: Page) -> None:
-    told = text(replace(page, sections=(section(page, "set aside"),)))
+    told = text(replace(page, sections=(section(page, "skipped"),)))
     assert f"corrupt.jpg {outcome.rejected[0].reason}" in told
 
 
@@ -134,7 +134,7 @@ def test_no_serial_number_and_no_folder_is_in_it(page: Page, tmp_path: Path) -> 
 def test_what_else_is_to_be_said_of_the_run_is_a_note(outcome: Extraction, tmp_path: Path) -> None:
     (tmp_path / "K_matrix.gone.npy").write_bytes(b"")
     notes = [b.text for b in section(made(outcome, tmp_path), "Overview").blocks if isinstance(b, Note)]
-    assert "K_matrix.gone.npy is of an earlier run, not of this one; remove it" in notes
+    assert "K_matrix.gone.npy is left from an earlier run; remove it" in notes
 
 
 def test_a_run_without_a_fault_says_so(tmp_path: Path) -> None:

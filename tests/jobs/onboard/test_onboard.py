@@ -155,7 +155,7 @@ def test_a_person_may_say_whom_to_believe_and_it_is_kept(
     assert onboard(capsys, folder, *UNIT, "--yes", "--trust", "file")[0] == 0
     [entry] = drafted(fleet)
     assert entry.calibration.intrinsics.fx == 1300.0
-    assert any("is not believed" in note for note in entry.notes)
+    assert any("is not used" in note for note in entry.notes)
 
 
 def test_a_sensor_that_nobody_stated_gives_no_k(
@@ -165,7 +165,7 @@ def test_a_sensor_that_nobody_stated_gives_no_k(
     picture(tmp_path / "flight" / "a.jpg", make="Example", model="Two", focal_mm=(132, 10))
     code, told, _ = onboard(capsys, tmp_path / "flight", "--yes")
     assert (code, branches(fleet)) == (1, ["main"])
-    assert "a sensor size that nobody stated" in told
+    assert "its sensor size is not stated" in told
 
 
 def test_a_k_that_breaks_the_policy_is_refused(
@@ -297,5 +297,5 @@ def test_the_page_lies_beside_under_the_cameras_name(
     monkeypatch.chdir(tmp_path)
     assert main(["onboard", str(payload), *UNIT, "--yes"]) == 0
     page = (tmp_path / "onboard-example-survey_one.html").read_text()
-    assert "fx by every estimate" in page
+    assert "fx of every estimate" in page
     assert fleet.exists()

@@ -84,7 +84,7 @@ def test_a_camera_is_shown_with_its_numbers_and_where_they_are_from(site: Site) 
 
 def test_a_camera_of_which_little_is_known_says_so(site: Site) -> None:
     told = text(site.root / "cameras/dji/fc330/4000x3000+f3.61.html")
-    assert "Its distortion is unknown, which is not the same as none." in told
+    assert "The distortion is unknown (which is not the same as no distortion)." in told
     assert "It states no uncertainty." in told
     assert "checked in the air" in told
 

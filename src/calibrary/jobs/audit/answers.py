@@ -105,7 +105,7 @@ def _nameless(flown: Flown) -> Finding:
         severity=Severity.WARNING,
         camera=named(flown),
         message=f"{_count(flown)} that name {missing}, by which an entry is found, such as {flown.camera.names[0]}",
-        remedy="give the files as the camera wrote them",
+        remedy="provide the original files from the camera",
     )
 
 

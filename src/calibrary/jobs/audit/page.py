@@ -50,7 +50,7 @@ def audit_page(done: Audit) -> Page:
     counted = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}, {_count(notes, 'note')}"
     return Page(
         title="Audit of the registry",
-        badge=Badge("nothing to do", Tone.GOOD) if done.is_clean else Badge("needs somebody", Tone.BAD),
+        badge=Badge("nothing to do", Tone.GOOD) if done.is_clean else Badge("needs attention", Tone.BAD),
         lead=f"{_count(len(done.answers), 'camera')} in {_count(done.flights.images, 'image')} held against "
         f"{_count(done.entries, 'entry', 'entries')}: {counted}.",
         sections=tuple(_sections(done)),
@@ -72,7 +72,7 @@ def _sections(done: Audit) -> Iterator[Section]:
     if notes:
         yield Section(title="To know", blocks=(_notes(notes),))
     if done.flights.unreadable:
-        yield Section(title="Images set aside", blocks=(_unreadable(done),))
+        yield Section(title="Images skipped", blocks=(_unreadable(done),))
 
 
 def _to_do(findings: list[Finding]) -> Iterator[Block]:
@@ -171,7 +171,7 @@ def _notes(notes: list[Finding]) -> Details:
 def _unreadable(done: Audit) -> Details:
     found = done.flights.unreadable
     table = Table(
-        caption="Images no camera could be told from",
+        caption="Images whose camera could not be identified",
         columns=(Column("image"), Column("why")),
         rows=tuple((one.name, one.reason) for one in found[:MOST_ROWS]),
     )

@@ -73,7 +73,7 @@ class Audit:
 
     @property
     def is_clean(self) -> bool:
-        """Whether nobody has to do anything; there may be notes."""
+        """Whether no finding needs attention; there may be notes."""
         return all(finding.severity is Severity.NOTE for finding in self.findings)
 
     def of(self, level: Severity) -> int:

@@ -103,7 +103,7 @@ def describe_frames(
         if changed := edits(metadata):
             raise InputError(
                 f"{' and '.join(changed)}, so its pixels are no longer where the lens put them; "
-                "expected the frames as the camera wrote them",
+                "expected the original frames from the camera",
                 source=path.name,
             )
         notes.update(dict.fromkeys(_notes(metadata)))

@@ -41,7 +41,7 @@ def common_frame(a: Calibration, b: Calibration) -> CommonFrame:
     if same_aspect(size_a, size_b[::-1]) and not same_aspect(size_a, size_b):
         raise FrameError(
             f"{_x(size_a)} and {_x(size_b)} are one frame turned by 90°, and K does not say which way; "
-            "give both as the camera wrote them"
+            "provide both original files from the camera"
         )
     zoom = b.intrinsics.fx / a.intrinsics.fx
     if size_b[0] * size_b[1] <= size_a[0] * size_a[1]:
@@ -67,7 +67,8 @@ def _brought(
     if part != target:
         if not same_aspect(part, target):
             raise FrameError(
-                f"a {_x(size)} frame holds no {_x(target)} one, whole or scaled; compare like with like"
+                f"a {_x(target)} image is neither {_x(size)} scaled nor a crop of it; "
+                "compare calibrations of the same sensor crop"
             )
         cropped = cropped.scaled(target)
         steps.append(f"scaled to {_x(target)}")
@@ -85,7 +86,8 @@ def _resampling(size: ImageSize, target: ImageSize, zoom: float) -> float:
     ]
     if not held:
         raise FrameError(
-            f"a {_x(size)} frame holds no {_x(target)} one, whole or scaled; compare like with like"
+            f"a {_x(target)} image is neither {_x(size)} scaled nor a crop of it; "
+            "compare calibrations of the same sensor crop"
         )
     return min(held, key=lambda by: abs(by / zoom - 1))
 

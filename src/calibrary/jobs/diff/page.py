@@ -120,7 +120,7 @@ def fleet_page(changes: Sequence[Change], title: str, altitude_m: float) -> Page
 
 
 def badge_of(comparison: Comparison) -> Badge:
-    """The verdict; a change of kind that nobody has to look at is marked as one."""
+    """The verdict; a structural change that needs no attention is marked as one."""
     kinds = ", ".join(one.kind.value for one in comparison.structural)
     text = f"{comparison.verdict.value}{f': {kinds}' if kinds else ''}"
     if comparison.verdict is ChangeVerdict.STRUCTURAL and not comparison.alarm:

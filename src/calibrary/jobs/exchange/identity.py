@@ -21,7 +21,7 @@ class Identified:
 
     Attributes:
         key: with its firmware, which is no part of the key that groups images, but an entry may be of one only.
-        camera: its row of the catalogue, None for a camera nobody knows.
+        camera: its row of the catalogue, None for an unknown camera.
         siblings: the other cameras that share its Model.
         why: how the row was told, or why there is none.
     """

@@ -23,12 +23,12 @@ from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Ve
 __all__ = ["DEFAULT_SENSOR_MM", "Camera", "Sensor", "State", "circumstances", "group_cameras", "judge"]
 
 DEFAULT_SENSOR_MM = (13.2, 8.8)
-"""The nominal 1-inch sensor, what the source document takes when nobody says otherwise."""
+"""The nominal 1-inch sensor, the default of the source document."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """The sensor size that stands where neither image nor catalogue tells one.
+    """Sensor size used when neither the image nor the catalogue states one.
 
     Attributes:
         size_mm: (width, height); a side is None where only the other was stated.
@@ -88,7 +88,7 @@ class Camera:
 
     @property
     def verdict(self) -> Verdict:
-        """What becomes of its K."""
+        """Verdict of the report; REJECTED if there is no K."""
         return self.report.verdict if self.report is not None else Verdict.REJECTED
 
     @property
@@ -252,10 +252,10 @@ def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
     metadata = state.metadata
     # A registry knows cameras by their Model: one that names none can only be given its K.
     give_k = GIVE_K if metadata.model is not None else "or give their K (--fallback-k)"
-    own_files = f"give the files as the camera wrote them, {give_k}"
+    own_files = f"provide the original files from the camera, {give_k}"
     fisheye = next((w for w in evidence.estimates if not w.pinhole), None)
     if fisheye is not None or evidence.scene.is_fisheye:
-        why = "a fisheye lens, which no pinhole K describes"
+        why = "a fisheye lens, which a pinhole K cannot describe"
         return why, "calibrate it as a fisheye; put that file beside the images, or register it (--registry)"
     fault = metadata.fault("EXIF FocalLength")
     if fault is not None:
@@ -271,6 +271,6 @@ def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
         missing = "no EXIF FocalLength" if metadata.has_exif else "no EXIF at all"
         return f"{missing} and no calibration tag", own_files
     if state.known.camera is not None:
-        why = "its frame is neither the camera's full frame scaled nor a 1:1 crop of it"
+        why = "the image size is neither the full sensor size scaled nor a 1:1 crop of it"
         return why, "register the camera at this size (--registry)"
-    return "nothing tells the size of its pixels", f"name the sensor (--sensor-width-mm), {GIVE_K}"
+    return "the pixel pitch is unknown", f"name the sensor (--sensor-width-mm), {GIVE_K}"

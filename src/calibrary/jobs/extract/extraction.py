@@ -52,14 +52,14 @@ class CameraReport:
 
     @property
     def verdict(self) -> Verdict:
-        """What becomes of the camera."""
+        """Verdict on the K to write."""
         if self.fallback is not None and self.fallback.report is not None:
             return self.fallback.report.verdict
         return self.camera.verdict
 
     @property
     def uncalibrated(self) -> bool:
-        """Whether principal point and distortion are defaults, nobody having measured them."""
+        """Whether principal point and distortion are defaults instead of measured."""
         calibration = self.calibration
         return calibration is None or calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}
 

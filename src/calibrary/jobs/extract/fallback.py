@@ -55,7 +55,7 @@ class StepOutcome(StrEnum):
     TAKEN = "taken"
     REFUSED = "refused"
     NOT_THERE = "not there"
-    KEPT_ASIDE = "kept aside"
+    KEPT_AS_SEED = "kept as a seed"
 
 
 class Step(Record):
@@ -178,9 +178,9 @@ def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
     steps.append(
         Step(
             step=StepName.SEED,
-            outcome=StepOutcome.KEPT_ASIDE,
+            outcome=StepOutcome.KEPT_AS_SEED,
             source=start.provenance.tag,
-            why="nothing in this run refines it, so it is no K; a solver may start from it",
+            why="it is not a K, because nothing in this run refines it; a solver may start from it",
         )
     )
     calibration, report, step = _from_registry(camera, policy, sources)
@@ -199,7 +199,7 @@ def _explicit(camera: Camera, size: ImageSize, policy: Policy, sources: Sources)
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no --fallback-k given")
     source, for_frame = sources.matrix
     if sources.rivals.get(size, 0) > 1:
-        why = f"{sources.rivals[size]} cameras of this size are without a K, and one K cannot be two cameras'"
+        why = f"{sources.rivals[size]} cameras of this size have no K, and one K cannot be of two cameras"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     try:
         intrinsics = for_frame(size)
@@ -220,7 +220,7 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
     name = StepName.CALIBRATION_FILE
     fitting = [(source, c) for source, c in sources.files if _fits(c, camera.key, size)]
     if not fitting:
-        why = "no calibration file for this frame lies with the images"
+        why = "no calibration file for this image size is beside the images"
         if sources.unreadable:
             why += f" ({sources.unreadable[0][0]}: {sources.unreadable[0][1]})"
         elif sources.files:
@@ -230,13 +230,16 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
     source, calibration = fitting[0]
     if calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}:
         # A hand-off of an earlier run says so; what images told then is no measurement of this camera now.
-        why = f"its K is {calibration.grade}, as of an earlier hand-off, and not measured; give a calibration"
+        why = (
+            f"its K is {calibration.grade}, written by an earlier run, and not measured; "
+            "provide a measured calibration"
+        )
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     if len({(c.intrinsics, c.distortion) for _, c in fitting}) > 1:
-        why = f"{len(fitting)} different calibrations fit this frame: {', '.join(n for n, _ in fitting)}; keep one"
+        why = f"{len(fitting)} different calibrations fit this image size: {', '.join(n for n, _ in fitting)}; keep one"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     if sources.rivals.get(size, 0) > 1 and calibration.camera.model is None:
-        why = f"{sources.rivals[size]} cameras of this size are without a K and the file does not say whose it is"
+        why = f"{sources.rivals[size]} cameras of this size have no K, and the file does not state its camera"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
     if calibration.intrinsics.image_size != size:
         calibration = calibration.scaled(size)
@@ -259,7 +262,10 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     found = [state.known.calibration for state in camera.states]
     resolved = found[0]
     if len({K.provenance.source if K is not None else None for K in found}) > 1:
-        why = "the registry answers by firmware, and this camera's images are of several; separate them"
+        why = (
+            "the registry has entries by firmware, and the images of this camera are of several; "
+            "put each firmware's images into a separate folder"
+        )
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=why)
     known = camera.states[0].known
     if resolved is None or known.resolution is None:
@@ -288,8 +294,8 @@ def _judged(
     needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}
     why = report.failures[0].message if report.verdict not in needed else None
     if camera.evidence.scene.is_fisheye and isinstance(calibration.distortion, NoDistortion | None):
-        why = "a fisheye lens, and a K without its distortion is a pinhole's; give the whole calibration"
+        why = "a fisheye lens needs its distortion, and this K has none; provide the whole calibration"
     if why is not None:
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
-    step = Step(step=name, outcome=StepOutcome.TAKEN, source=source, why="holds against the policy")
+    step = Step(step=name, outcome=StepOutcome.TAKEN, source=source, why="passes the policy")
     return calibration, report, step

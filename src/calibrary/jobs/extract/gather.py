@@ -77,7 +77,7 @@ def _entries(directory: Path) -> list[os.DirEntry[str]]:
         with os.scandir(directory) as entries:
             seen = [entry for entry in entries if not entry.name.startswith(".")]
     except OSError as error:
-        reason, remedy = "is not a directory", "give the folder that holds the images"
+        reason, remedy = "is not a directory", "give the folder that contains the images"
         if isinstance(error, FileNotFoundError):
             reason = "does not exist"
         elif not isinstance(error, NotADirectoryError):
@@ -117,7 +117,7 @@ def collect_images(given: Sequence[Path], *, recursive: bool) -> ImageSet:
         InputError: none is given, or one is not there or cannot be read.
     """
     if not given:
-        raise InputError("no image is given; expected a folder, or a list of images")
+        raise InputError("no image was given; expected a folder, or a list of images")
     if len(given) == 1 and not given[0].is_file():
         [folder] = given
         return ImageSet(paths=tuple(find_images(folder, recursive=recursive)), root=folder, folders=(folder,))

@@ -121,7 +121,7 @@ def _image_list(camera: Candidate) -> bytes:
     broken = next((name for name in camera.names if "\n" in name or "\r" in name), None)
     if broken is not None:
         raise InputError(
-            "its name holds a line break, which COLMAP's list of images cannot; rename it",
+            "its name contains a line break, which a COLMAP image list cannot contain; rename it",
             source=repr(broken),
         )
     return b"".join(os.fsencode(name) + b"\n" for name in camera.names)

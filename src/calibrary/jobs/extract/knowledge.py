@@ -25,7 +25,7 @@ class Known:
     """What is known of one camera.
 
     Attributes:
-        camera: its row of the catalogue, None for a camera nobody knows.
+        camera: its row of the catalogue, None for an unknown camera.
         siblings: the other cameras that share its Model.
         why: how the row was told, or why there is none.
         resolution: the registry's entry, its K at the image's size.

@@ -107,5 +107,5 @@ def _focal_and_size(path: Path) -> tuple[float, tuple[int, int]]:
             place=FOCAL_TAG,
         )
     raise MissingTagError(
-        f"Missing {FOCAL_TAG} in {path.name}; give a file as the camera wrote it", place=FOCAL_TAG
+        f"Missing {FOCAL_TAG} in {path.name}; provide the original file from the camera", place=FOCAL_TAG
     )

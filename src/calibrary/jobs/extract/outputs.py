@@ -22,7 +22,7 @@ from calibrary.validation import Verdict
 
 __all__ = ["STALE", "Outputs", "check_page_place", "check_place", "plan"]
 
-STALE = "is of an earlier run, not of this one; remove it"
+STALE = "is left from an earlier run; remove it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,9 +103,7 @@ def check_place(matrix_path: Path) -> None:
         InputError: the name is no .npy, or its folder may not be written to.
     """
     if matrix_path.suffix != ".npy":
-        raise InputError(
-            "expected a name that ends in .npy", source=str(matrix_path), place="--output-matrix"
-        )
+        raise InputError("expected a name ending in .npy", source=str(matrix_path), place="--output-matrix")
     check_folder(matrix_path, place="--output-matrix")
 
 

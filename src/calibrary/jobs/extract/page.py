@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from importlib.metadata import version
 
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, Grade
 from calibrary.evidence.estimate import SourceEstimate
 from calibrary.jobs.extract.cameras import circumstances
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
@@ -32,7 +32,7 @@ from calibrary.pages import (
 )
 from calibrary.pages.plots import Axis, Band, Interval, Role, distortion_map, intervals, radial_curve
 from calibrary.policy import Policy
-from calibrary.validation import Report, Severity, Verdict
+from calibrary.validation import UNPROVEN_LEGEND, Report, Severity, Verdict
 
 __all__ = ["outcome_page"]
 
@@ -55,7 +55,7 @@ MOST_NAMES = 200
 
 def outcome_page(outcome: Extraction, outputs: Outputs) -> Page:
     """The whole run: what was found, and what is written of it."""
-    # Those that need somebody first: a page is read from the top.
+    # Cameras that need attention come first: a page is read from the top.
     cameras = sorted(outcome.cameras, key=lambda c: -list(Verdict).index(c.verdict))
     shown = cameras[:MOST_CAMERAS]
     sections = [_overview(outcome, shown, outputs)]
@@ -66,8 +66,8 @@ def outcome_page(outcome: Extraction, outputs: Outputs) -> Page:
     told = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count) or "none"
     good = outcome.exit_code == 0
     return Page(
-        title=f"Ingest gate: {_count(len(cameras), 'camera')}",
-        badge=Badge("every K is valid", Tone.GOOD) if good else Badge("needs somebody", Tone.BAD),
+        title=f"Camera check: {_count(len(cameras), 'camera')}",
+        badge=Badge("every K is valid", Tone.GOOD) if good else Badge("needs attention", Tone.BAD),
         lead=f"{told[0].upper()}{told[1:]}, judged by the {outcome.policy.name} policy. "
         "Only a valid K is handed to a solver.",
         sections=tuple(sections),
@@ -90,7 +90,7 @@ def _overview(outcome: Extraction, cameras: list[CameraReport], outputs: Outputs
     blocks: list[Block] = [Note(text=text, tone=Tone.CAUTION) for text in outputs.warnings]
     blocks.append(
         Table(
-            caption="Every camera that was found in the images, those that need somebody first",
+            caption="Every camera that was found in the images, those that need attention first",
             columns=columns,
             rows=tuple(_row(camera, outputs.matrices.get(camera.slug)) for camera in cameras),
         )
@@ -101,10 +101,14 @@ def _overview(outcome: Extraction, cameras: list[CameraReport], outputs: Outputs
     if unmeasured:
         blocks.append(
             Note(
-                text=f"For {_count(unmeasured, 'camera')} nobody measured the principal point and the distortion: "
+                text=f"For {_count(unmeasured, 'camera')} the principal point and the distortion were not measured: "
                 "good enough for a reconstruction to converge, not for survey accuracy."
             )
         )
+    if any(c.verdict is Verdict.UNPROVEN for c in outcome.cameras):
+        blocks.append(f"{UNPROVEN_LEGEND[0].upper()}{UNPROVEN_LEGEND[1:]}.")
+    meanings = tuple(f"{grade.value}: {grade.meaning}" for grade in Grade)
+    blocks.append(Details(summary="What the grades mean", blocks=(Bullets(meanings),)))
     return Section(title="Overview", blocks=tuple(blocks))
 
 
@@ -148,7 +152,7 @@ def _judgement(camera: CameraReport) -> Iterator[Block]:
         yield Note(text=camera.reason, action=camera.advice, tone=VERDICTS[camera.verdict])
     known = camera.camera.states[0].known.title
     if known is not None:
-        yield f"The catalogue knows it as {known}."
+        yield f"In the catalogue: {known}."
 
 
 def _numbers(camera: CameraReport) -> Iterator[Block]:
@@ -161,7 +165,7 @@ def _numbers(camera: CameraReport) -> Iterator[Block]:
         yield from calibration.notes
     elif failed is not None:
         yield Details(
-            summary="The numbers that were rejected",
+            summary="The rejected intrinsics",
             blocks=(KeyValues(tuple(_intrinsics(failed))), _origin(failed)),
         )
 
@@ -192,7 +196,7 @@ def _origin(calibration: Calibration) -> str:
 
 def _distortion(calibration: Calibration) -> Iterator[Block]:
     if calibration.distortion is None:
-        yield "Its distortion is unknown, which is not the same as none."
+        yield "The distortion is unknown (which is not the same as no distortion)."
         return
     coefficients = calibration.distortion.coefficients
     if not coefficients:
@@ -228,11 +232,11 @@ def _evidence(camera: CameraReport, policy: Policy) -> Figure | None:
         )
         for estimate in evidence.estimates
     ]
-    caption = "What each source in the images says of fx"
-    caption += "; bars are the source's own rounding." if any(row.half_width for row in rows) else "."
+    caption = "fx as stated by each source in the images"
+    caption += "; bars show the rounding of the source." if any(row.half_width for row in rows) else "."
     band = _band(camera, policy)
     if band is not None:
-        caption += f" Shaded: what {band.text} lets pass."
+        caption += f" Shaded: the range that {band.text} accepts."
     return intervals(rows, axis=PX, caption=caption, band=band)
 
 
@@ -318,13 +322,13 @@ def _names(names: tuple[str, ...]) -> Details:
 def _set_aside(outcome: Extraction) -> Section:
     rejected = outcome.rejected[:MOST_NAMES]
     table = Table(
-        caption="Images no camera could be told from",
+        caption="Images whose camera could not be identified",
         columns=(Column("image"), Column("why")),
         rows=tuple((item.name, item.reason) for item in rejected),
     )
     more = len(outcome.rejected) - len(rejected)
     blocks: tuple[Block, ...] = (table, f"{more} more are listed in the report.") if more else (table,)
-    return Section(title=f"{_count(len(outcome.rejected), 'image')} set aside", blocks=blocks)
+    return Section(title=f"{_count(len(outcome.rejected), 'image')} skipped", blocks=blocks)
 
 
 def _verdict(camera: CameraReport) -> Badge:

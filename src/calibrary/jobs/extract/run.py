@@ -64,7 +64,7 @@ def run(request: Request) -> Extraction:
     if not found.paths:
         hint = "" if request.recursive else "; if they lie in sub-folders, add --recursive"
         source = ", ".join(map(str, request.images))
-        raise InputError(f"holds no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source)
+        raise InputError(f"contains no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source)
     gathered = gather(
         found.paths,
         found.root,
@@ -72,7 +72,7 @@ def run(request: Request) -> Extraction:
         progress=counted(request.progress, len(found.paths), "images"),
         stop_at_first=request.strict,
     )
-    _set_contradictions_aside(gathered)
+    _skip_contradictions(gathered)
     if request.strict and gathered.rejected:
         first = gathered.rejected[0]
         raise _breach(request.policy, "image", f"{first.name}: {first.reason}")
@@ -105,7 +105,7 @@ def run(request: Request) -> Extraction:
     )
 
 
-def _set_contradictions_aside(gathered: Gathered) -> None:
+def _skip_contradictions(gathered: Gathered) -> None:
     """An image whose EXIF is of another frame is no evidence of any camera."""
     for metadata in list(gathered.states):
         contradiction = exif_contradiction(metadata)
@@ -128,8 +128,8 @@ def _sensor(
         return Sensor(size_mm=request.sensor_mm, given=True), ()
     names = ", ".join(str(key) for key in cameras[:4]) + (", …" if len(cameras) > 4 else "")
     warning = (
-        f"the sensor size given is not used: the images are of {len(cameras)} cameras ({names}), and one sensor "
-        "cannot be all of theirs; give it for a folder with one camera"
+        f"the sensor size given is not used: the images are of {len(cameras)} cameras ({names}), and one "
+        "sensor size cannot apply to all of them; state it for a folder with one camera"
     )
     return default, (warning,)
 

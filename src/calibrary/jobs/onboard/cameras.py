@@ -78,7 +78,7 @@ class PayloadCameras:
     Attributes:
         found: in a fixed order.
         skipped: files and images that are of none of them, each with why.
-        nameless: sizes of cameras that could be taken on board if somebody said make and model.
+        nameless: sizes of cameras that could be taken on board if make and model were stated.
     """
 
     found: tuple[PayloadCamera, ...]
@@ -160,7 +160,8 @@ def _named(
         if key.image_size is not None:
             sorted_.nameless.append(key.image_size)
         sorted_.skipped += [
-            SkippedFile(name=name, reason="names no make and model; say --make and --model") for name in names
+            SkippedFile(name=name, reason="states no make and model; give --make and --model")
+            for name in names
         ]
     return named
 
@@ -221,7 +222,10 @@ def _hand_out(
     key = replace(one.calibration.camera, image_size=one.calibration.intrinsics.image_size)
     if len(fitting) > 1:
         names = ", ".join(str(sorted_.cameras[at].key) for at in fitting[:NAMES_SHOWN])
-        why = f"does not say which of {len(fitting)} cameras it is of: {names}; put it beside that one's images alone"
+        why = (
+            f"does not state which of {len(fitting)} cameras it is of: {names}; "
+            "put it beside the images of that camera alone"
+        )
         sorted_.skipped.append(SkippedFile(name=one.name, reason=why))
         return
     if from_images:
@@ -237,7 +241,7 @@ def _hand_out(
     else:
         sorted_.nameless.append(one.calibration.intrinsics.image_size)
         sorted_.skipped.append(
-            SkippedFile(name=one.name, reason="names no make and model; say --make and --model")
+            SkippedFile(name=one.name, reason="states no make and model; give --make and --model")
         )
 
 

@@ -74,7 +74,7 @@ def classify_payload(
         (images if is_image(path) else rest).append(path)
         if len(images) + len(rest) > MOST_FILES:
             raise InputError(
-                f"holds over {MOST_FILES} files; give the folder of one payload", source=str(folder)
+                f"contains over {MOST_FILES} files; give the folder of one payload", source=str(folder)
             )
     files, others = _calibrations(rest, folder)
     gathered = gather(images, folder, workers=workers)

@@ -145,7 +145,7 @@ def _of_tags(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
     evidence, made = camera.judged.evidence, camera.judged.calibration
     for estimate in evidence.estimates:
         if estimate.source is Source.ASSUMED_SENSOR:
-            # A sensor that nobody stated is no estimate, and no K of it becomes an entry.
+            # An assumed sensor size is not evidence, and its K must not become an entry.
             continue
         chosen = estimate is evidence.chosen and made is not None
         rank = _tag_rank(estimate) if chosen else None

@@ -31,7 +31,7 @@ from calibrary.pages import (
     Tone,
 )
 from calibrary.pages.plots import Axis, Interval, Role, distortion_map, intervals, radial_curve
-from calibrary.validation import Report, Severity
+from calibrary.validation import UNPROVEN_LEGEND, Report, Severity, Verdict
 
 __all__ = ["onboard_page"]
 
@@ -59,19 +59,19 @@ def onboard_page(done: Onboarding) -> Page:
     title = str(done.outcomes[0].camera.key) if count == 1 else f"{count} cameras"
     refused = sum(one.decision is Decision.REFUSED for one in done.outcomes)
     if not done.outcomes:
-        badge, lead = Badge("no camera", Tone.BAD), "No camera could be told from what came with the payload."
+        badge, lead = Badge("no camera", Tone.BAD), "No camera could be identified in the folder."
     elif refused:
         badge = Badge("refused", Tone.BAD)
         lead = f"{refused} of {count} cameras refused, so nothing is written into the registry."
     elif any(one.decision is Decision.PROPOSED for one in done.outcomes):
         badge, lead = (
             Badge("draft proposed", Tone.GOOD),
-            "A draft waits on a branch until somebody approves it.",
+            "A draft is on a branch, awaiting approval.",
         )
     else:
         badge, lead = (
             Badge("nothing new", Tone.NEUTRAL),
-            "The registry knows all of it from the same sources.",
+            "The registry already contains everything from these sources.",
         )
     solves = 0
     sections = []
@@ -142,8 +142,8 @@ def _estimates(one: CameraDecision) -> Iterator[Block]:
             )
         )
     yield Table(
-        caption="Who says what, at the size of its images; px. Difference: the largest of fx and fy, and of a centre "
-        "that both measured.",
+        caption="Estimates at the size of the images, in px. Difference: the largest of fx and fy, and of the "
+        "principal point where both measured it.",
         columns=(
             Column("estimate"),
             Column("kind"),
@@ -177,7 +177,7 @@ def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure
     return intervals(
         rows,
         axis=PX,
-        caption="fx by every estimate; bars are how far another may lie from it and still agree.",
+        caption="fx of every estimate; bars show the range within which another estimate agrees.",
     )
 
 
@@ -194,7 +194,7 @@ def _entry(one: CameraDecision) -> Iterator[Block]:
         *_numbers(calibration),
         ("status", status),
         ("made", calibration.provenance.date or "–"),
-        ("answers for it", calibration.provenance.operator or "–"),
+        ("operator", calibration.provenance.operator or "–"),
     ]
     yield KeyValues(tuple(items))
     if calibration.distortion is not None and calibration.distortion.coefficients:
@@ -259,6 +259,8 @@ def _findings(report: Report | None) -> Iterator[Block]:
             (f.rule, Badge(f.severity.value, SEVERITIES[f.severity]), f.message) for f in report.findings
         ),
     )
+    if report.verdict is Verdict.UNPROVEN:
+        yield f"{UNPROVEN_LEGEND[0].upper()}{UNPROVEN_LEGEND[1:]}."
     yield (
         table
         if report.failures
@@ -294,7 +296,7 @@ def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
 def _sources(one: CameraDecision, payload: Payload) -> Details:
     found = sources_of(one.camera, payload)
     table = Table(
-        caption="Files that were heard; of images that say the same, one",
+        caption="Files that were read; of images with equal metadata, one",
         columns=(Column("file"), Column("what"), Column("sha256")),
         rows=tuple((source.name, what, source.sha256) for what, source in found[:MOST_ROWS]),
     )

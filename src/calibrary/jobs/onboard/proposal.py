@@ -134,7 +134,7 @@ def _key(camera: PayloadCamera, comparison: EstimateComparison, serves: Serves) 
     heard = [compared for compared in comparison.others if compared.estimate.origin == EXIF]
     confirmed = any(compared.agrees and compared.estimate.grade in METRIC for compared in heard)
     if not confirmed and any(compared in comparison.overruled for compared in heard):
-        # A focal length that nobody believes must not be what the camera is found by.
+        # A focal length that was overruled must not be part of the camera key.
         key = replace(key, focal_mm=None)
     return key if serves is Serves.UNIT else replace(key, serial=None)
 
@@ -156,7 +156,10 @@ def _own_source(camera: PayloadCamera, comparison: EstimateComparison, payload: 
 
 def _notes(comparison: EstimateComparison) -> Iterator[str]:
     for compared in comparison.overruled:
-        yield f"{compared.estimate.name} says fx {compared.difference:+.1%} and is not believed"
+        yield (
+            f"{compared.estimate.name} states fx {compared.difference:+.1%} and is not used: "
+            "the other sources disagree with it"
+        )
 
 
 def _block(

@@ -112,7 +112,7 @@ class CameraDecision:
         advice: what to do next.
         board: of its frames of a board, None where there are none.
         estimates: everybody heard, the one that is proposed first.
-        comparison: how the others stand to it; None where nobody estimates a K.
+        comparison: how the others stand to it; None where no source states a K.
         report: the K against the policy.
         entry: as it would be written; None where it came to none.
         current: what the registry's main branch has at its place.

@@ -63,7 +63,7 @@ def onboard(request: Request) -> Onboarding:
     )
     if not payload.states and not payload.files:
         raise InputError(
-            "holds neither an image nor a calibration file; give the folder of what came with the payload",
+            "contains neither an image nor a calibration file; give the folder of what came with the payload",
             source=str(request.folder),
         )
     cameras = find_cameras(payload, request.policy, request.said, image_size=request.image_size)
@@ -81,7 +81,7 @@ def onboard(request: Request) -> Onboarding:
 
 
 def branch_of(entry: Entry) -> str:
-    """The branch on which drafts of a model wait for somebody to approve them."""
+    """The branch on which drafts of a model wait for approval."""
     return branch_name(entry.calibration.camera)
 
 
@@ -94,7 +94,7 @@ def write_drafts(done: Onboarding, reason: str | None = None) -> dict[str, Writt
     """Write what is proposed, a branch for each model and a commit for each branch.
 
     Raises:
-        FileConflictError: somebody has written the same entry on the branch meanwhile.
+        FileConflictError: the same entry has been written on the branch meanwhile.
         RegistryError: it cannot be written.
     """
     registry, branches = done.request.registry, {}
@@ -182,7 +182,7 @@ def _outcome(camera: PayloadCamera, payload: Payload, square_mm: float, request:
     refused = refused_by(report)
     if refused is not None:
         return replace(
-            so_far, reason=refused, advice="put that right, or calibrate the camera: calibrary calibrate"
+            so_far, reason=refused, advice="correct that, or calibrate the camera: calibrary calibrate"
         )
     return _proposed(so_far, comparison, payload, request)
 
@@ -198,7 +198,7 @@ def _proposed(
         entry = entry_for(camera, comparison, serves, payload, board=result, stated=request.stated)
         proposals = registry.propose([entry])
     except (InputError, RegistryError) as error:
-        return replace(so_far, reason=str(error), advice="see what stands there: calibrary registry list")
+        return replace(so_far, reason=str(error), advice="see the current entry: calibrary registry list")
     [proposal] = proposals.items
     entry, current = proposal.entry, proposal.current
     done = replace(
@@ -210,17 +210,17 @@ def _proposed(
     )
     if proposals.errors:
         return replace(
-            done, reason=str(proposals.errors[0]), advice="put that right in what came with the payload"
+            done, reason=str(proposals.errors[0]), advice="correct that in the files of the payload"
         )
     branch = branch_of(entry)
     waiting = _entry_at(registry, branch, entry.path)
     if current is not None and is_same(current, entry):
-        reason = f"the registry has it from the same sources, {current.status.value}"
+        reason = f"the registry already contains it, from the same sources, {current.status.value}"
         advice = f"calibrary registry approve {entry.id}" if current.status is Status.DRAFT else None
         return replace(done, entry=current, decision=Decision.KNOWN, reason=reason, advice=advice)
     approving = f"calibrary registry approve {entry.id} --from {branch}"
     if waiting is not None and is_same(waiting, entry):
-        reason = f"its draft waits on the branch {branch}, from the same sources"
+        reason = f"its draft is on the branch {branch}, from the same sources"
         return replace(done, entry=waiting, decision=Decision.KNOWN, reason=reason, advice=approving)
     return replace(done, decision=Decision.PROPOSED, reason=_why(comparison, board), advice=approving)
 
@@ -258,12 +258,12 @@ def _no_k(camera: PayloadCamera, board: BoardSolve | None) -> tuple[str, str]:
     judged = camera.judged
     if judged is not None and judged.calibration is not None:
         return (
-            "its K would rest on a sensor size that nobody stated",
+            "its sensor size is not stated, so K would rest on an assumed one",
             "bring frames of a board or a calibration file",
         )
     if judged is not None and judged.no_k_reason is not None:
         return judged.no_k_reason, "bring frames of a board or a calibration file for it"
-    return "nothing that came with it says its K", "bring frames of a board or a calibration file for it"
+    return "no file in the folder states its K", "bring frames of a board or a calibration file for it"
 
 
 def _trusts(heard: Sequence[Estimate]) -> str:
@@ -303,7 +303,7 @@ def _current(camera: PayloadCamera, registry: Registry) -> Resolution | None:
     try:
         return registry.snapshot().index().resolve(replace(camera.key, firmware=camera.firmware))
     except CalibraryError:
-        # Two that fit alike, or one that cannot be read: the registry's check tells, and neither is a estimate.
+        # Two that fit alike, or one that cannot be read: the registry's check tells, and neither is an estimate.
         return None
 
 

@@ -99,7 +99,7 @@ def _k(entry: Entry, id_: str, place: Place) -> Iterator[Block]:
     yield Link("All cameras", way(place.page, INDEX))
     if entry.status is not Status.APPROVED or entry.reason:
         words = {
-            Status.DRAFT: "A draft: nobody answers for it yet.",
+            Status.DRAFT: "A draft: not approved yet.",
             Status.RETIRED: "Retired: not used any more.",
         }
         text = words.get(entry.status, "")
@@ -122,7 +122,7 @@ def _k(entry: Entry, id_: str, place: Place) -> Iterator[Block]:
 def _coefficients(calibration: Calibration, std: dict[str, float]) -> Iterator[Block]:
     lens = calibration.distortion
     if lens is None:
-        yield "Its distortion is unknown, which is not the same as none."
+        yield "The distortion is unknown (which is not the same as no distortion)."
         return
     if not lens.coefficients:
         yield "The image is free of distortion."
@@ -265,8 +265,8 @@ def _provenance(entry: Entry) -> Iterator[Block]:
 def _downloads(place: Place, files: Sequence[Download]) -> Iterator[Block]:
     held = [file for file in files if file.name is not None]
     yield Table(
-        caption="The calibration in every format that holds it; each file was read back and compared",
-        columns=(Column("format"), Column("file"), Column("what it holds"), Column("what it leaves out")),
+        caption="The calibration in every format that can contain it; each file was read back and compared",
+        columns=(Column("format"), Column("file"), Column("contains"), Column("leaves out")),
         rows=tuple(
             (file.title, Link(file.name, way(place.page, place.file(file.name))), file.remark, file.left_out)
             for file in held

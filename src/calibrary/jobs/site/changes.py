@@ -101,7 +101,7 @@ def story(
     """
     told = [revision for revision in reversed(revisions) if revision.entry is not None]
     if not told:
-        yield "There is no history to tell."
+        yield "No history."
         return
     if len(told) > 1:
         yield _chart(told)

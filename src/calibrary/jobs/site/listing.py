@@ -73,7 +73,9 @@ def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
         )
         sections.insert(0, Section(title="Cameras", anchor="cameras", blocks=(table,)))
     else:
-        empty = Note(text="It holds no camera yet.", action="calibrary registry add FILE puts one in")
+        empty = Note(
+            text="The registry contains no camera yet.", action="calibrary registry add FILE puts one in"
+        )
         sections.insert(0, Section(title="Cameras", anchor="cameras", blocks=(empty,)))
     page = Page(
         title="Camera registry",

@@ -38,12 +38,12 @@ def check_out(out: Path) -> Path:
         raise InputError(f"cannot be read: {error.strerror or error}", source=str(out)) from None
     if found and MARKER not in found:
         raise InputError(
-            f"is no site of calibrary's (it has no {MARKER}) and is not empty; name a folder of its own",
+            f"is not a site made by calibrary (it has no {MARKER}) and is not empty; name a folder of its own",
             source=str(out),
         )
     if foreign := sorted(found - OURS):
         raise InputError(
-            f"holds {', '.join(foreign[:5])} beside the site, which replacing it would remove; move that elsewhere",
+            f"contains {', '.join(foreign[:5])} beside the site, which replacing it would remove; move that elsewhere",
             source=str(out),
         )
     return place

@@ -36,7 +36,7 @@ class Interval:
     Attributes:
         name: what it is called.
         value: what it says.
-        half_width: by how much it may be off by its own rounding or σ, 0 where nobody knows.
+        half_width: by how much it may be off by its own rounding or σ, 0 where unknown.
         role: what became of it.
     """
 
