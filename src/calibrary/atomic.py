@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 import os
 import secrets
-import signal
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from calibrary.errors import InputError
+from calibrary.interrupts import held
 
 __all__ = ["check_folder", "write_files"]
 
@@ -51,7 +51,7 @@ def write_files(files: Mapping[Path, bytes]) -> None:
             temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
             staged.append((temporary, path))
             _stage(temporary, content)
-        with _undisturbed():
+        with held():
             while staged:
                 temporary, path = staged[0]
                 temporary.replace(path)
@@ -96,16 +96,3 @@ def _stage(temporary: Path, content: bytes) -> None:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
-
-
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Hold Ctrl-C and SIGTERM back for the moment in which files take their places."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

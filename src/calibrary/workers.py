@@ -12,6 +12,8 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import TypeVar
 
+from calibrary.interrupts import held
+
 __all__ = ["end_with_parent", "mapped"]
 
 Item = TypeVar("Item")
@@ -61,7 +63,8 @@ def mapped(
         context.set_forkserver_preload([*preload])
     pool = ProcessPoolExecutor(min(workers, len(items)), mp_context=context, initializer=begin)
     try:
-        with _deaf_to_ctrl_c():
+        # Interrupted on its way, a process would begin after all, when what it shares with us has gone.
+        with held(), _deaf_to_ctrl_c():
             results = pool.map(work, items)
         yield from results
     except BaseException:

@@ -124,7 +124,7 @@ def test_the_verdict_is_the_last_line(
     ran: dict[str, Printed], command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rows(monkeypatch, 200)
-    done = ran[command] if command in ran else printed(command)
+    done = printed(command) if command in READING else ran[command]
     assert re.match(VERDICTS[command], done.last), done.out
 
 

@@ -152,3 +152,20 @@ def test_importing_the_readers_loads_neither_lxml_nor_exifread_nor_pillow() -> N
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[]"
+
+
+def test_a_program_that_logs_everything_sees_no_value_of_the_exif(tmp_path: Path) -> None:
+    """Exifread logs every value at DEBUG, serial numbers too."""
+    write_jpeg(
+        tmp_path / "a.jpg", (72, 48), exif=ExifTags(make="DJI", model="FC6310R", body_serial="SN-SECRET-42")
+    )
+    program = (
+        "import logging, sys; logging.basicConfig(level=logging.DEBUG); from pathlib import Path;"
+        "from calibrary.parsers.imagery import read_metadata; print(read_metadata(Path(sys.argv[1])).model)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "a.jpg")], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "FC6310R\n"
+    assert "exifread" not in done.stderr
+    assert "SECRET" not in done.stderr

@@ -1,0 +1,39 @@
+"""Holding Ctrl-C and SIGTERM back while something must not be left half done."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+__all__ = ["held"]
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Let a signal that arrives in the meantime take effect afterwards.
+
+    Masking it for this thread would not do: one of another thread, such as a BLAS library's, would take it and
+    Python would run the handler here. Only the main thread runs handlers, so any other is left alone.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    arrived: list[int] = []
+
+    def remember(number: int, _frame: FrameType | None) -> None:
+        arrived.append(number)
+
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    heard = {n: handler for n, handler in before.items() if handler not in {signal.SIG_IGN, None}}
+    for number in heard:
+        signal.signal(number, remember)
+    try:
+        yield
+    finally:
+        for number, handler in heard.items():
+            signal.signal(number, handler)
+        if arrived:
+            signal.raise_signal(arrived[0])

@@ -1,0 +1,165 @@
+"""Ctrl-C and SIGTERM: 130 and 143, one line, no traceback, nothing half written, and no process left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.jobs.extract.fleet import P4R, picture
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes through /proc")
+
+SIGNALS = {signal.SIGINT: 130, signal.SIGTERM: 143}
+TRIES = 5
+WAIT_S = 120.0
+"""As long as a busy machine may take; a quick one waits for nothing."""
+
+Marker = Callable[["subprocess.Popen[str]"], bool]
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """So many images that processes share the work."""
+    folder = tmp_path_factory.mktemp("signals") / "flight"
+    for number in range(700):
+        picture(folder / f"{number:04}.jpg", (72, 48), **P4R)
+    return folder
+
+
+def members(group: int) -> list[int]:
+    """The processes of a group that are alive."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[2]) == group and fields[0] != "Z":
+            found.append(int(stat.parent.name))
+    return found
+
+
+def imported(module: str) -> Marker:
+    """The program tells that it has imported a module; what it tells is on standard error."""
+
+    def reached(process: subprocess.Popen[str]) -> bool:
+        assert process.stderr is not None
+        return any(line.rstrip().endswith(f" {module}") for line in iter(process.stderr.readline, ""))
+
+    return reached
+
+
+def processes(count: int) -> Marker:
+    """So many processes are at work."""
+
+    def reached(process: subprocess.Popen[str]) -> bool:
+        ends = time.monotonic() + WAIT_S
+        while process.poll() is None and time.monotonic() < ends:
+            if len(members(process.pid)) >= count:
+                return True
+            time.sleep(0.002)
+        return False
+
+    return reached
+
+
+def interrupted(
+    arguments: list[str], folder: Path, number: signal.Signals, marker: Marker, *, verbose: bool, group: bool
+) -> tuple[int, str]:
+    """How a command ends that is signalled at a moment, and what it says; again where it had ended already."""
+    flags = ["-X", "importtime"] if verbose else []
+    command = [sys.executable, *flags, "-m", "calibrary", *arguments]
+    for _ in range(TRIES):
+        with subprocess.Popen(
+            command,
+            cwd=folder,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        ) as process:
+            reached = marker(process)
+            if reached:
+                (os.killpg if group else os.kill)(process.pid, number)
+            _, told = process.communicate(timeout=WAIT_S)
+        said = "".join(line for line in told.splitlines(keepends=True) if not line.startswith("import time:"))
+        if reached and process.returncode not in {0, 1}:
+            assert gone(process.pid)
+            return process.returncode, said
+    pytest.fail("it ended before the signal reached it, every time")
+
+
+def gone(group: int) -> bool:
+    ends = time.monotonic() + WAIT_S
+    while members(group) and time.monotonic() < ends:
+        time.sleep(0.01)
+    return members(group) == []
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize(
+    "module",
+    ["calibrary.cli.parser", "calibrary.cli.main", "numpy", "calibrary.jobs.extract.run"],
+)
+def test_start_up_is_interrupted_in_order(
+    tmp_path: Path, flight: Path, number: signal.Signals, module: str
+) -> None:
+    command = ["extract", str(flight), "--workers", "1", "--output-matrix", "out/K_matrix.npy"]
+    code, told = interrupted(command, tmp_path, number, imported(module), verbose=True, group=False)
+    assert (code, told) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+def test_worker_processes_end_with_the_command_and_say_nothing(
+    tmp_path: Path, flight: Path, number: signal.Signals, count: int
+) -> None:
+    """A terminal sends Ctrl-C to every process of the command; SIGTERM goes to the command alone."""
+    command = ["extract", str(flight), "--workers", "3", "--output-matrix", "out/K_matrix.npy"]
+    group = number is signal.SIGINT
+    code, told = interrupted(command, tmp_path, number, processes(count), verbose=False, group=group)
+    assert (code, told) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_calibration_leaves_nothing_behind(tmp_path: Path, number: signal.Signals) -> None:
+    frames = tmp_path / "frames"
+    made = [
+        sys.executable,
+        "-m",
+        "calibrary",
+        "calibrate",
+        "synth",
+        str(frames),
+        "--board",
+        "checkerboard:9x6",
+    ]
+    subprocess.run([*made, "--square-mm", "40", "--frames", "4"], check=True, capture_output=True)
+    command = ["calibrate", "frames", "--square-mm", "40", "--workers", "2", "--report", "r.html"]
+    group = number is signal.SIGINT
+    code, told = interrupted(command, tmp_path, number, processes(4), verbose=False, group=group)
+    assert (code, told) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["frames"]
+
+
+def test_a_second_ctrl_c_does_not_disturb_the_first(tmp_path: Path, flight: Path) -> None:
+    def twice(process: subprocess.Popen[str]) -> bool:
+        if not processes(4)(process):
+            return False
+        os.killpg(process.pid, signal.SIGINT)
+        return process.poll() is None
+
+    code, told = interrupted(
+        ["extract", str(flight), "--workers", "3"], tmp_path, signal.SIGINT, twice, verbose=False, group=True
+    )
+    assert (code, told) == (130, "calibrary: interrupted; nothing was half written\n")
+    assert list(tmp_path.iterdir()) == []
