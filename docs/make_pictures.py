@@ -49,7 +49,7 @@ else:
 
 DOCS = Path(__file__).parent
 WIDTH = 90
-COMMAND = "calibrary extract --image-dir flight --recursive"
+COMMAND = "calibrary extract flight --recursive"
 
 CHOSEN = (
     "100_0001/*.JPG",
@@ -140,7 +140,8 @@ def draw(outcome: Extraction) -> str:
         record=True, width=WIDTH, file=io.StringIO(), force_terminal=True, color_system="truecolor"
     )
     console.print(Text.assemble(("$ ", "cyan"), COMMAND, "\n"))
-    console.print(judgement(outcome, width=WIDTH), "", verdict(outcome), "", highlight=False)
+    for part in (judgement(outcome, width=WIDTH), "", verdict(outcome), ""):
+        console.print(part, highlight=False)
     return console.export_svg(title="calibrary", theme=THEME, code_format=FRAME, unique_id="extract")
 
 

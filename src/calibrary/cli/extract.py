@@ -44,27 +44,88 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         description="Derive and validate one K per camera from a directory of images.",
         epilog=EXAMPLES,
     )
-    _add_source_flags(parser)
-    parser.add_argument(
+    _add_image_flags(parser)
+    _add_limit_flags(parser)
+    _add_knowledge_flags(parser)
+    _add_output_flags(parser)
+    add_json_flag(parser)
+    parser.set_defaults(run=_run)
+
+
+def _add_image_flags(parser: argparse.ArgumentParser) -> None:
+    """What is read. Eight flags, here and below, have the source document's names and defaults."""
+    images = parser.add_argument_group("which images")
+    images.add_argument("folder", nargs="?", metavar="DIR", help="folder of images (default: ./input/)")
+    images.add_argument("--image-dir", default=IMAGE_DIR, metavar="DIR", help="the same as DIR, as a flag")
+    images.add_argument("--recursive", action="store_true", help="go into sub-folders")
+    images.add_argument(
+        "--workers",
+        type=_count,
+        default=0,
+        metavar="N",
+        help="processes that read images (default: as many as there are cores, for large flights)",
+    )
+
+
+def _add_limit_flags(parser: argparse.ArgumentParser) -> None:
+    limits = parser.add_argument_group("what K is held against")
+    limits.add_argument(
+        "--policy",
+        default="fleet",
+        metavar="{fleet,source}|FILE",
+        help="'fleet' knows real UAV cameras, 'source' holds every camera to 0.8 … 1.5 W, or a YAML file of "
+        "your own (default: fleet)",
+    )
+    limits.add_argument(
+        "--max-focal-deviation-pct",
+        type=_per_cent,
+        default=15.0,
+        metavar="PCT",
+        help="largest |fx − fy| / max(fx, fy) in per cent (default: 15.0)",
+    )
+    limits.add_argument(
+        "--principal-point-tolerance-px",
+        type=_fraction,
+        default=0.05,
+        metavar="FRACTION",
+        help="largest offset of the principal point from the middle, as a FRACTION of the side in spite of "
+        "its name (default: 0.05)",
+    )
+    limits.add_argument(
         "--principal-point-tolerance",
         type=_fraction,
         metavar="FRACTION",
         help="the same as --principal-point-tolerance-px under its clear name",
     )
-    parser.add_argument(
-        "--policy",
-        default="fleet",
-        metavar="{fleet,source}|FILE",
-        help="what K is held against: 'fleet' knows real UAV cameras, 'source' holds every camera to "
-        "0.8 … 1.5 W, or a YAML file of your own (default: fleet)",
+    limits.add_argument(
+        "--strict-validation", action="store_true", help="stop at the first breach and write nothing"
     )
-    parser.add_argument(
+
+
+def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
+    known = parser.add_argument_group("what is known of the cameras")
+    known.add_argument(
+        "--sensor-width-mm",
+        type=_millimetres,
+        default=13.2,
+        metavar="MM",
+        help="physical sensor width, for a folder with one camera (default: the camera's own where it is "
+        "known, else 13.2, marked as assumed)",
+    )
+    known.add_argument(
+        "--sensor-height-mm",
+        type=_millimetres,
+        default=8.8,
+        metavar="MM",
+        help="physical sensor height (default: as for the width, 8.8)",
+    )
+    known.add_argument(
         "--registry",
         type=Path,
         metavar="PATH",
         help="the fleet's registry of calibrations: in git, bare or checked out, as committed; or a plain folder",
     )
-    parser.add_argument(
+    known.add_argument(
         "--locked",
         nargs="?",
         type=Path,
@@ -73,74 +134,29 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="use only the entries of --registry that LOCKFILE pins, as they were then; refuse where they cannot be "
         "had so (default LOCKFILE: calibrary.lock)",
     )
-    parser.add_argument("--recursive", action="store_true", help="go into sub-folders")
-    parser.add_argument(
-        "--workers",
-        type=_count,
-        default=0,
-        metavar="N",
-        help="processes that read images (default: as many as there are cores, for large flights)",
-    )
-    parser.add_argument(
-        "--hand-off",
-        choices=["colmap", "opensfm", "odm", "opencv", "none"],
-        default="none",
-        help="also write what this solver needs, for cameras with a valid K (default: none)",
-    )
-    add_json_flag(parser)
-    parser.add_argument(
-        "--html", type=Path, metavar="FILE", help="also write the report as a page, to look at and to hand on"
-    )
-    parser.add_argument("--dry-run", action="store_true", help="judge everything, write nothing")
-    parser.set_defaults(run=_run)
-
-
-def _add_source_flags(parser: argparse.ArgumentParser) -> None:
-    """The eight flags of the source document, names and defaults as they stand there."""
-    parser.add_argument("folder", nargs="?", metavar="DIR", help="folder of images (default: ./input/)")
-    parser.add_argument("--image-dir", default=IMAGE_DIR, metavar="DIR", help="the same as DIR, as a flag")
-    parser.add_argument(
-        "--sensor-width-mm",
-        type=_millimetres,
-        default=13.2,
-        metavar="MM",
-        help="physical sensor width, for a folder with one camera (default: the camera's own where it is "
-        "known, else 13.2, marked as assumed)",
-    )
-    parser.add_argument(
-        "--sensor-height-mm",
-        type=_millimetres,
-        default=8.8,
-        metavar="MM",
-        help="physical sensor height (default: as for the width, 8.8)",
-    )
-    parser.add_argument(
-        "--max-focal-deviation-pct",
-        type=_per_cent,
-        default=15.0,
-        metavar="PCT",
-        help="largest |fx − fy| / max(fx, fy) in per cent (default: 15.0)",
-    )
-    parser.add_argument(
-        "--principal-point-tolerance-px",
-        type=_fraction,
-        default=0.05,
-        metavar="FRACTION",
-        help="largest offset of the principal point from the middle, as a FRACTION of the side in spite of "
-        "its name (default: 0.05)",
-    )
-    parser.add_argument(
+    known.add_argument(
         "--fallback-k", metavar="FILE", help="a calibrated K (.npy) for when the images yield none"
     )
-    parser.add_argument(
+
+
+def _add_output_flags(parser: argparse.ArgumentParser) -> None:
+    written = parser.add_argument_group("what is written")
+    written.add_argument(
         "--output-matrix",
         default="K_matrix.npy",
         metavar="FILE",
         help="where K goes; with several cameras FILE's name gets each camera's in it (default: K_matrix.npy)",
     )
-    parser.add_argument(
-        "--strict-validation", action="store_true", help="stop at the first breach and write nothing"
+    written.add_argument(
+        "--hand-off",
+        choices=["colmap", "opensfm", "odm", "opencv", "none"],
+        default="none",
+        help="also write what this solver needs, for cameras with a valid K (default: none)",
     )
+    written.add_argument(
+        "--html", type=Path, metavar="FILE", help="also write the report as a page, to look at and to hand on"
+    )
+    written.add_argument("--dry-run", action="store_true", help="judge everything, write nothing")
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -217,9 +217,9 @@ def _questions(arguments: argparse.Namespace) -> Questions:
 
 
 def _asked(arguments: argparse.Namespace, question: str, flag: str) -> str:
-    """What a person answers; where nobody can be asked the command ends as misused, and names the flag."""
+    """What a person answers; where there is no terminal to ask on the command ends as misused, and names the flag."""
     if arguments.yes or not can_ask():
-        arguments.parser.error(f"{question} Nobody can be asked here; say {flag}")
+        arguments.parser.error(f"{question} There is no terminal to ask on; say {flag}")
     sys.stderr.write(f"{question} ")
     sys.stderr.flush()
     return sys.stdin.readline().strip()

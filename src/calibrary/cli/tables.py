@@ -149,25 +149,19 @@ def _row(
 
 
 def _stacked(cells: Sequence[tuple[Column, Text]], width: int) -> Iterator[Text]:
-    """What found no room in the row: short values together, sentences on lines of their own."""
+    """What found no room in the row: as many values on a line as fit, and what is longer on lines of its own."""
     from rich.text import Text
 
     from calibrary.cli.console import folded
 
-    def labelled(column: Column, cell: Text) -> Text:
-        return Text.assemble((f"{column.name} ", "dim"), cell) if column.name else cell
-
-    short = Text()
+    line = Text()
     for column, cell in cells:
-        if column.wraps or not cell.plain:
+        if not cell.plain:
             continue
-        item = labelled(column, cell)
-        if short and BELOW + short.cell_len + GAP + item.cell_len > width:
-            yield from folded(short, width, indent=BELOW)
-            short = Text()
-        short = short + Text(" " * GAP) + item if short else item
-    if short:
-        yield from folded(short, width, indent=BELOW)
-    for column, cell in cells:
-        if column.wraps and cell.plain:
-            yield from folded(labelled(column, cell), width, indent=BELOW)
+        item = Text.assemble((f"{column.name} ", "dim"), cell) if column.name else cell
+        if line and BELOW + line.cell_len + GAP + item.cell_len > width:
+            yield from folded(line, width, indent=BELOW)
+            line = Text()
+        line = line + Text(" " * GAP) + item if line else item
+    if line:
+        yield from folded(line, width, indent=BELOW)

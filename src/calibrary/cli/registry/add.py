@@ -32,7 +32,7 @@ examples:
   calibrary registry add cameras/dji/fc6310r/5472x3648.yaml --reason "focus was re-set"
 
 The entry is a draft until it is approved. Nothing is written that the registry's check objects to (exit code 1),
-and nothing over an entry that somebody has changed since it was shown (exit code 4).
+and nothing over an entry that has changed since it was shown (exit code 4).
 """
 
 EXIT_REFUSED = 1

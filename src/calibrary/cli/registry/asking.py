@@ -31,11 +31,11 @@ def deciding_screen(arguments: argparse.Namespace) -> Screen:
 
 
 def agreed(arguments: argparse.Namespace, question: str) -> bool:
-    """Whether to go on. Where there is nobody to ask and ``--yes`` was not said, the command ends as misused."""
+    """Whether to go on. Without a terminal to ask on and without ``--yes``, the command ends as misused."""
     if arguments.yes:
         return True
     if not can_ask():
-        arguments.parser.error(f"{question} Nobody can be asked here; say --yes")
+        arguments.parser.error(f"{question} There is no terminal to ask on; say --yes")
     sys.stderr.write(f"{question} [y/N] ")
     sys.stderr.flush()
     return sys.stdin.readline().strip().lower() in {"y", "yes"}

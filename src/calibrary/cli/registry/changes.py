@@ -83,7 +83,7 @@ def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
 
 
 def show_conflict(screen: Screen, error: FileConflictError) -> None:
-    """What somebody else has written meanwhile, field by field against what was to be written."""
+    """What another writer has changed in the meantime, field by field against what was to be written."""
     from calibrary.cli.console import plain
     from calibrary.errors import InputError
     from calibrary.registry.entry_yaml import parse_entry

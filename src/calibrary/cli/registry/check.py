@@ -26,7 +26,7 @@ examples:
   calibrary registry check --worktree                    the files as they lie here, before they are committed
   calibrary registry check --signatures --allowed-signers signers origin/main..HEAD
 
-exit code 0: no error, warnings perhaps; 1: at least one error, or a commit that nobody on the list signed.
+exit code 0: no error, warnings perhaps; 1: at least one error, or a commit that no listed signer signed.
 """
 
 
@@ -48,7 +48,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="limits in place of those that registry.yaml names",
     )
     parser.add_argument(
-        "--signatures", action="store_true", help="also see that somebody on the list signed every commit"
+        "--signatures", action="store_true", help="also check that a listed signer signed every commit"
     )
     parser.add_argument(
         "--allowed-signers",
