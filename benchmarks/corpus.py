@@ -29,10 +29,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageCms
 
-from calibrary.jobs.demo.cameras import Shot, phantom_4_rtk
+from calibrary.jobs.demo.scenery import farmland
 from calibrary.records import replace
-from calibrary.synthetic import ExifTags
-from calibrary.synthetic.jpeg import (
+from tests.imagery import ExifTags
+from tests.imagery.cameras import Shot, phantom_4_rtk
+from tests.imagery.jpeg import (
     Segment,
     assemble,
     exif_segment,
@@ -40,8 +41,7 @@ from calibrary.synthetic.jpeg import (
     icc_segments,
     xmp_segments,
 )
-from calibrary.synthetic.scenery import farmland
-from calibrary.synthetic.structure import Field, FieldType, Ifd, encode
+from tests.imagery.structure import Field, FieldType, Ifd, encode
 
 SIZE = (5472, 3648)
 MAKER_NOTE_BYTES = 31_400

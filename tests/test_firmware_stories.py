@@ -13,16 +13,16 @@ from calibrary import parsers
 from calibrary.calib.estimation import estimate
 from calibrary.calibration import Calibration
 from calibrary.cli.main import main
-from calibrary.jobs.demo.cameras import Band, Shot, rededge_m
 from calibrary.jobs.diff.comparison import ChangeVerdict, compare
 from calibrary.jobs.diff.structure import Kind
 from calibrary.records import replace
 from calibrary.registry.init import init
 from calibrary.registry.registry import Registry
-from calibrary.synthetic import XmpDescription, XmpPacket, elements, write_jpeg
-from calibrary.synthetic.xmp import PIX4D_1
 from tests.calib.solving import Session, camera, shoot
 from tests.cli.registry.fleets import add, commit_of, xml
+from tests.imagery import XmpDescription, XmpPacket, elements, write_jpeg
+from tests.imagery.cameras import Band, Shot, rededge_m
+from tests.imagery.xmp import PIX4D_1
 from tests.jobs.extract.fleet import DEWARP, P4R, gate, only, picture
 from tests.registry.git.repositories import nobodys_git
 

@@ -27,7 +27,8 @@ from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX
 from calibrary.policy import FLEET, SOURCE
 from calibrary.registry.catalogue import load_catalogue
 from calibrary.schemas import require
-from calibrary.synthetic import (
+from tests.house.project import ROOT
+from tests.imagery import (
     ExifTags,
     Namespace,
     XmpDescription,
@@ -35,7 +36,6 @@ from calibrary.synthetic import (
     attributes,
     write_jpeg,
 )
-from tests.house.project import ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"(?ms)^```(\w+)\n(.*?)^```$", README)

@@ -19,7 +19,7 @@ from PIL import Image
 import calibrary
 from calibrary.cli.main import build_parser, main
 from calibrary.errors import BadRationalError, InputError, MissingTagError
-from calibrary.synthetic import (
+from tests.imagery import (
     ExifTags,
     Namespace,
     XmpDescription,

@@ -15,18 +15,18 @@ import pytest
 from calibrary.calib.board import Board
 from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.synthesis import Settings
-from calibrary.calib.synthesis.cameras import Head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.calibration import Grade
 from calibrary.cli.main import main
+from calibrary.jobs.demo.scenery import farmland
 from calibrary.records import replace
 from calibrary.registry.entry import Status
-from calibrary.synthetic import ExifTags, write_jpeg
-from calibrary.synthetic.scenery import farmland
+from calibrary.synthetic import ExifValue, Head
 from tests.calib.solving import Session, camera, shoot
 from tests.calib.staging import camera as staged
 from tests.calib.staging import truth
 from tests.cli.registry.fleets import held, xml
+from tests.imagery import ExifTags, write_jpeg
 from tests.jobs.onboard.payloads import SURVEY
 from tests.registry.git.repositories import nobodys_git
 
@@ -34,6 +34,19 @@ __all__ = ["nobodys_git"]
 
 FRAME = (1280, 960)
 KEY = "example/survey_one"
+BOARD_EXIF: dict[str, ExifValue] = {
+    "Make": SURVEY["make"],
+    "Model": SURVEY["model"],
+    "Software": SURVEY["software"],
+    "DateTimeOriginal": "2026:03:05 10:00:00",
+    "FocalLength": SURVEY["focal_mm"],
+    "FocalLengthIn35mmFilm": SURVEY["focal_35mm"],
+    "BodySerialNumber": SURVEY["body_serial"],
+    "FocalPlaneXResolution": SURVEY["focal_plane_resolution"][0],
+    "FocalPlaneYResolution": SURVEY["focal_plane_resolution"][1],
+    "FocalPlaneResolutionUnit": SURVEY["focal_plane_unit"],
+}
+"""The same camera before a board, by the names the synthesis writes it with."""
 
 
 class Person:
@@ -64,7 +77,7 @@ def delivery(tmp_path: Path) -> Path:
     board = Board(columns=11, rows=8, square_mm=40)
     seen = truth(staged(), Settings(), count=16, seed=5, board=board)
     folder.mkdir()
-    write_frames(folder / "DCIM" / "101", seen, 1, lambda _: Head(exif=exif))
+    write_frames(folder / "DCIM" / "101", seen, 1, lambda _: Head(exif=BOARD_EXIF))
     for number in range(3):
         path = folder / "DCIM" / "100" / f"IMG_{number:04}.jpg"
         path.parent.mkdir(parents=True, exist_ok=True)

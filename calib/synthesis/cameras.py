@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -11,10 +10,9 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Pro
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt
 from calibrary.errors import InputError
 from calibrary.known_camera import KnownCamera, Projection
-from calibrary.synthetic import ExifField, ExifTags, Rational, XmpDescription, XmpPacket, attributes
-from calibrary.synthetic.xmp import DRONE_DJI
+from calibrary.synthetic import ExifValue, Head, Rational, description, packet
 
-__all__ = ["Head", "example_camera", "head", "unit_of"]
+__all__ = ["example_camera", "head", "unit_of"]
 
 EXAMPLE = KnownCamera(
     make="Example",
@@ -39,25 +37,17 @@ FIRST_FRAME = datetime(2024, 5, 17, 9, 30, 12)
 """Of the first frame; EXIF dates have no zone."""
 
 
-_REQUIRED = (
-    ExifField("XResolution", ((72, 1),)),
-    ExifField("YResolution", ((72, 1),)),
-    ExifField("ResolutionUnit", (2,)),
-    ExifField("YCbCrPositioning", (1,)),
-    ExifField("ExifVersion", b"0230"),
-    ExifField("ComponentsConfiguration", b"\1\2\3\0"),
-    ExifField("FlashpixVersion", b"0100"),
-    ExifField("ColorSpace", (1,)),
-)
+_REQUIRED: dict[str, ExifValue] = {
+    "XResolution": (72, 1),
+    "YResolution": (72, 1),
+    "ResolutionUnit": 2,
+    "YCbCrPositioning": 1,
+    "ExifVersion": b"0230",
+    "ComponentsConfiguration": b"\1\2\3\0",
+    "FlashPixVersion": b"0100",
+    "ColorSpace": 1,
+}
 """What the standard demands of a JPEG; the resolution is that of paper."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Head:
-    """What stands before a frame's pixels."""
-
-    exif: ExifTags
-    xmp: XmpPacket | None = None
 
 
 def example_camera(seed: int) -> Calibration:
@@ -132,35 +122,43 @@ def head(calibration: Calibration, known: KnownCamera | None, number: int) -> He
     """
     key = calibration.camera
     taken = FIRST_FRAME + timedelta(seconds=4 * number)
-    exif = ExifTags(
-        make=key.make,
-        model=key.model,
-        description="rendered frame of a calibration board",
-        date_time=f"{taken:%Y:%m:%d %H:%M:%S}",
-        orientation=1,
-        exposure_time=(1, 320),
-        f_number=(56, 10),
-        iso=100,
-        focal_mm=_rational(key.focal_mm),
-        focal_35mm=round(known.focal_35mm) if known is not None and known.focal_35mm is not None else None,
-        pixel_size=calibration.intrinsics.image_size,
-        lens_model=key.lens,
+    date = f"{taken:%Y:%m:%d %H:%M:%S}"
+    width, height = calibration.intrinsics.image_size
+    exif: dict[str, ExifValue | None] = {
+        "Make": key.make,
+        "Model": key.model,
+        "ImageDescription": "rendered frame of a calibration board",
+        "DateTime": date,
+        "DateTimeOriginal": date,
+        "DateTimeDigitized": date,
+        "Orientation": 1,
+        "ExposureTime": (1, 320),
+        "FNumber": (56, 10),
+        "ISOSpeedRatings": 100,
+        "FocalLength": _rational(key.focal_mm),
+        "FocalLengthIn35mmFilm": round(known.focal_35mm) if known is not None and known.focal_35mm else None,
+        "ExifImageWidth": width,
+        "ExifImageHeight": height,
+        "LensModel": key.lens,
+    }
+    if key.make == EXAMPLE.make:
         # No real model here writes it; of the made-up one nobody would know the pitch otherwise.
-        focal_plane_resolution=(_PITCH, _PITCH) if key.make == EXAMPLE.make else None,
-        focal_plane_unit=4 if key.make == EXAMPLE.make else None,
-        overrides=_REQUIRED,
-    )
-    return Head(exif=exif, xmp=_sub_camera_tag(key))
+        exif |= {
+            "FocalPlaneXResolution": _PITCH,
+            "FocalPlaneYResolution": _PITCH,
+            "FocalPlaneResolutionUnit": 4,
+        }
+    told = {name: value for name, value in exif.items() if value is not None}
+    return Head(exif=_REQUIRED | told, xmp=_sub_camera_tag(key))
 
 
-def _sub_camera_tag(key: CameraKey) -> XmpPacket | None:
+def _sub_camera_tag(key: CameraKey) -> bytes | None:
     """DJI's ImageSource: the heads of one drone share their Model, and only this tag tells them apart."""
     if key.sub_camera is None or key.make is None or key.make.upper() != "DJI":
         return None
     words = {"thermal": "InfraredCamera"}
     source = words.get(key.sub_camera, f"{key.sub_camera.title().replace('-', '')}Camera")
-    items = attributes(DRONE_DJI, ImageSource=source)
-    return XmpPacket(descriptions=(XmpDescription(about="DJI Meta Data", items=items),))
+    return packet([description("DJI Meta Data", attributes={"drone-dji:ImageSource": source})])
 
 
 def _rational(value: float | None) -> Rational | None:

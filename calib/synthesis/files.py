@@ -15,12 +15,11 @@ from typing import Final
 import numpy as np
 
 from calibrary.calib.board import Board
-from calibrary.calib.synthesis.cameras import Head
 from calibrary.calib.synthesis.observe import Truth
 from calibrary.calib.synthesis.render import render_raw
 from calibrary.errors import InputError
 from calibrary.records import Json, to_json
-from calibrary.synthetic import write_jpeg
+from calibrary.synthetic import Head, write_image
 
 __all__ = ["TRUTH_NAME", "check_empty", "write_frames"]
 
@@ -92,12 +91,10 @@ def write_frames(
 def _write_frame(folder: Path, truth: Truth, seed: int, head: Head, number: int) -> Json:
     pose, settings = truth.poses[number], truth.settings
     pixels = render_raw(truth.board, truth.calibration, pose, settings, seed * 100_003 + number)
-    path = write_jpeg(
+    path = write_image(
         folder / f"board_{number + 1:04}.jpg",
-        truth.calibration.intrinsics.image_size,
-        exif=head.exif,
-        xmp=head.xmp,
-        pixels=pixels.astype(np.uint8, copy=False),
+        pixels.astype(np.uint8, copy=False),
+        head,
         quality=settings.quality or 0,
     )
     return {

@@ -9,7 +9,7 @@ from calibrary.distortion import BrownConrady, InverseBrown
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.init import init
-from calibrary.synthetic import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
+from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.jobs.calibrate_board.boards import frames
 
 SIZE = (5472, 3648)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from calibrary.calib.corners_file import write_corners
 from calibrary.records import replace
-from calibrary.synthetic import ExifField, ExifTags, write_jpeg
 from tests.calib.photographs import SIZE, photograph
 from tests.calib.solving import Session, shoot
+from tests.imagery import ExifField, ExifTags, write_jpeg
 
 MAKE, MODEL, FIRMWARE = "Example", "Board One", "01.02.0003"
 

@@ -11,7 +11,7 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
 from calibrary.records import replace
-from calibrary.synthetic import (
+from tests.imagery import (
     ExifField,
     ExifTags,
     Namespace,

@@ -15,8 +15,8 @@ from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.run import Request, run
 from calibrary.policy import FLEET, Policy
 from calibrary.registry.catalogue import Catalogue
-from calibrary.synthetic import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2
+from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 
 DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
 DEWARP = "2019-03-05;3660.5,3655.25,-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"

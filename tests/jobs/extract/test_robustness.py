@@ -22,7 +22,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.extract import gather
 from calibrary.jobs.extract.gather import find_files
 from calibrary.schemas import require
-from calibrary.synthetic import (
+from tests.imagery import (
     ExifTags,
     GpsPosition,
     Namespace,

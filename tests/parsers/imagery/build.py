@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from calibrary.calibration import ImageSize
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.imagery import Source, read_source
-from calibrary.synthetic import XmpDescription, XmpItem, XmpPacket
-from calibrary.synthetic.jpeg import Segment, assemble, exif_segment, flat_scan, xmp_segments
+from tests.imagery import XmpDescription, XmpItem, XmpPacket
+from tests.imagery.jpeg import Segment, assemble, exif_segment, flat_scan, xmp_segments
 
 SIZE = (40, 30)
 SCAN = flat_scan(SIZE)

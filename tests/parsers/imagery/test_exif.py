@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata, TagFault
 from calibrary.parsers.imagery.exif import ExifTag
-from calibrary.synthetic import ByteOrder, ExifField, ExifTags, FieldType
-from calibrary.synthetic.structure import Field, Ifd, encode
+from tests.imagery import ByteOrder, ExifField, ExifTags, FieldType
+from tests.imagery.structure import Field, Ifd, encode
 from tests.parsers.imagery.build import jpeg, jpeg_with_exif, read
 
 MINIMAL = ExifTags(make="DJI", model="FC6310R", focal_mm=(88, 10))

@@ -8,7 +8,7 @@ import pytest
 
 from calibrary.errors import InputError
 from calibrary.parsers.imagery.focus import focus_of
-from calibrary.synthetic import ExifField, ExifTags, write_jpeg, write_tiff
+from tests.imagery import ExifField, ExifTags, write_jpeg, write_tiff
 
 
 def photo(path: Path, *fields: ExifField) -> Path:

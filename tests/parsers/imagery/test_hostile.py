@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from calibrary.errors import CalibraryError
 from calibrary.parsers.imagery import read_source
 from calibrary.parsers.imagery.source import READ_BUDGET
-from calibrary.synthetic import (
+from tests.imagery import (
     ExifTags,
     TiffPage,
     XmpDescription,
@@ -21,8 +21,8 @@ from calibrary.synthetic import (
     elements,
     encode_tiff,
 )
-from calibrary.synthetic.jpeg import Segment, exif_segment, xmp_segments
-from calibrary.synthetic.xmp import DRONE_DJI, PIX4D_1
+from tests.imagery.jpeg import Segment, exif_segment, xmp_segments
+from tests.imagery.xmp import DRONE_DJI, PIX4D_1
 from tests.parsers.imagery.build import SCAN, box, heif, jpeg, jpeg_with_exif, packet, png, rdf, source_of
 from tests.work import calls
 

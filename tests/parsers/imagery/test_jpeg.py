@@ -16,8 +16,8 @@ from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 from calibrary.parsers.imagery import read_metadata, read_source
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES
-from calibrary.synthetic import ExifTags, XmpDescription, XmpPacket, attributes, write_jpeg
-from calibrary.synthetic.jpeg import (
+from tests.imagery import ExifTags, XmpDescription, XmpPacket, attributes, write_jpeg
+from tests.imagery.jpeg import (
     JFIF,
     Segment,
     assemble,
@@ -26,7 +26,7 @@ from calibrary.synthetic.jpeg import (
     icc_segments,
     xmp_segments,
 )
-from calibrary.synthetic.xmp import DRONE_DJI
+from tests.imagery.xmp import DRONE_DJI
 from tests.parsers.imagery.build import SCAN, SIZE, jpeg, packet, read, source_of
 
 EXIF = exif_segment(ExifTags(make="DJI", model="FC6310R", focal_mm=(88, 10)))

@@ -12,8 +12,8 @@ from PIL import Image
 from calibrary.errors import ParseError
 from calibrary.parsers.imagery import read_source
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES
-from calibrary.synthetic import ExifTags, attributes
-from calibrary.synthetic.xmp import DRONE_DJI
+from tests.imagery import ExifTags, attributes
+from tests.imagery.xmp import DRONE_DJI
 from tests.parsers.imagery.build import box, full_box, heif, packet, png, read, source_of
 
 EXIF = ExifTags(make="DJI", model="FC3582", focal_mm=(672, 100), orientation=6).encode()

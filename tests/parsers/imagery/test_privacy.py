@@ -9,9 +9,9 @@ import pytest
 from calibrary.parsers.imagery import hash_serial
 from calibrary.parsers.imagery.identity import clean_serial
 from calibrary.parsers.imagery.schemas import PROPERTIES
-from calibrary.synthetic import ExifField, ExifTags, GpsPosition, XmpItem, attributes
-from calibrary.synthetic.jpeg import exif_segment, xmp_segments
-from calibrary.synthetic.xmp import DRONE_DJI, DRONE_SKYDIO, XMP
+from tests.imagery import ExifField, ExifTags, GpsPosition, XmpItem, attributes
+from tests.imagery.jpeg import exif_segment, xmp_segments
+from tests.imagery.xmp import DRONE_DJI, DRONE_SKYDIO, XMP
 from tests.parsers.imagery.build import jpeg, packet, read
 
 SECRETS = {

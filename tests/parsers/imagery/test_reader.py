@@ -17,9 +17,9 @@ from PIL import Image
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.imagery import IMAGE_SUFFIXES, read_metadata
-from calibrary.synthetic import ExifField, ExifTags, attributes, write_jpeg, write_tiff
-from calibrary.synthetic.jpeg import exif_segment, xmp_segments
-from calibrary.synthetic.xmp import DRONE_DJI
+from tests.imagery import ExifField, ExifTags, attributes, write_jpeg, write_tiff
+from tests.imagery.jpeg import exif_segment, xmp_segments
+from tests.imagery.xmp import DRONE_DJI
 from tests.parsers.imagery.build import jpeg, packet, read
 
 EXIF = ExifTags(

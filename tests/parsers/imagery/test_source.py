@@ -11,7 +11,7 @@ import pytest
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers.imagery import Source, open_source, read_metadata, read_source
 from calibrary.parsers.imagery.source import FIRST_CHUNK, READ_BUDGET, Block
-from calibrary.synthetic import write_jpeg
+from tests.imagery import write_jpeg
 from tests.parsers.imagery.build import source_of
 
 

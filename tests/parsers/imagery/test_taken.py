@@ -10,7 +10,7 @@ from PIL import Image
 
 from calibrary.errors import InputError
 from calibrary.parsers.imagery.taken import taken_on
-from calibrary.synthetic import ExifField, ExifTags, write_jpeg
+from tests.imagery import ExifField, ExifTags, write_jpeg
 
 SIZE = (64, 48)
 

@@ -14,9 +14,9 @@ from calibrary.errors import ParseError
 from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.parsers.imagery import read_metadata, read_source
 from calibrary.parsers.imagery.exif import ExifTag
-from calibrary.synthetic import ByteOrder, ExifTags, FieldType, TiffPage, attributes, encode_tiff, write_tiff
-from calibrary.synthetic.structure import Field, Ifd, encode
-from calibrary.synthetic.xmp import DRONE_DJI, escaped
+from tests.imagery import ByteOrder, ExifTags, FieldType, TiffPage, attributes, encode_tiff, write_tiff
+from tests.imagery.structure import Field, Ifd, encode
+from tests.imagery.xmp import DRONE_DJI, escaped
 from tests.parsers.imagery.build import big_tiff, packet, read, source_of
 
 XMP = packet(*attributes(DRONE_DJI, DewarpFlag="0"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from calibrary.evidence.metadata import ImageMetadata, XmpProperty
-from calibrary.synthetic import (
+from tests.imagery import (
     ExifTags,
     ListKind,
     Namespace,
@@ -19,8 +19,8 @@ from calibrary.synthetic import (
     attributes,
     elements,
 )
-from calibrary.synthetic.jpeg import exif_segment, xmp_segments
-from calibrary.synthetic.xmp import (
+from tests.imagery.jpeg import exif_segment, xmp_segments
+from tests.imagery.xmp import (
     CAMERA_RAW,
     DRONE_DJI,
     DRONE_SKYDIO,

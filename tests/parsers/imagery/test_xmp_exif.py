@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from calibrary.parsers.imagery import read_metadata
-from calibrary.synthetic import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
+from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 
 EXIF = Namespace("exif", "http://ns.adobe.com/exif/1.0/")
 

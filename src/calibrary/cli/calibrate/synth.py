@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from calibrary.calib.board import Board
     from calibrary.calib.synthesis import Settings, Truth
-    from calibrary.calib.synthesis.cameras import Head
     from calibrary.calibration import Calibration
     from calibrary.known_camera import KnownCamera
+    from calibrary.synthetic import Head
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 

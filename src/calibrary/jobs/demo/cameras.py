@@ -8,22 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import TypeVar
 
-from calibrary.synthetic import (
-    ExifField,
-    ExifTags,
-    GpsPosition,
-    XmpDescription,
-    XmpItem,
-    XmpPacket,
-    attributes,
-    elements,
-)
-from calibrary.synthetic.xmp import CAMERA_RAW, DC, DLS, DRONE_DJI, MICASENSE, PIX4D_1, TIFF, XMP
+from calibrary.calibration import ImageSize
+from calibrary.synthetic import ExifValue, Head, Position, Rational, description, packet
 
 __all__ = [
     "Band",
-    "Head",
     "Shot",
     "mavic_3t_infrared",
     "mavic_3t_wide",
@@ -33,37 +24,29 @@ __all__ = [
     "rededge_m",
 ]
 
+T = TypeVar("T")
+
 _DJI_PACKET_BYTES = 8159
 """DJI fills its XMP segment up to 8190 bytes; 29 of them are the segment's name, two its length."""
 
 
-_DJI_CONSTANTS = (
-    ExifField("XResolution", ((72, 1),)),
-    ExifField("YResolution", ((72, 1),)),
-    ExifField("ResolutionUnit", (2,)),
-    ExifField("YCbCrPositioning", (1,)),
-    ExifField("ExifVersion", b"0230"),
-    ExifField("ComponentsConfiguration", b"\1\2\3\0"),
-    ExifField("ShutterSpeedValue", ((9643, 1000),)),
-    ExifField("ApertureValue", ((497, 100),)),
-    ExifField("SubjectDistance", ((0, 0),)),
-    ExifField("FlashpixVersion", b"0100"),
-    ExifField("ColorSpace", (1,)),
-    ExifField("FileSource", b"\3"),
-    ExifField("SceneType", b"\1"),
-    ExifField("InteroperabilityIndex", "R98"),
-    ExifField("InteroperabilityVersion", b"0100"),
-)
+_DJI_CONSTANTS: dict[str, ExifValue] = {
+    "XResolution": (72, 1),
+    "YResolution": (72, 1),
+    "ResolutionUnit": 2,
+    "YCbCrPositioning": 1,
+    "ExifVersion": b"0230",
+    "ComponentsConfiguration": b"\1\2\3\0",
+    "ShutterSpeedValue": (9643, 1000),
+    "ApertureValue": (497, 100),
+    "SubjectDistance": (0, 0),
+    "FlashPixVersion": b"0100",
+    "ColorSpace": 1,
+    "FileSource": b"\3",
+    "SceneType": b"\1",
+    "MakerNote": b"DJI MakerNotes\0",
+}
 """What is the same in every DJI frame; the resolution is of paper, not of the focal plane."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Head:
-    """What stands before a frame's pixels, and the texts in it that nobody else should ever see."""
-
-    exif: ExifTags | None = None
-    xmp: XmpPacket | None = None
-    private: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,9 +65,9 @@ class Shot:
         return f"{self.taken:%Y:%m:%d %H:%M:%S}"
 
     @property
-    def position(self) -> GpsPosition:
+    def position(self) -> Position:
         """For EXIF's GPS directory."""
-        return GpsPosition(
+        return Position(
             latitude_deg=self.latitude_deg, longitude_deg=self.longitude_deg, altitude_m=self.altitude_m
         )
 
@@ -137,9 +120,7 @@ def phantom_4_rtk(shot: Shot) -> Head:
         pixel_size=(5472, 3648),
     )
     rtk = {"RtkFlag": "50", "RtkStdLon": "0.01102", "RtkStdLat": "0.01187", "RtkStdHgt": "0.02519"}
-    return Head(
-        exif=exif, xmp=_dji_packet(shot, "FC6310R", calibrated | rtk), private=(*shot.private, serial)
-    )
+    return _dji_head(shot, exif, "FC6310R", calibrated | rtk, serial)
 
 
 def mavic_3t_wide(shot: Shot) -> Head:
@@ -154,9 +135,7 @@ def mavic_3t_infrared(shot: Shot) -> Head:
     )
 
 
-def _mavic_3t(
-    shot: Shot, *, source: str, focal_mm: tuple[int, int], focal_35mm: int, pixel_size: tuple[int, int]
-) -> Head:
+def _mavic_3t(shot: Shot, *, source: str, focal_mm: Rational, focal_35mm: int, pixel_size: ImageSize) -> Head:
     drone, camera = "1581F5EXAMPLE00C42V7", "5L4EXAMPLE42C9"
     host, mount = "caster.survey.example", "VRSDEMO42"
     exif = _dji_exif(
@@ -180,11 +159,10 @@ def _mavic_3t(
         "DroneModel": "M3T",
         "DroneSerialNumber": drone,
     }
-    private = (*shot.private, drone, camera, host, mount)
-    return Head(exif=exif, xmp=_dji_packet(shot, "M3T", told), private=private)
+    return _dji_head(shot, exif, "M3T", told, drone, camera, host, mount)
 
 
-def phantom_4_pro(shot: Shot, pixel_size: tuple[int, int], *, zoom: int | None = None) -> Head:
+def phantom_4_pro(shot: Shot, pixel_size: ImageSize, *, zoom: int | None = None) -> Head:
     """FC6310: the focal length and nothing that was calibrated; ``zoom`` is digital."""
     serial = "a41c66e07b9d4f0f93d25ce8170b6e42"
     exif = _dji_exif(
@@ -197,7 +175,7 @@ def phantom_4_pro(shot: Shot, pixel_size: tuple[int, int], *, zoom: int | None =
         digital_zoom=(zoom, 1) if zoom is not None else (0, 0),
         pixel_size=pixel_size,
     )
-    return Head(exif=exif, xmp=_dji_packet(shot, "FC6310", {}), private=(*shot.private, serial))
+    return _dji_head(shot, exif, "FC6310", {}, serial)
 
 
 def phantom_4(shot: Shot) -> Head:
@@ -213,50 +191,55 @@ def phantom_4(shot: Shot) -> Head:
         digital_zoom=(0, 0),
         pixel_size=(4000, 3000),
     )
-    return Head(exif=exif, xmp=_dji_packet(shot, "FC330", {}), private=(*shot.private, serial))
+    return _dji_head(shot, exif, "FC330", {}, serial)
 
 
 def rededge_m(shot: Shot, band: Band) -> Head:
     """RedEdge-M with firmware 3, which counts its calibration in millimetres and says so."""
     serial, light_sensor = "RM01-4200042-EX", "DL06-4200042-EX"
     about = "Pix4D Camera Information"
-    flight = elements(MICASENSE, BootTimestamp="395", FlightId="exampleFlight0042", TriggerMethod="0")
-    camera = elements(
-        PIX4D_1,
-        BandName=band.name,
-        CentralWavelength=str(band.wavelength_nm),
-        WavelengthFWHM=str(band.width_nm),
-        ModelType="perspective",
-        PrincipalPoint="{:.5f},{:.5f}".format(*band.principal_point_mm),
-        PerspectiveFocalLength=f"{band.focal_mm:.14f}",
-        PerspectiveFocalLengthUnits="mm",
-        PerspectiveDistortion=tuple(f"{value:.12f}" for value in band.distortion),
-        RigCameraIndex=str(band.index),
-    )
-    exif = ExifTags(
-        make="MicaSense",
-        model="RedEdge-M",
-        software="v3.3.0",
-        date_time=shot.exif_time,
-        orientation=1,
-        exposure_time=(1, 1250),
-        f_number=(28, 10),
-        focal_mm=(55, 10),
-        focal_plane_resolution=((266_666_667, 1_000_000), (266_666_667, 1_000_000)),
-        focal_plane_unit=4,
-        body_serial=serial,
-        position=shot.position,
-        overrides=(ExifField("ExifVersion", b"0230"),),
-    )
-    xmp = XmpPacket(
-        toolkit="XMP Core 4.4.0",
-        descriptions=(
-            XmpDescription(about=about, items=flight),
-            XmpDescription(about=about, items=camera),
-            XmpDescription(about=about, items=elements(DLS, Serial=light_sensor, SwVersion="v1.0.1")),
+    flight: dict[str, str | tuple[str, ...]] = {
+        "BootTimestamp": "395",
+        "FlightId": "exampleFlight0042",
+        "TriggerMethod": "0",
+    }
+    camera: dict[str, str | tuple[str, ...]] = {
+        "BandName": band.name,
+        "CentralWavelength": str(band.wavelength_nm),
+        "WavelengthFWHM": str(band.width_nm),
+        "ModelType": "perspective",
+        "PrincipalPoint": "{:.5f},{:.5f}".format(*band.principal_point_mm),
+        "PerspectiveFocalLength": f"{band.focal_mm:.14f}",
+        "PerspectiveFocalLengthUnits": "mm",
+        "PerspectiveDistortion": tuple(f"{value:.12f}" for value in band.distortion),
+        "RigCameraIndex": str(band.index),
+    }
+    exif: dict[str, ExifValue] = {
+        "Make": "MicaSense",
+        "Model": "RedEdge-M",
+        "Software": "v3.3.0",
+        "DateTime": shot.exif_time,
+        "DateTimeOriginal": shot.exif_time,
+        "DateTimeDigitized": shot.exif_time,
+        "Orientation": 1,
+        "ExposureTime": (1, 1250),
+        "FNumber": (28, 10),
+        "ExifVersion": b"0230",
+        "FocalLength": (55, 10),
+        "FocalPlaneXResolution": (266_666_667, 1_000_000),
+        "FocalPlaneYResolution": (266_666_667, 1_000_000),
+        "FocalPlaneResolutionUnit": 4,
+        "BodySerialNumber": serial,
+    }
+    xmp = packet(
+        (
+            description(about, elements=_named("MicaSense", flight)),
+            description(about, elements=_named("Camera", camera)),
+            description(about, elements={"DLS:Serial": light_sensor, "DLS:SwVersion": "v1.0.1"}),
         ),
+        toolkit="XMP Core 4.4.0",
     )
-    return Head(exif=exif, xmp=xmp, private=(*shot.private, serial, light_sensor))
+    return Head(exif=exif, position=shot.position, xmp=xmp, private=(*shot.private, serial, light_sensor))
 
 
 def _dji_exif(
@@ -265,59 +248,65 @@ def _dji_exif(
     model: str,
     software: str,
     body_serial: str,
-    focal_mm: tuple[int, int],
+    focal_mm: Rational,
     focal_35mm: int,
-    digital_zoom: tuple[int, int],
-    pixel_size: tuple[int, int],
-) -> ExifTags:
-    return ExifTags(
-        make="DJI",
-        model=model,
-        software=software,
-        description="default",
-        date_time=shot.exif_time,
-        orientation=1,
-        exposure_time=(1, 800),
-        f_number=(56, 10),
-        iso=100,
-        focal_mm=focal_mm,
-        focal_35mm=focal_35mm,
-        digital_zoom=digital_zoom,
-        pixel_size=pixel_size,
-        body_serial=body_serial,
-        maker_note=b"DJI MakerNotes\0",
-        position=shot.position,
-        overrides=_DJI_CONSTANTS,
-    )
+    digital_zoom: Rational,
+    pixel_size: ImageSize,
+) -> dict[str, ExifValue]:
+    return _DJI_CONSTANTS | {
+        "Make": "DJI",
+        "Model": model,
+        "Software": software,
+        "ImageDescription": "default",
+        "DateTime": shot.exif_time,
+        "DateTimeOriginal": shot.exif_time,
+        "DateTimeDigitized": shot.exif_time,
+        "Orientation": 1,
+        "ExposureTime": (1, 800),
+        "FNumber": (56, 10),
+        "ISOSpeedRatings": 100,
+        "FocalLength": focal_mm,
+        "FocalLengthIn35mmFilm": focal_35mm,
+        "DigitalZoomRatio": digital_zoom,
+        "ExifImageWidth": pixel_size[0],
+        "ExifImageHeight": pixel_size[1],
+        "BodySerialNumber": body_serial,
+    }
 
 
-def _dji_packet(shot: Shot, model: str, told: dict[str, str]) -> XmpPacket:
+def _dji_head(
+    shot: Shot, exif: dict[str, ExifValue], model: str, told: dict[str, str], *private: str
+) -> Head:
     local = f"{shot.taken:%Y-%m-%dT%H:%M:%S}+02:00"
     utc = shot.taken - timedelta(hours=2)
-    items: tuple[XmpItem, ...] = (
-        *attributes(XMP, ModifyDate=local, CreateDate=local),
-        *attributes(TIFF, Make="DJI", Model=model),
-        *attributes(DC, format="image/jpg"),
-        *attributes(
-            DRONE_DJI,
-            GpsLatitude=f"{shot.latitude_deg:+.8f}",
-            # The misspelling is DJI's.
-            GpsLongtitude=f"{shot.longitude_deg:+.8f}",
-            AbsoluteAltitude=f"{shot.altitude_m:+.3f}",
-            RelativeAltitude="+80.013",
-            GimbalRollDegree="+0.00",
-            GimbalYawDegree=f"{shot.yaw_deg:+.2f}",
-            GimbalPitchDegree="-90.00",
-            FlightRollDegree="+1.20",
-            FlightYawDegree=f"{shot.yaw_deg:+.2f}",
-            FlightPitchDegree="-2.10",
-            CamReverse="0",
-            GimbalReverse="0",
-            SelfData="",
-            UTCAtExposure=f"{utc:%Y-%m-%dT%H:%M:%S}.000000",
-            **told,
-        ),
-        *attributes(CAMERA_RAW, Version="7.0", HasSettings="False", HasCrop="False", AlreadyApplied="False"),
-    )
-    description = XmpDescription(about="DJI Meta Data", items=items)
-    return XmpPacket(descriptions=(description,), length=_DJI_PACKET_BYTES)
+    pose = {
+        "GpsLatitude": f"{shot.latitude_deg:+.8f}",
+        # The misspelling is DJI's.
+        "GpsLongtitude": f"{shot.longitude_deg:+.8f}",
+        "AbsoluteAltitude": f"{shot.altitude_m:+.3f}",
+        "RelativeAltitude": "+80.013",
+        "GimbalRollDegree": "+0.00",
+        "GimbalYawDegree": f"{shot.yaw_deg:+.2f}",
+        "GimbalPitchDegree": "-90.00",
+        "FlightRollDegree": "+1.20",
+        "FlightYawDegree": f"{shot.yaw_deg:+.2f}",
+        "FlightPitchDegree": "-2.10",
+        "CamReverse": "0",
+        "GimbalReverse": "0",
+        "SelfData": "",
+        "UTCAtExposure": f"{utc:%Y-%m-%dT%H:%M:%S}.000000",
+    }
+    editing = {"Version": "7.0", "HasSettings": "False", "HasCrop": "False", "AlreadyApplied": "False"}
+    attributes = {
+        **_named("xmp", {"ModifyDate": local, "CreateDate": local}),
+        **_named("tiff", {"Make": "DJI", "Model": model}),
+        **_named("dc", {"format": "image/jpg"}),
+        **_named("drone-dji", pose | told),
+        **_named("crs", editing),
+    }
+    xmp = packet([description("DJI Meta Data", attributes=attributes)], length=_DJI_PACKET_BYTES)
+    return Head(exif=exif, position=shot.position, xmp=xmp, private=(*shot.private, *private))
+
+
+def _named(prefix: str, properties: dict[str, T]) -> dict[str, T]:
+    return {f"{prefix}:{name}": value for name, value in properties.items()}

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from calibrary.calibration import Grade, ImageSize
 from calibrary.jobs.demo.cameras import (
     Band,
-    Head,
     Shot,
     mavic_3t_infrared,
     mavic_3t_wide,
@@ -23,9 +22,9 @@ from calibrary.jobs.demo.cameras import (
     phantom_4_rtk,
     rededge_m,
 )
+from calibrary.jobs.demo.scenery import farmland, infrared
 from calibrary.records import replace
-from calibrary.synthetic import ExifTags, TiffPage, encode_tiff, write_jpeg
-from calibrary.synthetic.scenery import farmland, infrared
+from calibrary.synthetic import Head, write_image
 
 __all__ = ["DemoImage", "Expectation", "write_flight"]
 
@@ -249,8 +248,10 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
         outcome=Expectation.REJECTED,
         reason="24 mm on film is no focal length of this camera",
     )
-    equivalent_exif = ExifTags(make="DJI", model="FC6310", software="Gallery 4.1", focal_35mm=24)
-    yield _Frame(image=equivalent, size=(5472, 3648), head=Head(exif=equivalent_exif))
+    kept = Head(
+        exif={"Make": "DJI", "Model": "FC6310", "Software": "Gallery 4.1", "FocalLengthIn35mmFilm": 24}
+    )
+    yield _Frame(image=equivalent, size=(5472, 3648), head=kept)
     stripped = DemoImage(
         name="cloud/IMG_0412.jpg",
         camera="unknown",
@@ -280,17 +281,14 @@ def _shots(seed: int) -> Iterator[Shot]:
 
 
 def _write(frame: _Frame, path: Path, seed: int) -> None:
-    head = frame.head
     if path.suffix == ".tif":
-        page = TiffPage(size=frame.size, bits=16, pixels=_band(frame.size, seed))
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(encode_tiff([page], exif=head.exif, xmp=head.xmp, chunks_first=True))
+        write_image(path, _band(frame.size, seed), frame.head)
         return
     thermal = path.stem.endswith("_T")
     pixels = (
         infrared(frame.size, seed=seed) if thermal else farmland(frame.size, seed=seed, along=frame.along)
     )
-    write_jpeg(path, frame.size, exif=head.exif, xmp=head.xmp, pixels=pixels, quality=_QUALITY)
+    write_image(path, pixels, frame.head, quality=_QUALITY)
     if frame.image.outcome is Expectation.UNREADABLE:
         path.write_bytes(path.read_bytes()[:_HEAD_BYTES])
 

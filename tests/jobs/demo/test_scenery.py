@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibrary.synthetic.jpeg import pixel_scan
-from calibrary.synthetic.scenery import farmland, infrared
+from calibrary.jobs.demo.scenery import farmland, infrared
+from tests.imagery.jpeg import pixel_scan
 
 SIZE = (960, 640)
 

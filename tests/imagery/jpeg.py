@@ -15,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
-from calibrary.synthetic.exif import ExifTags
-from calibrary.synthetic.xmp import XmpPacket
+from tests.imagery.exif import ExifTags
+from tests.imagery.xmp import XmpPacket
 
 __all__ = [
     "JFIF",
@@ -132,8 +133,6 @@ def pixel_scan(pixels: NDArray[np.uint8], *, quality: int = 75) -> bytes:
         pixels: (H, W) grey or (H, W, 3) RGB.
         quality: of the JPEG, 1 … 95.
     """
-    from PIL import Image
-
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "JPEG", quality=quality)
     encoded = stream.getvalue()

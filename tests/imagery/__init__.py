@@ -1,15 +1,15 @@
 """Image files made by hand: any EXIF, any XMP, true to the camera or wrong on purpose.
 
-Tests, the demonstration and the benchmarks need what image libraries will not write: a focal length of 0/0, a
-tag of the wrong type, XMP under a misspelt namespace, twenty megapixels in a millisecond.
+Tests and benchmarks need what image libraries will not write: a tag of the wrong type or that points outside
+the file, XMP under a misspelt namespace, twenty megapixels in a millisecond.
 """
 
-from calibrary.synthetic.exif import TAGS, ExifField, ExifTags, GpsPosition
-from calibrary.synthetic.jpeg import Segment, write_jpeg
-from calibrary.synthetic.png import write_png
-from calibrary.synthetic.structure import ByteOrder, FieldType, Rational
-from calibrary.synthetic.tiff import TiffPage, encode_tiff, write_tiff
-from calibrary.synthetic.xmp import (
+from tests.imagery.exif import TAGS, ExifField, ExifTags, GpsPosition
+from tests.imagery.jpeg import Segment, write_jpeg
+from tests.imagery.png import write_png
+from tests.imagery.structure import ByteOrder, FieldType, Rational
+from tests.imagery.tiff import TiffPage, encode_tiff, write_tiff
+from tests.imagery.xmp import (
     ListKind,
     Namespace,
     StructForm,

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 from calibrary.records import replace
-from calibrary.synthetic.exif import ExifTags
-from calibrary.synthetic.structure import ByteOrder, Chunks, Field, FieldType, Ifd, encode
-from calibrary.synthetic.xmp import XmpPacket, escaped
+from tests.imagery.exif import ExifTags
+from tests.imagery.structure import ByteOrder, Chunks, Field, FieldType, Ifd, encode
+from tests.imagery.xmp import XmpPacket, escaped
 
 __all__ = ["TiffPage", "encode_tiff", "write_tiff"]
 

@@ -13,10 +13,10 @@ from PIL import Image
 
 from calibrary.errors import InputError
 from calibrary.records import replace
-from calibrary.synthetic import TAGS, ByteOrder, ExifField, ExifTags, FieldType, GpsPosition
-from calibrary.synthetic.exif import Directory
-from calibrary.synthetic.jpeg import assemble, exif_segment, flat_scan
-from calibrary.synthetic.structure import Field, Ifd, encode
+from tests.imagery import TAGS, ByteOrder, ExifField, ExifTags, FieldType, GpsPosition
+from tests.imagery.exif import Directory
+from tests.imagery.jpeg import assemble, exif_segment, flat_scan
+from tests.imagery.structure import Field, Ifd, encode
 
 UINT32 = st.integers(0, 2**32 - 1)
 

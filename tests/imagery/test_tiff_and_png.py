@@ -13,7 +13,7 @@ from lxml import etree
 from PIL import Image, ImageSequence
 
 from calibrary.errors import InputError
-from calibrary.synthetic import (
+from tests.imagery import (
     ByteOrder,
     ExifTags,
     TiffPage,
@@ -24,7 +24,7 @@ from calibrary.synthetic import (
     write_png,
     write_tiff,
 )
-from calibrary.synthetic.xmp import DRONE_DJI
+from tests.imagery.xmp import DRONE_DJI
 
 PACKET = XmpPacket(descriptions=(XmpDescription(items=attributes(DRONE_DJI, DewarpFlag="0")),))
 

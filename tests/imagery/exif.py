@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
-from calibrary.synthetic.structure import (
+from tests.imagery.structure import (
     ByteOrder,
     Chunks,
     Field,

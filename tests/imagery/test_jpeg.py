@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from PIL import Image, ImageOps
 
 from calibrary.errors import InputError
-from calibrary.synthetic import ExifTags, Segment, XmpDescription, XmpPacket, attributes, write_jpeg
-from calibrary.synthetic.jpeg import JFIF, assemble, flat_scan, icc_segments, pixel_scan, xmp_segments
-from calibrary.synthetic.xmp import DRONE_DJI
+from tests.imagery import ExifTags, Segment, XmpDescription, XmpPacket, attributes, write_jpeg
+from tests.imagery.jpeg import JFIF, assemble, flat_scan, icc_segments, pixel_scan, xmp_segments
+from tests.imagery.xmp import DRONE_DJI
 
 PACKET = XmpPacket(descriptions=(XmpDescription(items=attributes(DRONE_DJI, DewarpFlag="0")),))
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from calibrary.errors import InputError
-from calibrary.synthetic import (
+from tests.imagery import (
     ListKind,
     Namespace,
     StructForm,
@@ -23,7 +23,7 @@ from calibrary.synthetic import (
     attributes,
     elements,
 )
-from calibrary.synthetic.xmp import DRONE_DJI, DRONE_SKYDIO, PIX4D_1, PIX4D_CAMERA
+from tests.imagery.xmp import DRONE_DJI, DRONE_SKYDIO, PIX4D_1, PIX4D_CAMERA
 
 RDF = "{http://www.w3.org/1999/02/22-rdf-syntax-ns#}"
 XML_TEXT = st.text(
