@@ -275,6 +275,54 @@ def test_focal_plane_resolution_counts_in_each_unit(unit: FocalPlaneUnit | None,
     assert chosen.intrinsics.fx == pytest.approx(2904.35, abs=0.01)
 
 
+def test_each_axis_of_a_focal_plane_has_its_own_resolution() -> None:
+    metadata = ImageMetadata(
+        size=(4000, 3000),
+        focal_mm=4.5,
+        focal_plane_resolution=(640.0, 480.0),
+        focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+    )
+    chosen = collect(Scene(metadata=metadata)).chosen
+    assert chosen is not None
+    assert (chosen.intrinsics.fx, chosen.intrinsics.fy) == (4.5 * 640, 4.5 * 480)
+    # 4000 px at 60 /mm are 67 mm and 3000 px at 34 /mm are 88 mm: together more than 100 mm across.
+    broad = replace(metadata, focal_plane_resolution=(60.0, 34.0))
+    assert collect(Scene(metadata=broad)).chosen is None
+    assert collect(Scene(metadata=replace(metadata, focal_plane_resolution=(60.0, 60.0)))).chosen is not None
+
+
+def test_a_design_centre_below_the_frame_is_another_sub_cameras() -> None:
+    text = "2019-03-05;3660.5,3655.25,-4.5,1900.0,-0.268,0.112,0.0008,-0.0001,-0.034"
+    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    reason = next(d.reason for d in evidence.dropped if d.source is Source.DJI_DEWARP)
+    assert "the optical centre (2731.5, 3724.0) lies outside the 5472×3648 frame" in reason
+
+
+@pytest.mark.parametrize("factor", [0.75, 1.25])
+def test_a_calibration_a_quarter_off_either_way_is_another_cameras(factor: float) -> None:
+    text = f"2019-03-05;{3660.5 * factor},{3655.25 * factor},-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
+    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    assert Source.DJI_DEWARP in {dropped.source for dropped in evidence.dropped}
+
+
+@pytest.mark.parametrize("pair", ["0,3655.25", "3660.5,0"])
+def test_one_focal_length_of_zero_is_enough_to_distrust_dewarp_data(pair: str) -> None:
+    text = f"2019-03-05;{pair},-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
+    evidence = collect(Scene(metadata=p4_rtk(dewarp=text), known=P4_RTK))
+    reason = next(d.reason for d in evidence.dropped if d.source is Source.DJI_DEWARP)
+    assert "holds zeros" in reason
+
+
+def test_the_35_mm_equivalent_of_a_wide_frame_is_given_what_a_crop_to_16_9_hides() -> None:
+    def slack(size: tuple[int, int], **known: object) -> float:
+        metadata = ImageMetadata(size=size, focal_mm=4.5, focal_35mm=50.0)
+        return witness(collect(Scene(metadata=metadata, **known)), Source.FOCAL_35MM).tolerance  # type: ignore[arg-type]
+
+    assert slack((4000, 2250)) == 0.09
+    assert slack((2250, 4000)) == slack((4000, 3000)) == 1 / 50
+    assert slack((4000, 2250), known=PHANTOM_3) == 1 / 50
+
+
 def test_72_dpi_is_no_focal_plane() -> None:
     metadata = ImageMetadata(size=(4056, 3040), focal_mm=3.7, focal_plane_resolution=(72.0, 72.0))
     evidence = collect(Scene(metadata=metadata))

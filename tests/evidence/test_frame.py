@@ -33,6 +33,20 @@ def test_less_width_at_the_same_height_is_a_centred_crop_that_keeps_the_focal_le
     assert "the crop is centred" in adapted.assumptions
 
 
+@pytest.mark.parametrize(
+    ("size", "cropped"), [((5470, 3000), True), ((5469, 3000), False), ((5474, 3000), False)]
+)
+def test_a_side_may_be_two_pixels_short_for_the_codecs_blocks_and_no_more(
+    size: tuple[int, int], cropped: bool
+) -> None:
+    if cropped:
+        K = adapt(FULL, ImageMetadata(size=size)).intrinsics
+        assert (K.fx, K.cx, K.cy) == (3660.0, 2731.5 - 1, 1846.75 - 324)
+    else:
+        with pytest.raises(FrameError, match="does not lead to"):
+            adapt(FULL, ImageMetadata(size=size))
+
+
 def test_exifs_frame_stands_between_a_crop_and_a_scale() -> None:
     sensor = Intrinsics(fx=2378.5, fy=2378.5, cx=2029.2, cy=1520.3, image_size=(4056, 3040))
     K = adapt(sensor, ImageMetadata(size=(1500, 844), exif_size=(4056, 2282))).intrinsics
@@ -59,6 +73,15 @@ def test_a_zoomed_frame_of_the_zoomed_size_was_cropped_one_to_one() -> None:
     K = adapt(FULL, ImageMetadata(size=(2736, 1824), digital_zoom=2.0)).intrinsics
     assert (K.fx, K.fy, K.cx, K.cy) == (3660.0, 3655.0, 2731.5 - 1368, 1846.75 - 912)
     assert K.image_size == (2736, 1824)
+
+
+@pytest.mark.parametrize("size", [(2736, 3648), (5472, 1824)])
+def test_a_frame_that_is_short_by_the_zoom_one_way_only_was_enlarged_and_then_cropped(
+    size: tuple[int, int],
+) -> None:
+    adapted = adapt(FULL, ImageMetadata(size=size, digital_zoom=2.0))
+    assert (adapted.intrinsics.fx, adapted.intrinsics.fy) == (7320.0, 7310.0)
+    assert len(adapted.steps) == 2
 
 
 def test_what_a_zoom_enlarges_is_seen_where_the_unzoomed_frame_shows_it() -> None:
