@@ -170,3 +170,40 @@ def test_a_frame_an_editor_changed_is_unproven_under_fleet() -> None:
     assert report.verdict is Verdict.UNPROVEN
     assert "original files from the camera" in str(report.remedy)
     assert validate(calibration(), SOURCE, around).verdict is Verdict.VALID
+
+
+def around(**over: object) -> Circumstances:
+    """A source that says the same as a K of 3000 px, which lies below the band."""
+    other = NamedFocal(name="XMP", fx=3010.0)
+    return Circumstances(**{"others": (other,), **over})  # type: ignore[arg-type] # the fields of the record
+
+
+def test_outside_the_band_only_an_independent_source_settles_a_focal_length() -> None:
+    rule, low = "focal-plausibility", calibration(3000.0)
+    assert severity(validate(low, FLEET), rule) is Severity.ERROR
+    assert severity(validate(low, FLEET, around()), rule) is Severity.PASS
+    dependent = NamedFocal(name="XMP", fx=3010.0, independent=False)
+    assert severity(validate(low, FLEET, around(others=(dependent,))), rule) is Severity.ERROR
+    assert severity(validate(low, FLEET, around(sensor_assumed=True)), rule) is Severity.ERROR
+
+
+@pytest.mark.parametrize(("fx", "found"), [(4849.0, Severity.ERROR), (4851.0, Severity.PASS)])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_known_camera_may_be_off_by_three_per_cent_either_way(
+    fx: float, found: Severity, mirrored: bool
+) -> None:
+    camera = calibration(10_000 - fx if mirrored else fx)
+    known = Circumstances(expected=Expected(fx=5000.0, source="catalogue"))
+    assert severity(validate(camera, FLEET, known), "focal-plausibility") is found
+
+
+def test_a_sources_own_rounding_excuses_it_and_nothing_excuses_one_that_is_no_number() -> None:
+    def quarrels(**other: float) -> bool:
+        others = (NamedFocal(name="XMP", **other),)  # type: ignore[arg-type] # the fields of the record
+        report = validate(calibration(5000.0), FLEET, Circumstances(others=others))
+        return any(finding.rule == "source-agreement" for finding in report.findings)
+
+    assert quarrels(fx=5400.0)
+    assert quarrels(fx=5400.0, tolerance=0.07)
+    assert not quarrels(fx=5400.0, tolerance=0.09)
+    assert quarrels(fx=float("nan"))

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from calibrary.evidence.collect import collect
-from calibrary.evidence.conflict import Cause, Conflict
+from calibrary.evidence.conflict import Cause, Conflict, disagreement
 from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import Source
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
@@ -27,6 +27,15 @@ def test_sources_that_agree_within_five_per_cent_do_not_conflict() -> None:
 def test_a_whole_number_of_35_mm_is_given_its_rounding() -> None:
     metadata = ImageMetadata(size=(5472, 3648), focal_mm=8.8, focal_35mm=23.0)
     assert collect(Scene(metadata=metadata, known=P4_RTK)).conflicts == ()
+
+
+@pytest.mark.parametrize(("tolerance", "excused"), [(0.0, False), (0.19, False), (0.26, True)])
+def test_the_rounding_of_either_of_two_sources_excuses_both(tolerance: float, excused: bool) -> None:
+    [sure] = (w for w in collect(Scene(metadata=p4_rtk())).estimates if w.source is Source.DJI_DEWARP)
+    K = sure.intrinsics
+    rounded = replace(sure, intrinsics=replace(K, fx=K.fx * 0.8), tolerance=tolerance)
+    assert disagreement(sure, rounded) == pytest.approx(0.0 if excused else -0.2)
+    assert disagreement(rounded, sure) == pytest.approx(0.0 if excused else 0.25)
 
 
 def test_a_35_mm_equivalent_written_as_the_focal_length_is_a_leak() -> None:

@@ -182,3 +182,31 @@ def test_a_lens_that_bends_more_is_a_drift_by_its_pixels() -> None:
     assert numbers.focal_change == 0
     assert numbers.sure_px > FLEET.drift_px
     assert between(camera(), more).alarm
+
+
+def test_the_focal_length_that_changed_more_is_told_whichever_way_it_went() -> None:
+    for fx, fy, told in ((-0.004, 0.001, -0.004), (0.001, -0.004, -0.004), (0.004, -0.001, 0.004)):
+        numbers = between(camera(), changed(camera(), fx=3678.9 * (1 + fx), fy=3678.1 * (1 + fy))).numbers
+        assert numbers is not None
+        assert numbers.focal_change == pytest.approx(told)
+
+
+def test_the_chance_is_that_of_the_least_likely_test_times_how_many_were_made() -> None:
+    numbers = between(camera(), with_focal(0.0003)).numbers
+    assert numbers is not None
+    assert len(numbers.chi2) == 3
+    assert numbers.p == pytest.approx(3 * min(test.p for test in numbers.chi2))
+    assert 1e-12 < numbers.p < 1
+
+
+def test_pixels_that_noise_explains_move_nothing() -> None:
+    # The corners differ by more than the limit, and by no more than they are known.
+    loose = Quality(
+        covariance=Covariance.from_matrix(NAMES, np.diag((STD * np.array([1] * 4 + [60] * 5)) ** 2))
+    )
+    a = replace(camera(), quality=loose)
+    b = replace(changed(camera(), fx=3681.4, fy=3680.6), quality=loose)
+    b = replace(b, distortion=replace(LENS, k1=LENS.k1 + 0.008))
+    comparison = compare(a, b)
+    assert comparison.numbers is not None
+    assert comparison.numbers.difference.max_px > FLEET.drift_px > comparison.numbers.sure_px

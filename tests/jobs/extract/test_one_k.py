@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from calibrary.calibration import Grade
-from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.policy import FLEET, SOURCE, Policy
 from calibrary.records import replace
 from calibrary.validation import Finding, Severity, Verdict
-from tests.evidence.scenes import p4_rtk
+from tests.evidence.scenes import p4_rtk, xmp
 from tests.jobs.extract.fleet import judged
 
 
@@ -58,6 +58,41 @@ def test_the_spread_is_from_end_to_end_and_not_from_k() -> None:
     [camera] = judged({unit(3660.0): ["a", "b"], unit(3649.0): ["c"], unit(3671.0): ["d"]})
     assert camera.spread == pytest.approx(22 / 3660)
     assert spread_of(camera).severity is Severity.ERROR
+
+
+@pytest.mark.parametrize("place", [2, 3])
+def test_a_principal_point_that_moves_spreads_as_a_focal_length_does(place: int) -> None:
+    numbers = ["3660", "3660", "-4.5", "22.75"]
+    moved = [*numbers[:place], f"{float(numbers[place]) + 22}", *numbers[place + 1 :]]
+    states = {
+        p4_rtk(dewarp=f"2019-03-05;{','.join(tag)},-0.268,0.112,0.0008,-0.0001,-0.034"): [name]
+        for name, tag in (("a", numbers), ("b", moved))
+    }
+    [camera] = judged(states)
+    assert camera.spread == pytest.approx(22 / 3660)
+    assert spread_of(camera).severity is Severity.ERROR
+
+
+def test_a_state_without_calibration_tags_counts_where_its_focal_length_is_another_cameras() -> None:
+    def stripped(per_mm: float) -> ImageMetadata:
+        return ImageMetadata(
+            size=(5472, 3648),
+            make="Example",
+            model="Survey One",
+            focal_mm=8.8,
+            focal_plane_resolution=(per_mm, per_mm),
+            focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+            has_exif=True,
+        )
+
+    tagged = replace(
+        stripped(415.9), xmp=xmp("Camera", ModelType="perspective", PerspectiveFocalLength="3660.0")
+    )
+    [same] = judged({tagged: ["a", "b"], stripped(416.5): ["c"]})
+    assert same.spread == 0.0
+    [other] = judged({tagged: ["a", "b"], stripped(500.0): ["c"]})
+    assert other.spread == pytest.approx((8.8 * 500 - 3660) / 3660)
+    assert spread_of(other).severity is Severity.ERROR
 
 
 def test_a_failed_spread_says_what_happened_and_what_to_do() -> None:
