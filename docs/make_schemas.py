@@ -35,7 +35,10 @@ PRINTED: Final[Mapping[str, str]] = {
 schema in the first, and the others refer to it there."""
 
 WRITTEN_BY_PEOPLE: Final[Mapping[str, str]] = {
+    "policy-1": "calibrary.policy:Policy",
+    "registry-1": "calibrary.registry.configuration:Configuration",
     "entry-1": "calibrary.registry.entry:Entry",
+    "lock-1": "calibrary.registry.locking:Lock",
 }
 """The documents that people write too: a field with a default may be left out."""
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, cast
+from typing import Annotated, Any, Final
 
 from platformdirs import user_data_path
 
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.policy import FLEET, POLICIES, Policy
-from calibrary.policy_file import policy_from
+from calibrary.records import Json, Meta, Record, from_json, to_json
 from calibrary.registry.entry_form import CURRENT
-from calibrary.schemas import require
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
 __all__ = [
@@ -52,15 +50,38 @@ policy: "{policy}"
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Configuration:
-    """What a registry says of itself.
+class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
+    """What a registry says of itself: by which rules it is kept, and how its files lie.
 
     Attributes:
-        policy: that its entries are held to.
+        layout: 1: cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml.
+        entries: the newest schema that entries are written in.
+        policy: whose limits entries are held to; fleet when absent.
     """
 
+    layout: Annotated[int, Meta(ge=1, le=LAYOUT)] = LAYOUT
+    entries: Annotated[str, Meta(pattern="^calibrary/entry-[0-9]{1,6}$")] = f"calibrary/entry-{CURRENT}"
     policy: Policy = FLEET
+
+    @classmethod
+    def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
+        """A policy that ships is written by its name; fields of others are read over."""
+        if "layout" not in document:
+            raise InputError("lacks layout")
+        if isinstance(name := document.get("policy"), str):
+            if name not in POLICIES:
+                raise InputError(f"is none of {', '.join(POLICIES)}", place="policy")
+            document["policy"] = to_json(POLICIES[name])
+        return {key: value for key, value in document.items() if not key.startswith("x-")}
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
+        policy = schema["properties"]["policy"]
+        schema["properties"]["policy"] = {
+            "anyOf": [{"enum": list(POLICIES)}, {"$ref": policy["$ref"]}],
+            "description": policy["description"],
+        }
+        return schema | {"required": ["schema", "layout"], "patternProperties": {"^x-": {}}}
 
 
 def configuration_yaml(policy: str = FLEET.name) -> bytes:
@@ -82,14 +103,7 @@ def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configur
     value = load_yaml(data, source=name, max_bytes=LARGEST)
     if isinstance(value, dict):
         _refuse_newer(value, name)
-    require(value, "registry-1", source=name, locate=partial(line_of, data))
-    policy = cast("Mapping[str, YamlValue]", value).get("policy", FLEET.name)
-    if isinstance(policy, str):
-        return Configuration(policy=POLICIES[policy])
-    try:
-        return Configuration(policy=policy_from(cast("Mapping[str, YamlValue]", policy)))
-    except InputError as error:
-        raise type(error)(error.message, source=name, place="policy") from None
+    return from_json(Configuration, value, source=name, locate=partial(line_of, data))
 
 
 def _refuse_newer(document: Mapping[str, YamlValue], name: str) -> None:

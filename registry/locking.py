@@ -12,17 +12,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, TypedDict, cast
+from typing import Annotated, Final, TypeAlias
+
+from msgspec import field
 
 from calibrary.errors import InputError, ParseError, RegistryError
-from calibrary.records import Json
+from calibrary.records import Json, Meta, Record, from_json, replace, to_json
 from calibrary.registry.entry import Status
 from calibrary.registry.entry_form import digest
-from calibrary.registry.entry_yaml import parse_entry, quoted, scalar
+from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
 from calibrary.registry.resolution import RegistryIndex
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.writing import parsed
-from calibrary.schemas import require
 from calibrary.strictyaml import line_of, load_yaml
 
 __all__ = [
@@ -174,8 +175,13 @@ LEGEND: Final = """\
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pin:
+LAYOUT: Final = Layout(nulls=frozenset({"registry", "commit", "entries"}))
+
+ObjectId: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{40}$")]
+"""A git object's name."""
+
+
+class Pin(Record):
     """One entry, held fast.
 
     Attributes:
@@ -184,13 +190,12 @@ class Pin:
         digest: of its numbers alone.
     """
 
-    path: str
-    blob: str
-    digest: str
+    path: Annotated[str, Meta(pattern="^cameras/[^/]+/.*[.]yaml$")]
+    blob: ObjectId
+    digest: Annotated[str, Meta(pattern="^sha256:[0-9a-f]{64}$")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lock:
+class Lock(Record, tag_field="schema", tag="calibrary/lock-1"):
     """The entries a run rests on.
 
     Attributes:
@@ -200,8 +205,8 @@ class Lock:
     """
 
     registry: str | None = None
-    commit: str | None = None
-    pins: tuple[Pin, ...]
+    commit: ObjectId | None = None
+    pins: tuple[Pin, ...] = field(name="entries")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,18 +218,6 @@ class Drift:
 
     def __str__(self) -> str:
         return f"{self.path}: {self.message}"
-
-
-class _Pin(TypedDict):
-    path: str
-    blob: str
-    digest: str
-
-
-class _Lock(TypedDict):
-    registry: str | None
-    commit: str | None
-    entries: list[_Pin]
 
 
 def pin_of(path: str, data: bytes) -> Pin:
@@ -262,19 +255,8 @@ def _drift(pin: Pin, now: Pin | None) -> Drift | None:
 
 def lock_yaml(lock: Lock) -> bytes:
     """The lock's file, the same bytes for the same lock."""
-    lines = [
-        'schema: "calibrary/lock-1"',
-        f"registry: {scalar(lock.registry)}",
-        f"commit: {scalar(lock.commit)}",
-        "entries:" if lock.pins else "entries: []",
-    ]
-    for pin in sorted(lock.pins, key=lambda pin: pin.path):
-        lines += [
-            f"  - path: {quoted(pin.path)}",
-            f"    blob: {quoted(pin.blob)}",
-            f"    digest: {quoted(pin.digest)}",
-        ]
-    return (LEGEND + "\n".join(lines) + "\n").encode()
+    ordered = replace(lock, pins=tuple(sorted(lock.pins, key=lambda pin: pin.path)))
+    return (LEGEND + "\n".join(document_lines(to_json(ordered), LAYOUT)) + "\n").encode()
 
 
 def parse_lock(data: bytes, name: str) -> Lock:
@@ -284,14 +266,12 @@ def parse_lock(data: bytes, name: str) -> Lock:
         ParseError: it is no YAML, breaks schemas/lock-1.schema.json, or pins an entry twice.
     """
     value = load_yaml(data, source=name, max_bytes=LARGEST_LOCK)
-    require(value, "lock-1", source=name, locate=partial(line_of, data))
-    document = cast("_Lock", value)
-    pins = tuple(Pin(**pin) for pin in document["entries"])
-    paths = [pin.path for pin in pins]
+    lock = from_json(Lock, value, source=name, locate=partial(line_of, data))
+    paths = [pin.path for pin in lock.pins]
     if len(set(paths)) < len(paths):
         twice = next(path for path in paths if paths.count(path) > 1)
         raise ParseError(f"pins {twice} twice, expected it once", source=name)
-    return Lock(registry=document.get("registry"), commit=document.get("commit"), pins=pins)
+    return lock
 
 
 def read_lock(path: Path) -> Lock:

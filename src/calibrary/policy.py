@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Annotated, Any, Final, TypeAlias
 
 from calibrary.errors import InputError
+from calibrary.records import Json, Meta, Record, fields_json
 
 __all__ = ["FLEET", "POLICIES", "SOURCE", "Policy"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Policy:
+Fraction: TypeAlias = Annotated[float, Meta(ge=0, le=1)]
+Band: TypeAlias = tuple[Annotated[float, Meta(gt=0)], Annotated[float, Meta(gt=0)]]
+BASES: Final = ("fleet", "source")
+"""The policies that another may build on, by name."""
+
+
+class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
     """Limits, all of them fractions unless their name says px.
 
     Attributes:
@@ -34,22 +40,36 @@ class Policy:
         drift_px: … or the difference of the projections in px, the camera free to turn, where it is more than noise.
     """
 
-    name: str
-    focal_symmetry_max: float = 0.15
-    focal_symmetry_proven: float | None = 0.02
-    principal_point_drift_max: float = 0.05
-    focal_over_width: tuple[float, float] = (0.8, 1.5)
-    measured_over_width: tuple[float, float] | None = (0.23, 19.0)
-    known_camera_tolerance: float | None = 0.03
+    name: Annotated[str, Meta(min_length=1, max_length=60)]
+    focal_symmetry_max: Fraction = 0.15
+    focal_symmetry_proven: Fraction | None = 0.02
+    principal_point_drift_max: Fraction = 0.05
+    focal_over_width: Band = (0.8, 1.5)
+    measured_over_width: Band | None = (0.23, 19.0)
+    known_camera_tolerance: Fraction | None = 0.03
     independent_sources_settle: bool = True
-    source_agreement: float = 0.05
-    skew_max: float = 0.001
-    group_spread_max: float = 0.005
+    source_agreement: Fraction = 0.05
+    skew_max: Fraction = 0.001
+    group_spread_max: Fraction = 0.005
     assumed_sensor_is_unproven: bool = True
     distortion_monotonic: bool = True
-    drift_significance: float = 0.01
-    drift_focal: float = 0.0005
-    drift_px: float = 0.5
+    drift_significance: Fraction = 0.01
+    drift_focal: Fraction = 0.0005
+    drift_px: Annotated[float, Meta(ge=0)] = 0.5
+
+    @classmethod
+    def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
+        """What a file does not say is its base's; the fleet's where it names none."""
+        base = document.pop("base", FLEET.name)
+        if base not in BASES:
+            raise InputError(f"is none of {', '.join(BASES)}", place="base")
+        return fields_json(POLICIES[str(base)]) | document if "name" in document else document
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
+        said = "whose limits hold where this policy says nothing; fleet when absent"
+        schema["properties"]["base"] = {"enum": list(BASES), "description": said}
+        return schema
 
     def __post_init__(self) -> None:
         for name in ("focal_over_width", "measured_over_width"):

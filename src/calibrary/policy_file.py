@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import cast
 
 from calibrary.errors import InputError, ParseError
 from calibrary.policy import POLICIES, Policy
-from calibrary.records import replace
-from calibrary.schemas import require
-from calibrary.strictyaml import YamlValue, line_of, load_yaml
+from calibrary.records import from_json
+from calibrary.strictyaml import line_of, load_yaml
 
-__all__ = ["policy_from", "policy_named", "read_policy"]
+__all__ = ["policy_named", "read_policy"]
 
 LARGEST_POLICY = 1 << 20
 
@@ -46,19 +42,4 @@ def read_policy(path: Path) -> Policy:
     if len(data) > LARGEST_POLICY:
         raise ParseError("is larger than 1 MiB, expected a policy", source=str(path))
     value = load_yaml(data, source=path.name)
-    require(value, "policy-1", source=path.name, locate=partial(line_of, data))
-    return policy_from(cast("dict[str, YamlValue]", value))
-
-
-def policy_from(document: Mapping[str, YamlValue]) -> Policy:
-    """The policy that a document means which keeps schemas/policy-1.schema.json.
-
-    Raises:
-        InputError: a limit is out of range.
-    """
-    base = POLICIES[str(document.get("base", "fleet"))]
-    limits = {field.name: document[field.name] for field in fields(Policy) if field.name in document}
-    for band in ("focal_over_width", "measured_over_width"):
-        if isinstance(values := limits.get(band), list):
-            limits[band] = tuple(values)  # type: ignore[assignment]  # the schema says two numbers
-    return replace(base, **limits)
+    return from_json(Policy, value, source=path.name, locate=partial(line_of, data))
