@@ -53,7 +53,19 @@ def schemas() -> dict[str, dict[str, Any]]:
         defined = made[name].get("$defs", {})
         homes |= {part: f"{URN}{name}#/$defs/{key}" for key, part in parts(kind).items() if key in defined}
         homes[kind] = f"{URN}{name}"
-    return made | {name: schema(_record(path), name) for name, path in WRITTEN_BY_PEOPLE.items()}
+    made |= {name: schema(_record(path), name) for name, path in WRITTEN_BY_PEOPLE.items()}
+    return made | {"entry-listing-1": _entry_listing(homes)}
+
+
+def _entry_listing(homes: Mapping[type, str]) -> dict[str, Any]:
+    """The listing of entries as it was, with the fields that an entry has now."""
+    kept: dict[str, Any] = json.loads((FOLDER / "entry-listing-1.schema.json").read_text(encoding="utf-8"))
+    now = schema(_record("calibrary.registry.entry:Entry"), printed=True, own_shape=False, homes=homes)
+    said: dict[str, Any] = {name: member for name, member in now["properties"].items() if name != "schema"}
+    listed = kept["$defs"]
+    own = {name: listed["entry"]["properties"][name] for name in ("id", "path", "commit", "blob")}
+    listed["entry"] |= {"required": [*own, *said], "properties": own | said}
+    return kept | {"$defs": listed | now.get("$defs", {})}
 
 
 def text_of(document: Mapping[str, Any]) -> str:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from calibrary.records import Json, to_json
+from calibrary.records import Json, flat, to_json
 from calibrary.registry.entry import Entry
 
-__all__ = ["K_NAMES", "Field", "FieldChange", "change_json", "differences", "entry_fields", "std_of"]
+__all__ = ["NOT_SHOWN", "Field", "FieldChange", "change_json", "differences", "entry_fields", "std_of"]
 
 Field: TypeAlias = str | int | float | bool | None
 
-K_NAMES: Final = ("fx", "fy", "cx", "cy", "skew")
+NOT_SHOWN: Final = frozenset({"schema", "digest", "intrinsics.pixel_origin"})
+"""The fields of an entry's file that no view shows: the same in every entry, or a seal over what is shown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,34 +38,10 @@ class FieldChange:
 
 def entry_fields(entry: Entry) -> dict[str, Field]:
     """Everything that an entry says, in the order of its file; what it does not say is left out."""
-    whole = to_json(entry.calibration)
-    calibration = {name: whole[name] for name in ("camera", "intrinsics", "distortion")}
-    firmware, sensor, validity = entry.firmware, entry.sensor, entry.validity
-    fields: dict[str, Json] = {
-        "status": entry.status.value,
-        "reason": entry.reason,
-        **calibration,
-        "firmware": {"min": firmware.min, "max": firmware.max} if firmware is not None else None,
-        "sensor": {name: getattr(sensor, name) for name in ("width_mm", "height_mm", "pitch_um")}
-        if sensor is not None
-        else None,
-        "grade": whole["grade"],
-        "quality": _without_matrix(whole["quality"]),
-        "provenance": whole["provenance"],
-        "validity": str(validity) if validity is not None else None,
-        "tolerance": entry.tolerance,
-        "aliases": [f"{alias.make} {alias.model}" for alias in entry.aliases],
-        "supersedes": entry.supersedes,
-        "notes": whole["notes"],
-        "extras": dict(entry.calibration.extras),
-    }
-    flat = dict(_flat("", fields))
-    # Both are said elsewhere: the origin is the same everywhere, and K's frame is the camera's.
-    for name in ("intrinsics.pixel_origin", "intrinsics.image_size"):
-        flat.pop(name, None)
-    if entry.calibration.distortion is None:
-        flat["distortion"] = "unknown"
-    return flat | {name: _text(value) for name, value in entry.extensions.items()}
+    document = to_json(entry)
+    if document["distortion"] is None:
+        document["distortion"] = "unknown"
+    return {name: value for name, value in flat(document).items() if name not in NOT_SHOWN}
 
 
 def differences(before: Entry | None, after: Entry) -> tuple[FieldChange, ...]:
@@ -133,34 +108,3 @@ def std_of(entry: Entry, name: str) -> float | None:
         return None
     spread = quality.covariance.std if quality.covariance is not None else {}
     return spread.get(name, quality.std.get(name))
-
-
-def _without_matrix(quality: Json) -> Json:
-    """A covariance by its names and a short digest: 45 numbers tell a reader nothing, their change does."""
-    if not isinstance(quality, dict) or not isinstance(covariance := quality["covariance"], dict):
-        return quality
-    digest = hashlib.sha256(json.dumps(covariance).encode()).hexdigest()[:12]
-    names = covariance["names"]
-    of = ", ".join(map(str, names)) if isinstance(names, list) else ""
-    return {**quality, "covariance": f"of {of} ({digest})"}
-
-
-def _flat(prefix: str, fields: Mapping[str, Json]) -> Iterator[tuple[str, Field]]:
-    for name, value in fields.items():
-        if isinstance(value, dict):
-            yield from _flat(f"{prefix}{name}.", value)
-        elif isinstance(value, list):
-            if value:
-                yield f"{prefix}{name}", _joined(value)
-        elif value is not None:
-            yield f"{prefix}{name}", value
-
-
-def _joined(values: list[Json]) -> str:
-    if all(isinstance(value, int) for value in values):
-        return "×".join(map(str, values))
-    return "; ".join(value if isinstance(value, str) else _text(value) for value in values)
-
-
-def _text(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False, sort_keys=True)

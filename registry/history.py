@@ -12,8 +12,9 @@ from typing import Final
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.records import Json
 from calibrary.registry.entry import Entry
+from calibrary.registry.entry_form import PARAMETERS
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.fields import K_NAMES, Field, entry_fields
+from calibrary.registry.fields import Field, entry_fields
 from calibrary.registry.git import history as git_history
 from calibrary.registry.git.history import Revision
 from calibrary.registry.git.repository import Repository
@@ -77,7 +78,7 @@ class EntryRevision:
         one, other = self.before.calibration.intrinsics, self.entry.calibration.intrinsics
         if one.image_size != other.image_size:
             return None
-        return {name: float(getattr(other, name) - getattr(one, name)) for name in K_NAMES}
+        return {name: float(getattr(other, name) - getattr(one, name)) for name in PARAMETERS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,7 +270,7 @@ def _revision(one: EntryRevision) -> dict[str, Json]:
     K = entry.calibration.intrinsics if entry is not None else None
     changed: dict[str, Json] | None = dict(delta) if delta is not None else None
     numbers: dict[str, Json] | None = (
-        {name: float(getattr(K, name)) for name in K_NAMES} if K is not None else None
+        {name: float(getattr(K, name)) for name in PARAMETERS} if K is not None else None
     )
     cameras: list[Json] = list(one.cameras)
     return {

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from calibrary.errors import InputError
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
-from calibrary.registry.fields import Field, entry_fields, std_of
+from calibrary.registry.fields import entry_fields, std_of
 
-__all__ = ["entry_text"]
+__all__ = ["entry_rows", "entry_text"]
 
 WIDTH: Final = 24
 """The same in every file, or a longer name would make a difference of every line."""
@@ -31,22 +32,27 @@ def entry_text(path: Path) -> str:
     return warning + "".join(f"{line}\n" for line in _lines(entry))
 
 
-def _lines(entry: Entry) -> list[str]:
+def entry_rows(entry: Entry, digits: Callable[[float], str] = repr) -> list[tuple[str, str]]:
+    """Every field of an entry by its name, its uncertainty behind it; no control characters."""
     return [
-        f"{name:<{WIDTH}}  {_text(value)}{_spread(entry, name)}"
+        (
+            name,
+            (digits(value) if isinstance(value, float) else _clean(str(value)))
+            + _spread(entry, name, digits),
+        )
         for name, value in entry_fields(entry).items()
     ]
 
 
-def _spread(entry: Entry, name: str) -> str:
+def _lines(entry: Entry) -> list[str]:
+    return [f"{name:<{WIDTH}}  {text}" for name, text in entry_rows(entry)]
+
+
+def _spread(entry: Entry, name: str, digits: Callable[[float], str]) -> str:
     """The uncertainty of a number of K or the distortion, and its unit."""
     block, _, parameter = name.partition(".")
     std = std_of(entry, parameter) if block in {"intrinsics", "distortion"} else None
-    return (f" ± {std!r}" if std is not None else "") + (" px" if block == "intrinsics" else "")
-
-
-def _text(value: Field) -> str:
-    return repr(value) if isinstance(value, float) else _clean(str(value))
+    return (f" ± {digits(std)}" if std is not None else "") + (" px" if block == "intrinsics" else "")
 
 
 def _clean(text: str) -> str:

@@ -39,7 +39,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import date
 from enum import Enum
 from functools import cache
-from typing import Any, ClassVar, TypeAlias, TypeVar, cast, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar, cast, dataclass_transform
 
 import msgspec
 from msgspec import Meta
@@ -47,12 +47,16 @@ from msgspec.structs import force_setattr
 
 from calibrary.errors import InputError, ParseError
 
+if TYPE_CHECKING:
+    from jsonschema.protocols import Validator
+
 __all__ = [
     "Json",
     "Locate",
     "Meta",
     "Record",
     "Scalar",
+    "checker",
     "fields_json",
     "flat",
     "force_setattr",
@@ -67,7 +71,7 @@ Scalar: TypeAlias = "bool | int | float | str"
 Locate: TypeAlias = Callable[[Sequence[str | int]], "int | None"]
 """From the path of a value to its line in the document's file."""
 
-LONGEST_LIST_SHOWN = 16
+LONGEST_LIST_SHOWN = 9
 """Numbers that a flat field shows; a longer list is shown by its length and a digest."""
 
 T = TypeVar("T")
@@ -176,13 +180,22 @@ def from_json(
             raise msgspec.ValidationError("a number is not finite")
         return msgspec.convert(_prepared(kind, document), kind)
     except (msgspec.ValidationError, InputError) as error:
-        # Only a document that is wrong needs these.
-        from calibrary.records.complaints import check, place_of, validator  # noqa: PLC0415  the reason above
-        from calibrary.records.schema import schema  # noqa: PLC0415  the reason above
+        # Only a document that is wrong needs it.
+        from calibrary.records.complaints import check, place_of  # noqa: PLC0415  the reason above
 
-        check(document, validator(schema(kind)), source=source, locate=locate)
+        check(document, checker(kind), source=source, locate=locate)
         path, message = _own_words(kind, error)
         raise ParseError(message, source=source, place=place_of(path, locate)) from None
+
+
+@cache
+def checker(kind: type[Record]) -> Validator:
+    """What finds everything that is wrong with a document of a record, by its schema."""
+    # jsonschema takes 80 ms to load.
+    from calibrary.records.complaints import validator  # noqa: PLC0415  the reason above
+    from calibrary.records.schema import schema  # noqa: PLC0415  the reason above
+
+    return validator(schema(kind))
 
 
 def _own_words(kind: type[Record], error: Exception) -> tuple[list[str | int], str]:

@@ -7,6 +7,7 @@ for all comparisons with it are false), and an *integer* is written as one (the 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
@@ -133,7 +134,12 @@ def _required(found: object, wanted: object, _: object) -> str:
 
 def _additional(found: object, _: object, schema: object) -> str:
     known = list(_mapping(_mapping(schema).get("properties", {})))
-    extra = [name for name in _mapping(found) if name not in known]
+    others = _mapping(_mapping(schema).get("patternProperties", {}))
+    extra = [
+        name
+        for name in _mapping(found)
+        if name not in known and not any(re.search(pattern, name) for pattern in others)
+    ]
     name = extra[0] if extra else "?"
     close = get_close_matches(name, known, n=1)
     wanted = f"did you mean {close[0]}?" if close else f"expected {_either(known)}"

@@ -45,6 +45,7 @@ def schema(
     name: str | None = None,
     *,
     printed: bool = False,
+    own_shape: bool = True,
     homes: Mapping[type, str] | None = None,
 ) -> Schema:
     """The schema of a record's documents.
@@ -54,10 +55,11 @@ def schema(
         name: of the schema's file, for its ``$id``.
         printed: whether calibrary writes the documents: then every field is there. Where people write them, those
             with a default may be absent.
+        own_shape: whether the record is in the shape it is written in, or as ``fields_json`` has it.
         homes: where other files define some classes: a reference by the class.
     """
     builder = _Builder(printed=printed, homes=homes or {})
-    body = builder.body(kind)
+    body = builder.body(kind, own_shape=own_shape)
     head: Schema = {"$schema": DIALECT} | ({"$id": URN + name} if name is not None else {})
     defs = {key: builder.defs[key] for key in sorted(builder.defs)}
     return head | body | ({"$defs": defs} if defs else {})
@@ -104,7 +106,7 @@ class _Builder:
         self.defs: dict[str, Schema] = {}
         self.kinds: dict[str, type] = {}
 
-    def body(self, kind: type[Record]) -> Schema:
+    def body(self, kind: type[Record], *, own_shape: bool = True) -> Schema:
         """A record's own schema; those of the records in it go to ``defs``."""
         info = cast("inspect.StructType", inspect.type_info(kind))
         said = descriptions(kind)
@@ -123,7 +125,7 @@ class _Builder:
         if required:
             made["required"] = required
         made |= {"additionalProperties": False, "properties": members}
-        return kind._wire_schema(made, self.defs)
+        return kind._wire_schema(made, self.defs) if own_shape else made
 
     def of(self, type_: inspect.Type) -> Schema:
         """The schema of a field's type."""

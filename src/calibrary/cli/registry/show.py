@@ -125,60 +125,9 @@ def _describe(screen: Screen, stored: StoredEntry, put: Recorded | None) -> None
 
 
 def _rows(stored: StoredEntry) -> list[tuple[str, str]]:
-    entry, calibration = stored.entry, stored.entry.calibration
-    K, quality = calibration.intrinsics, calibration.quality
-    std = dict(quality.std) if quality is not None else {}
-    if quality is not None and quality.covariance is not None:
-        std |= quality.covariance.std
-    rows = [
-        ("camera", str(calibration.camera)),
-        ("status", entry.status.value + (f": {entry.reason}" if entry.reason else "")),
-        ("grade", calibration.grade.value),
-        *(
-            (name, f"{getattr(K, name):.4f}" + (f" ± {std[name]:.2g}" if name in std else "") + " px")
-            for name in ("fx", "fy", "cx", "cy")
-        ),
-    ]
-    if K.skew:
-        rows.append(("skew", f"{K.skew:.6g} px"))
-    if calibration.distortion is None:
-        rows.append(("distortion", "unknown"))
-    else:
-        rows.append(("distortion", calibration.distortion.model))
-        rows += [(f"  {name}", f"{value:.8g}") for name, value in calibration.distortion.coefficients.items()]
-    if quality is not None:
-        measured = (
-            ("rms", quality.rms_px, "{:.4g} px"),
-            ("views", quality.views, "{}"),
-            ("κ²", quality.kappa2, "{:.3g}"),
-            ("coverage", quality.coverage, "{:.0%}"),
-        )
-        rows += [(name, form.format(value)) for name, value, form in measured if value is not None]
-    return rows + _provenance(stored)
+    from calibrary.registry.textconv import entry_rows
 
-
-def _provenance(stored: StoredEntry) -> list[tuple[str, str]]:
-    entry, made = stored.entry, stored.entry.calibration.provenance
-    serial = entry.calibration.camera.serial
-    stated = (
-        ("serial", serial and f"hash {serial}"),
-        ("firmware", entry.firmware and str(entry.firmware)),
-        ("valid", entry.validity and str(entry.validity)),
-        ("tolerance", entry.tolerance and f"± {entry.tolerance:.2%} of fx"),
-        ("also called", ", ".join(f"{alias.make} {alias.model}" for alias in entry.aliases)),
-        ("made from", made.source or made.kind),
-        ("sha256", made.sha256),
-        ("made with", made.tool),
-        ("made by", made.operator),
-        ("made on", made.date),
-        ("made at firmware", made.firmware),
-        ("focus", made.focus),
-        ("assumed", "; ".join(made.assumptions)),
-        ("supersedes", entry.supersedes),
-        ("commit", (stored.commit or "")[:12]),
-    )
-    rows = [(name, value) for name, value in stated if value]
-    return rows + [("note", note) for note in entry.notes]
+    return [*entry_rows(stored.entry, "{:.10g}".format), ("commit", (stored.commit or "")[:12])]
 
 
 def _recorded(put: Recorded | None) -> list[tuple[str, str]]:

@@ -38,6 +38,7 @@ from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.drawn import amount_map, arrow_map
 from calibrary.registry.entry import UNSTATED, Entry, Status
 from calibrary.registry.history import EntryRevision
+from calibrary.registry.textconv import entry_rows
 
 __all__ = ["camera_page"]
 
@@ -260,6 +261,7 @@ def _provenance(entry: Entry) -> Iterator[Block]:
         more = (f"and {len(made.sources) - len(shown)} more",) if len(made.sources) > len(shown) else ()
         files = Bullets((*(f"{file.name}, sha256 {file.sha256}" for file in shown), *more))
         yield Details(summary=f"The {len(made.sources)} files behind it", blocks=(files,))
+    yield Details(summary="Every field of the entry", blocks=(KeyValues(tuple(entry_rows(entry))),))
 
 
 def _downloads(place: Place, files: Sequence[Download]) -> Iterator[Block]:

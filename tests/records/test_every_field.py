@@ -1,0 +1,135 @@
+"""Every field of every record survives its files and is in every view; records are drawn from their declarations."""
+
+from __future__ import annotations
+
+import copy
+import json
+import pickle
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from calibrary.calibration import Calibration, CameraKey, Intrinsics, Provenance, SourceFile
+from calibrary.distortion import MODELS
+from calibrary.errors import ParseError
+from calibrary.jobs.site.addresses import Place
+from calibrary.jobs.site.camera_page import camera_page
+from calibrary.policy import Policy
+from calibrary.quality import Covariance, Quality
+from calibrary.records import Record, checker, flat, from_json, to_json
+from calibrary.registry.entry import Alias, Entry, Sensor, Validity
+from calibrary.registry.entry_yaml import entry_yaml, parse_entry
+from calibrary.registry.fields import NOT_SHOWN, entry_fields
+from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.locking import Lock, Pin
+from calibrary.registry.textconv import entry_rows
+from tests.house.project import ROOT
+from tests.records.declared import neighbours, strategy_for
+from tests.registry.entries import an_entry
+
+KINDS: tuple[type[Record], ...] = (
+    CameraKey, Intrinsics, Covariance, Quality, SourceFile, Provenance, Calibration, FirmwareRange, Alias, Sensor,
+    Validity, Entry, Pin, Lock, Policy,
+)  # fmt: skip
+SLOW = settings(
+    max_examples=8,
+    deadline=None,
+    phases=[Phase.explicit, Phase.generate],
+    suppress_health_check=[*HealthCheck],
+)
+
+
+def over_a_file(document: Any) -> Any:
+    """As a program reads what another printed."""
+    return json.loads(json.dumps(document, allow_nan=False))
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+@SLOW
+@given(data=st.data())
+def test_a_record_comes_back_from_its_json(kind: type[Record], data: st.DataObject) -> None:
+    record = data.draw(strategy_for(kind))
+    document = over_a_file(to_json(record))
+    assert from_json(kind, document) == record
+    assert to_json(from_json(kind, document)) == document
+    assert pickle.loads(pickle.dumps(record)) == record  # noqa: S301  its own
+    checker(kind).validate(document)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_distortion_comes_back_from_its_json(model: str) -> None:
+    kind = MODELS[model]
+    lens = kind(**{name: 0.01 * (1 + at) for at, name in enumerate(kind.names())})
+    assert from_json(kind, over_a_file(to_json(lens))) == lens
+    assert list(to_json(lens)) == ["model", *kind.names()]
+    checker(kind).validate(to_json(lens))
+
+
+def _maps(value: Any) -> Iterator[dict[str, Any]]:
+    """Every map of a document whose keys are fields."""
+    if isinstance(value, dict):
+        yield value
+        for name, member in value.items():
+            if name not in {"std", "extras"} and not name.startswith("x-"):
+                yield from _maps(member)
+    elif isinstance(value, list):
+        for item in value:
+            yield from _maps(item)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+@SLOW
+@given(data=st.data())
+def test_a_key_that_no_field_has_is_refused_at_every_depth(kind: type[Record], data: st.DataObject) -> None:
+    document = over_a_file(to_json(data.draw(strategy_for(kind))))
+    prepared = checker(kind)
+    for at in range(len([*_maps(document)])):
+        wrong = copy.deepcopy(document)
+        [*_maps(wrong)][at]["unheard_of"] = 1
+        assert not prepared.is_valid(wrong)
+        with pytest.raises(ParseError, match="unheard_of"):
+            from_json(kind, wrong)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+@SLOW
+@given(data=st.data())
+def test_a_field_that_changes_shows_in_the_flat_fields(kind: type[Record], data: st.DataObject) -> None:
+    one, other = data.draw(strategy_for(kind)), data.draw(strategy_for(kind))
+    for path, changed in neighbours(one, other):
+        assert flat(changed) != flat(one), path
+
+
+@SLOW
+@given(one=strategy_for(Entry), other=strategy_for(Entry))
+def test_an_entry_comes_back_from_its_file_and_each_field_changes_it(one: Entry, other: Entry) -> None:
+    data = entry_yaml(one)
+    assert parse_entry(data, "x.yaml") == one
+    for path, changed in neighbours(one, other):
+        assert isinstance(changed, Entry)
+        assert entry_yaml(changed) != data, path
+
+
+@SLOW
+@given(one=strategy_for(Entry), other=strategy_for(Entry))
+def test_every_field_of_an_entry_is_shown_or_named_as_not_shown(one: Entry, other: Entry) -> None:
+    assert entry_fields(one).keys() | NOT_SHOWN >= flat(one).keys()
+    assert dict(entry_rows(one)).keys() == entry_fields(one).keys()
+    for path, changed in neighbours(one, other):
+        assert isinstance(changed, Entry)
+        assert entry_rows(changed) != entry_rows(one), path
+
+
+@pytest.mark.parametrize("name", ["brown", "unknown"])
+def test_a_cameras_page_shows_every_field(name: str) -> None:
+    entry = parse_entry((ROOT / f"tests/golden/entries/{name}.yaml").read_bytes(), name)
+    place = Place(stem=entry.id)
+    page = camera_page(entry, id_=entry.id, place=place, revisions=(), changes=(), files=(), made_by="")
+    assert all(repr((name, text)) in repr(page) for name, text in entry_rows(entry))
+
+
+def test_what_is_named_as_not_shown_exists() -> None:
+    assert flat(an_entry()).keys() >= NOT_SHOWN
