@@ -46,17 +46,9 @@ def load(name: str) -> Schema:
 @cache
 def validator(name: str) -> Validator:
     """One schema made ready, with all others to refer to."""
-    # jsonschema, which few need.
-    from jsonschema import Draft202012Validator  # noqa: PLC0415  the reason above
+    from calibrary.records import complaints  # noqa: PLC0415  jsonschema, which few need
 
-    from calibrary.records import complaints  # noqa: PLC0415  the reason above
-    from calibrary.schemas.quick import QuickKeywords  # noqa: PLC0415  the reason above
-
-    return complaints.validator(
-        load(name),
-        {f"urn:calibrary:schema:{n}": load(n) for n in names()},
-        QuickKeywords(Draft202012Validator.VALIDATORS).by_name,
-    )
+    return complaints.validator(load(name), {f"urn:calibrary:schema:{n}": load(n) for n in names()})
 
 
 def require(value: Json, name: str, *, source: str | None = None, locate: Locate | None = None) -> None:

@@ -40,14 +40,12 @@ LONGEST_SHOWN: Final = 60
 def validator(
     schema: Mapping[str, Any],
     resources: Mapping[str, Mapping[str, Any]] | None = None,
-    keywords: Mapping[str, Any] | None = None,
 ) -> Validator:
     """A schema made ready once: preparing costs thirty times what checking one document does.
 
     Args:
         schema: JSON Schema 2020-12.
         resources: other schemas that it refers to, by their ``$id``; nothing is ever fetched.
-        keywords: other ways to check some of the standard's keywords.
     """
     # 80 ms that only a document to be checked is worth.
     from jsonschema import Draft202012Validator, validators  # noqa: PLC0415  the reason above
@@ -61,7 +59,7 @@ def validator(
 
     types = Draft202012Validator.TYPE_CHECKER.redefine_many({"number": is_number, "integer": is_integer})
     # The stubs leave the arguments of extend untyped.
-    strict = validators.extend(Draft202012Validator, keywords or {}, type_checker=types)  # type: ignore[no-untyped-call]
+    strict = validators.extend(Draft202012Validator, type_checker=types)  # type: ignore[no-untyped-call]
     ours = Registry().with_resources(
         (name, Resource.from_contents(known)) for name, known in (resources or {}).items()
     )
