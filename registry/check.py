@@ -75,10 +75,11 @@ def check(entries: Mapping[str, bytes], policy: Policy) -> CheckReport:
             try:
                 group[path] = parse_entry(entries[path], path)
             except InputError as error:
-                rule = "digest" if error.place == "digest" else "entry"
-                findings.append(_finding(path, rule, str(error)))
+                broken = "digest" if error.place == "digest" else "entry"
+                findings.append(_finding(path, broken, str(error)))
         for path, entry in group.items():
-            findings += (finding for rule in _RULES for finding in rule(path, entry, policy))
+            for rule in _RULES:
+                findings += rule(path, entry, policy)
             findings += tree.references(path, entry)
         findings += _overlaps(group)
         findings += _resolves_to_itself(group)

@@ -22,7 +22,6 @@ __all__ = [
     "Proposal",
     "Proposals",
     "checked",
-    "failed_checks",
     "from_branch",
     "of_current",
     "proposal_of",
@@ -137,9 +136,20 @@ def propose(
 
 
 def checked(snapshot: Snapshot, items: Sequence[Proposal], verb: str | None = None) -> Proposals:
-    """Proposals with what the check says of all that would be written."""
-    due = [(one.entry, one.data) for one in items if one.changes]
-    findings = failed_checks(snapshot, due) if due else ()
+    """Proposals with the findings of :func:`calibrary.registry.check.check` on all that would be written.
+
+    Only the entries that they can affect are read: those of their models, of their aliases, and those they
+    supersede; what was wrong with others before is left to ``calibrary registry check``.
+    """
+    due = [one for one in items if one.changes]
+    if not due:
+        return Proposals(items=tuple(items), verb=verb)
+    policy = snapshot.configuration.policy
+    before = {path: snapshot.read(path) for path in _concerned(snapshot.paths, [one.entry for one in due])}
+    own = {one.entry.path: one.data for one in due}
+    known = set(check(before, policy).findings) if before else set()
+    found = check({**before, **own}, policy).findings
+    findings = tuple(finding for finding in found if finding.place in own or finding not in known)
     return Proposals(items=tuple(items), findings=findings, verb=verb)
 
 
@@ -163,25 +173,6 @@ def require_not_held(current: Entry | None, remedy: str = "") -> None:
     if current is not None and current.status is Status.HELD:
         why = f" ({current.reason})" if current.reason else ""
         raise RegistryError(f"{current.id} is held{why}: a person pinned it; nothing was written{remedy}")
-
-
-def failed_checks(snapshot: Snapshot, entries: Sequence[tuple[Entry, bytes]]) -> tuple[Finding, ...]:
-    """What :func:`calibrary.registry.check.check` finds wrong with entries once they are written.
-
-    Only what they can meet is looked at: the entries of their models, of the names they claim, and those they
-    supersede; what was wrong with others before is left to ``calibrary registry check``.
-
-    Args:
-        snapshot: of the registry.
-        entries: each with its file.
-    """
-    policy = snapshot.configuration.policy
-    concerned = [*_concerned(snapshot.paths, [entry for entry, _ in entries])]
-    before = {path: snapshot.read(path) for path in concerned}
-    own = {entry.path: data for entry, data in entries}
-    known = set(check(before, policy).findings) if before else set()
-    found = check({**before, **own}, policy).findings
-    return tuple(finding for finding in found if finding.place in own or finding not in known)
 
 
 def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:

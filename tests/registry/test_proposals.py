@@ -8,11 +8,10 @@ import pytest
 
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Status
-from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.init import init
-from calibrary.registry.proposals import failed_checks
+from calibrary.registry.proposals import checked, proposal_of
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import note_of
 from calibrary.validation import Severity
@@ -32,8 +31,8 @@ def put(registry: Registry, *entries: Entry) -> None:
 
 
 def rules(registry: Registry, *entries: Entry) -> list[str]:
-    found = failed_checks(registry.snapshot(), [(entry, entry_yaml(entry)) for entry in entries])
-    return [finding.rule for finding in found if finding.severity is Severity.ERROR]
+    proposals = checked(registry.snapshot(), [proposal_of(entry, None, None) for entry in entries])
+    return [finding.rule for finding in proposals.findings if finding.severity is Severity.ERROR]
 
 
 def test_a_good_entry_meets_nothing(registry: Registry) -> None:
