@@ -12,14 +12,14 @@ from typing import Final, TypeAlias
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.registry.entry import USABLE, Entry, Status
+from calibrary.registry.entry_match import EntryMatch, match_entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.image_size_match import Fit, fit
 from calibrary.registry.paths import ROOT, SUFFIX, folder_of, is_entry, match_key, slug
 
 __all__ = [
     "AliasMap",
-    "Near",
     "RegistryIndex",
+    "RejectedEntry",
     "Resolution",
     "answering",
     "is_keyed",
@@ -39,11 +39,11 @@ _REGULAR = re.compile(rf"{ROOT}[^/]+/[^/]+/(?:sn-[^/]+/)?[0-9][^/]*{re.escape(SU
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Near:
+class RejectedEntry:
     """An entry that was not taken, and why."""
 
     path: str
-    why_not: str
+    reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,7 @@ class Resolution:
     entry: Entry
     calibration: Calibration
     why: str
-    near: tuple[Near, ...]
+    near: tuple[RejectedEntry, ...]
 
 
 def resolve(
@@ -91,7 +91,10 @@ def resolve(
     best = _best(fits, key)
     if best is None:
         return None
-    less = [Near(path=other.path, why_not=f"it fits, and says less: {_words(other)}") for other in fits[1:]]
+    less = [
+        RejectedEntry(path=other.path, reason=f"it fits, and says less: {_words(other)}")
+        for other in fits[1:]
+    ]
     return Resolution(
         path=best.path,
         entry=best.entry,
@@ -117,7 +120,7 @@ def near(
     *,
     on: date | None = None,
     statuses: Collection[Status] = USABLE,
-) -> tuple[Near, ...]:
+) -> tuple[RejectedEntry, ...]:
     """The entries of a camera's make and model that do not fit it, and why not; the first few."""
     return tuple(_sorted_out(entries, key, on, statuses)[1][:MOST_NEAR])
 
@@ -193,7 +196,7 @@ class RegistryIndex:
 
     def near(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
-    ) -> tuple[Near, ...]:
+    ) -> tuple[RejectedEntry, ...]:
         """The entries of the camera's make and model that do not fit it, and why.
 
         Raises:
@@ -254,19 +257,19 @@ class RegistryIndex:
 
 def _sorted_out(
     entries: Mapping[str, Entry], key: CameraKey, on: date | None, statuses: Collection[Status]
-) -> tuple[list[Fit], list[Near]]:
+) -> tuple[list[EntryMatch], list[RejectedEntry]]:
     """What fits, the most specific first, and what does not."""
     fits, misses = [], []
     for path, entry in entries.items():
-        outcome = fit(path, entry, key, on, statuses)
-        if isinstance(outcome, Fit):
+        outcome = match_entry(path, entry, key, on, statuses)
+        if isinstance(outcome, EntryMatch):
             fits.append(outcome)
         elif outcome is not None:
-            misses.append(Near(path=path, why_not=outcome))
+            misses.append(RejectedEntry(path=path, reason=outcome))
     return sorted(fits, key=lambda found: (found.rank, found.path)), misses
 
 
-def _best(fits: Sequence[Fit], key: CameraKey) -> Fit | None:
+def _best(fits: Sequence[EntryMatch], key: CameraKey) -> EntryMatch | None:
     if not fits:
         return None
     best, *others = fits
@@ -279,11 +282,11 @@ def _best(fits: Sequence[Fit], key: CameraKey) -> Fit | None:
     return best
 
 
-def _words(found: Fit) -> str:
+def _words(found: EntryMatch) -> str:
     return ", ".join(found.states) or "its model only"
 
 
-def _why(found: Fit, others: int) -> str:
+def _why(found: EntryMatch, others: int) -> str:
     camera = found.entry.calibration.camera
     text = f"{found.path} is of {_words(found)}" if found.states else f"{found.path} is of this model"
     if found.alias:

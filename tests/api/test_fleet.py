@@ -47,7 +47,7 @@ def test_where_none_answers_it_says_what_is_near(fleet: calibrary.Fleet) -> None
     assert (answer.calibration, answer.entry, answer.status, answer.why) == (None, None, None, None)
     [near] = answer.near
     assert near.path.startswith("cameras/dji/fc6310r/")
-    assert near.why_not
+    assert near.reason
 
 
 def test_a_camera_without_a_name_and_a_file_without_a_camera_are_refused(

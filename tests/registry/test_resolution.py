@@ -137,7 +137,7 @@ def test_drafts_and_retired_entries_answer_only_when_asked_for(status: Status) -
     assert fx(entries) is None
     assert fx(entries, statuses=list(Status)) == 3661.25
     [miss] = near(entries, KEY)
-    assert miss.why_not == f"it is {status.value}: lens swapped"
+    assert miss.reason == f"it is {status.value}: lens swapped"
 
 
 def test_an_entry_is_for_its_days_only() -> None:
@@ -182,7 +182,7 @@ class TestFrames:
     def test_any_other_frame_is_refused_with_the_reason(self, size: tuple[int, int]) -> None:
         key = replace(KEY, image_size=size)
         assert resolve(at_home(FOCAL), key) is None
-        assert "cannot be converted to" in near(at_home(FOCAL), key)[0].why_not
+        assert "cannot be converted to" in near(at_home(FOCAL), key)[0].reason
 
     def test_the_nearest_frame_answers(self) -> None:
         sizes = at_home(*(an_entry(size=size, fx=size[0] / 2) for size in (SIZE, (2736, 1824), (4864, 3648))))
@@ -210,7 +210,7 @@ def test_the_answer_tells_where_its_k_is_from_and_what_stands_behind() -> None:
     assert found is not None
     assert found.path == "cameras/dji/fc6310r/sn-9f2c/5472x3648+f8.8.yaml"
     assert found.why == f"{found.path} is of this unit, 8.8 mm; 1 more fit and say less"
-    assert [miss.why_not for miss in found.near] == ["it fits, and says less: its model only", "it is draft"]
+    assert [miss.reason for miss in found.near] == ["it fits, and says less: its model only", "it is draft"]
     provenance = found.calibration.provenance
     assert (provenance.kind, provenance.source, provenance.tag) == (
         "registry",
@@ -306,7 +306,7 @@ class TestIndex:
         index = Files(FOCAL, an_entry(model="FC220")).index()
         key = replace(KEY, focal_mm=24.0)
         assert index.resolve(key) is None
-        assert [(miss.path, miss.why_not) for miss in index.near(key)] == [
+        assert [(miss.path, miss.reason) for miss in index.near(key)] == [
             (FOCAL.path, "it is of 8.8 mm, not 24 mm")
         ]
 

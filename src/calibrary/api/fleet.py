@@ -12,7 +12,7 @@ from calibrary.jobs.exchange.resolve import Answer, Question, answer, answer_jso
 from calibrary.records import Json
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import open_snapshot
-from calibrary.registry.resolution import Near
+from calibrary.registry.resolution import RejectedEntry
 from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["Fleet", "FleetAnswer", "open_registry"]
@@ -61,7 +61,7 @@ class FleetAnswer:
         return found.why if found is not None else None
 
     @property
-    def near(self) -> tuple[Near, ...]:
+    def near(self) -> tuple[RejectedEntry, ...]:
         """Other entries of the same make and model, each with its ``path`` and ``why_not``."""
         return self.answer.near
 

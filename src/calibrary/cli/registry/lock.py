@@ -113,6 +113,6 @@ def _of_flight(snapshot: Snapshot, folder: Path, remarks: Screen, *, recursive: 
             " ".join(text for text in (metadata.make, metadata.model) if text)
             or "an image that names no camera"
         )
-        near = f" ({known.near[0].path}: {known.near[0].why_not})" if known.near else ""
+        near = f" ({known.near[0].path}: {known.near[0].reason})" if known.near else ""
         remarks.say(f"[yellow]note[/] {plain(f'no entry answers for {name}{near}')}")
     return list(paths)

@@ -97,7 +97,7 @@ def _show(screen: Screen, snapshot: Snapshot, found: Answer, resolution: Resolut
         *((f"  {name}", f"{value:.8g}") for name, value in (lens.coefficients.items() if lens else ())),
         ("made from", made.tag or ""),
     ]
-    near = [("near", printable(f"{item.path}: {item.why_not}")) for item in found.near]
+    near = [("near", printable(f"{item.path}: {item.reason}")) for item in found.near]
     shown = [(name, printable(value)) for name, value in rows if value]
     screen.show(facts([*shown, *near], screen.width))
 
@@ -107,7 +107,7 @@ def _tell_none(screen: Screen, found: Answer) -> None:
 
     key = found.question.key
     lines = [f"calibrary: no approved entry answers for {key}, as told by {found.question.known_by}"]
-    lines += [f"  near: {item.path}: {item.why_not}" for item in found.near]
+    lines += [f"  near: {item.path}: {item.reason}" for item in found.near]
     if found.near:
         lines.append(
             "'calibrary registry approve KEY' puts a draft to use; flags say what the image does not"

@@ -87,7 +87,7 @@ def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
             remedy="calibrary registry check",
         )
         return Answer(flown=flown, use=Use.NONE, finding=finding)
-    told = "; ".join(f"{id_of(one.path)}: {one.why_not}" for one in near[:MOST_NEAR])
+    told = "; ".join(f"{id_of(one.path)}: {one.reason}" for one in near[:MOST_NEAR])
     finding = Finding(
         rule=Rule.NO_ENTRY,
         severity=Severity.ERROR,

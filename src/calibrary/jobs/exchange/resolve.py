@@ -16,7 +16,7 @@ from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.history import recorded, recorded_json
 from calibrary.registry.paths import find_path, find_paths, id_of
-from calibrary.registry.resolution import Near, RegistryIndex, Resolution
+from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.writing import parsed
 
@@ -52,7 +52,7 @@ class Answer:
 
     question: Question
     resolution: Resolution | None
-    near: tuple[Near, ...]
+    near: tuple[RejectedEntry, ...]
 
 
 def asked(snapshot: Snapshot, word: str | None, said: Callable[[CameraKey], CameraKey]) -> Question:
@@ -101,7 +101,7 @@ def answer(snapshot: Snapshot, question: Question, *, on: date | None) -> Answer
 def answer_json(snapshot: Snapshot, found: Answer, *, on: date | None) -> dict[str, Json]:
     """The JSON form of an answer (schemas/resolution-1.schema.json)."""
     resolution = found.resolution
-    near: list[Json] = [{"path": item.path, "why_not": item.why_not} for item in found.near]
+    near: list[Json] = [{"path": item.path, "reason": item.reason} for item in found.near]
     document: dict[str, Json] = {
         "schema": "calibrary/resolution-1",
         "registry": str(snapshot.place),

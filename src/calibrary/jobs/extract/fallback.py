@@ -270,7 +270,7 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     known = camera.states[0].known
     if resolved is None or known.resolution is None:
         why = f"the registry has no approved entry for {camera.key}"
-        why += "".join(f"; {near.path} is none: {near.why_not}" for near in known.near[:2])
+        why += "".join(f"; {near.path} is none: {near.reason}" for near in known.near[:2])
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
     calibration, report, step = _judged(camera, resolved, policy, name, resolved.provenance.source)
     if step.outcome is StepOutcome.TAKEN:

@@ -14,7 +14,7 @@ from calibrary.records import replace
 from calibrary.registry.catalogue import Catalogue, load_catalogue
 from calibrary.registry.locking import locked
 from calibrary.registry.registry import open_snapshot, uncommitted
-from calibrary.registry.resolution import Near, RegistryIndex, Resolution
+from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["Knowledge", "Known"]
@@ -36,7 +36,7 @@ class Known:
     siblings: tuple[KnownCamera, ...] = ()
     why: str | None = None
     resolution: Resolution | None = None
-    near: tuple[Near, ...] = ()
+    near: tuple[RejectedEntry, ...] = ()
 
     @property
     def calibration(self) -> Calibration | None:

@@ -17,7 +17,7 @@ from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.paths import match_key
 
-__all__ = ["FOCAL_TOLERANCE", "Fit", "fit"]
+__all__ = ["FOCAL_TOLERANCE", "EntryMatch", "match_entry"]
 
 FOCAL_TOLERANCE: Final = 0.02
 """Cameras round the focal length they write, and a zoom lens does not stop at the same place twice."""
@@ -26,7 +26,7 @@ Rank = tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class EntryMatch:
     """An entry that fits a camera.
 
     Attributes:
@@ -61,9 +61,9 @@ class Fit:
         )
 
 
-def fit(
+def match_entry(
     path: str, entry: Entry, key: CameraKey, on: date | None, statuses: Collection[Status]
-) -> Fit | str | None:
+) -> EntryMatch | str | None:
     """The entry at the camera's image size, or in words why not; None for an entry of another make or model.
 
     A field that the entry leaves out fits every camera; one that it states must be known of the camera and
@@ -72,8 +72,8 @@ def fit(
     if not _is_of(entry, key):
         return None
     for rule in _RULES:
-        if (why_not := rule(entry, key)) is not None:
-            return why_not
+        if (reason := rule(entry, key)) is not None:
+            return reason
     if entry.status not in statuses:
         return f"it is {entry.status.value}" + (f": {entry.reason}" if entry.reason else "")
     if on is not None and entry.validity is not None and not entry.validity.holds(on):
@@ -83,7 +83,7 @@ def fit(
         adapted = adapt(K, ImageMetadata(size=key.image_size or K.image_size))
     except InputError as error:
         return error.message
-    return Fit(
+    return EntryMatch(
         path=path,
         entry=entry,
         adapted=adapted,
