@@ -1,8 +1,8 @@
-"""What must be known of every entry before one can be found, kept between runs and brought up to date by git.
+"""The index over all entries that finding one needs, cached between runs and updated from git.
 
-Two things are: the other names cameras go by, and the entries whose path does not say their camera. Looking through
-a hundred thousand entries for them takes seconds; of a registry that was looked through before only what differs
-since is read. The file lies in the user's cache folder and may be thrown away at any time.
+It holds the aliases of cameras, and the entries whose path does not follow from their camera. Reading a
+hundred thousand entries for them takes seconds; of a registry that was read before only the differences are read.
+The file is in the user's cache folder and may be deleted at any time.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def _file_of(repo: Repository, folder: Path | None) -> Path:
 
 
 def _keep(names: Names, file: Path) -> None:
-    """Write them; a cache that cannot be written costs time and nothing else."""
+    """Write the cache; if that fails, the next run only takes longer."""
     with suppress(CalibraryError, OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
         write_files({file: _document(names)})
@@ -123,7 +123,7 @@ def _read_whole(repo: Repository, commit: str) -> Names:
 
 
 def _brought_up(repo: Repository, known: Names, commit: str) -> Names:
-    """What was known, but for the entries that differ."""
+    """The earlier index, with the entries that differ replaced."""
     differing = changed(repo, known.commit, commit, CAMERAS)
     there = {file.path: file.after for file in differing if file.after is not None}
     contents = repo.read_many([*there.values()])
@@ -159,7 +159,7 @@ def _document(names: Names) -> bytes:
 
 
 def _kept(file: Path) -> Names | None:
-    """What an earlier run left; None of anything that is not just that."""
+    """The index of an earlier run; None if the file is anything else."""
     try:
         document = json.loads(file.read_bytes())
         if document["version"] != VERSION or HEX.match(document["commit"]) is None:

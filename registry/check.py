@@ -55,7 +55,7 @@ class CheckReport:
 
     @property
     def is_good(self) -> bool:
-        """Whether there is no error; warnings may be."""
+        """Whether there are no errors; warnings are allowed."""
         return not self.errors
 
 
@@ -115,7 +115,9 @@ class _Tree:
         for path in self.paths:
             other = seen.setdefault(path.casefold(), path)
             if other != path:
-                yield _finding(path, "unique", f"only letter case tells it from {other}; remove one of them")
+                yield _finding(
+                    path, "unique", f"differs from {other} only in letter case; remove one of them"
+                )
 
     def references(self, path: str, entry: Entry) -> Iterator[Finding]:
         """What an entry says of others: the one it supersedes, and the names it claims."""
@@ -127,7 +129,7 @@ class _Tree:
             folder = folder_of(alias.make, alias.model)
             name = f"{alias.make} {alias.model}"
             if folder == own:
-                yield _finding(path, "alias", f"{name} is its own name and no alias; take it out")
+                yield _finding(path, "alias", f"{name} is its own name, not an alias; remove it")
                 continue
             at = bisect_left(self.paths, folder)
             if entry.is_usable and at < len(self.paths) and self.paths[at].startswith(folder):
@@ -143,7 +145,7 @@ class _Tree:
             yield _finding(path, "supersedes", "it supersedes itself")
             return
         if there not in self.entries:
-            yield _finding(path, "supersedes", f"it supersedes {target}, and there is no such entry")
+            yield _finding(path, "supersedes", f"it supersedes {target}, which does not exist")
             return
         try:
             other = parse_entry(self.entries[there], there)
@@ -165,12 +167,14 @@ class _Tree:
 
 def _path(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     if entry.path != path:
-        yield _finding(path, "path", f"its key says {entry.path}; move it there, or put the key right")
+        yield _finding(path, "path", f"its key gives {entry.path}; move it there, or correct the key")
 
 
 def _provenance(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     if entry.is_usable and entry.calibration.provenance == UNSTATED:
-        yield _finding(path, "provenance", f"{entry.status.value} without a provenance; say where K is from")
+        yield _finding(
+            path, "provenance", f"{entry.status.value} without a provenance; state where K is from"
+        )
 
 
 def _plausible(path: str, entry: Entry, policy: Policy) -> Iterator[Finding]:
@@ -220,7 +224,7 @@ def _uncertainty(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     covariance = quality.covariance
     named = [*quality.std, *(covariance.names if covariance is not None else ())]
     if unknown := sorted({name for name in named if name not in known}):
-        message = f"an uncertainty of {', '.join(unknown)}, which this calibration does not have"
+        message = f"an uncertainty of {', '.join(unknown)}, which are not parameters of this calibration"
         yield _finding(path, "uncertainty", message)
     if covariance is None:
         return
@@ -242,7 +246,7 @@ def _not_positive(matrix: FloatArray, spread: FloatArray) -> str | None:
     if smallest >= SMALLEST_EIGENVALUE:
         return None
     return (
-        f"the covariance is none: its correlations have the eigenvalue {smallest:.3g}, expected none below 0"
+        f"the covariance is invalid: its correlations have the eigenvalue {smallest:.3g}, expected 0 or above"
     )
 
 
@@ -266,8 +270,8 @@ def _board(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     yield _finding(
         path,
         "board",
-        f"its board calibration ended {str(verdict).upper()}{why}, and only PASS is put to use: photograph what the "
-        "reasons ask for and calibrate again, or leave it a draft",
+        f"its board calibration ended {str(verdict).upper()}{why}, and only PASS may be used: photograph what the "
+        "reasons ask for and calibrate again, or keep it a draft",
     )
 
 
@@ -298,7 +302,9 @@ def _overlaps(group: Mapping[str, Entry]) -> Iterator[Finding]:
             try:
                 overlaps = entry.firmware.overlaps(other.firmware)
             except InputError as error:
-                yield _finding(path, "overlap", f"{error}, which is that of {other_path}; write both alike")
+                yield _finding(
+                    path, "overlap", f"{error}, which is that of {other_path}; write both the same way"
+                )
                 continue
             if overlaps:
                 message = f"{entry.firmware} overlaps {other.firmware} of {other_path}; end one where the other begins"
@@ -306,7 +312,7 @@ def _overlaps(group: Mapping[str, Entry]) -> Iterator[Finding]:
 
 
 def _resolves_to_itself(group: Mapping[str, Entry]) -> Iterator[Finding]:
-    """An entry that its own key does not lead to is dead, or stands in another's way."""
+    """An entry that its own key does not lead to is dead, or hides another entry."""
     by_unit: dict[str | None, dict[str, Entry]] = {}
     for path, entry in group.items():
         serial = entry.calibration.camera.serial
@@ -334,5 +340,5 @@ def _leads_home(path: str, entry: Entry, candidates: Mapping[str, Entry]) -> Ite
         yield _finding(
             path,
             "reachable",
-            f"{found or 'nothing'} answers for its own camera; make the keys differ, or retire one",
+            f"its own camera resolves to {found or 'no entry'}; make the keys differ, or retire one",
         )

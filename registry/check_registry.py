@@ -32,7 +32,7 @@ __all__ = [
 ]
 
 MENTIONS: Final = (b"aliases", b"supersedes")
-"""Fields by which an entry speaks of others, wherever they stand."""
+"""Fields by which an entry speaks of others, wherever they are."""
 
 BLOCK: Final = 250
 """Entries that are read at once; one by one, waiting for git takes a third of a check."""
@@ -81,12 +81,12 @@ def parse_range(text: str) -> tuple[str, str | None]:
     """The two ends of REV..REV; an end that is left out is the newest commit.
 
     Raises:
-        RegistryError: it is no range.
+        RegistryError: it is not a range.
     """
     before, dots, after = text.partition("..")
     if not dots or not before or after.startswith("."):
         raise RegistryError(
-            f"{text!r} is no range of revisions, expected REV..REV, such as origin/main..HEAD"
+            f"{text!r} is not a range of revisions, expected REV..REV, such as origin/main..HEAD"
         )
     return before, after or None
 
@@ -197,7 +197,7 @@ def check_range(
 def check_signatures(
     snapshot: Snapshot, signers: Path | None, *, before: str | None = None, after: str | None = None
 ) -> tuple[str, ...]:
-    """The commits that nobody on the list signed, each with why; of all history, or after a revision.
+    """The commits that no person on the list signed, each with the reason; of all history, or after a revision.
 
     Args:
         snapshot: of the registry.
@@ -231,7 +231,7 @@ class _Files(Mapping[str, bytes]):
     """Entries that are read some hundred at a time as they are asked for, so that a hundred thousand need no memory.
 
     Attributes:
-        unreadable: files that were asked for and could not be had, and why; in their place stands nothing.
+        unreadable: files that could not be read, with the reason; they have no content here.
     """
 
     def __init__(

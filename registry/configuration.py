@@ -39,12 +39,12 @@ LARGEST: Final = 64 << 10
 SCHEMA: Final = re.compile(r"calibrary/(registry|entry)-(\d{1,6})")
 
 TEXT: Final = """\
-# A registry of camera calibrations, kept by calibrary; README.md says how to read and review it.
+# A registry of camera calibrations, written by calibrary; README.md explains how to read and review it.
 schema: "calibrary/registry-1"
 layout: {layout}
 # The newest schema that entries are written in; older ones are still read.
 entries: "calibrary/entry-{entries}"
-# Whose limits an entry is held to before it is approved: "fleet", "source", or limits of your own, as in
+# The limits that an entry is checked against before it is approved: "fleet", "source", or limits of your own, as in
 # policy: {{schema: "calibrary/policy-1", name: "ours", base: "fleet", focal_symmetry_max: 0.05}}
 policy: "{policy}"
 """
@@ -97,7 +97,7 @@ def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configur
     """Read it.
 
     Raises:
-        ParseError: it is no YAML, breaks schemas/registry-1.schema.json, or is of a newer layout than is read.
+        ParseError: it is not YAML, does not match schemas/registry-1.schema.json, or is of a newer layout than is read.
         InputError: a limit of its policy is out of range.
     """
     value = load_yaml(data, source=name, max_bytes=LARGEST)
@@ -120,8 +120,8 @@ def _refuse_newer(document: Mapping[str, YamlValue], name: str) -> None:
 
 def _newer(name: str, place: str, found: str, supported: str) -> ParseError:
     return ParseError(
-        f"is {found}, and this calibrary reads up to {supported}; update calibrary: the registry was written by a "
-        "newer one, and its history (git log) says when",
+        f"is {found}, and this calibrary reads up to {supported}; upgrade calibrary: the registry was written by a "
+        "newer version, and git log shows when",
         source=name,
         place=place,
     )

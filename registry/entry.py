@@ -45,7 +45,7 @@ class Status(StrEnum):
 
     @property
     def is_usable(self) -> bool:
-        """Whether somebody answers for it; a held entry is one a person pinned."""
+        """Whether the entry may be used: a person approved it, or holds it against replacement."""
         return self in USABLE
 
 
@@ -87,7 +87,7 @@ class Sensor(Record):
                 raise InputError(f"the sensor's {name} is {value}, expected a positive number")
             force_setattr(self, name, float(value))
         if self.width_mm is None and self.height_mm is None and self.pitch_um is None:
-            raise InputError("a sensor of which nothing is known, expected width_mm, height_mm or pitch_um")
+            raise InputError("the sensor states nothing, expected width_mm, height_mm or pitch_um")
 
 
 class Validity(Record):
@@ -105,7 +105,7 @@ class Validity(Record):
 
     def __post_init__(self) -> None:
         if self.first is None and self.last is None:
-            raise InputError("a validity without a day, expected its first, its last or both")
+            raise InputError("the validity states no day, expected its first day, its last day or both")
         if self.first is not None and self.last is not None and self.last < self.first:
             raise InputError(
                 f"valid from {self.first} until {self.last}, expected the first day before the last"
@@ -144,7 +144,7 @@ class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
         extensions: the file's ``x-`` fields as they are; one inside a block goes by ``block/x-name``.
 
     Raises:
-        InputError: the calibration is no camera's that an entry could be of.
+        InputError: the calibration cannot be an entry: make, model or image size is missing, or K is a guess.
     """
 
     calibration: Calibration
@@ -175,22 +175,20 @@ class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
     def __post_init__(self) -> None:
         camera, grade = self.calibration.camera, self.calibration.grade
         if not (camera.make or "").strip() or not (camera.model or "").strip():
-            raise InputError(
-                f"{camera} has no make or no model, expected both: a registry finds cameras by them"
-            )
+            raise InputError(f"{camera} lacks make or model, expected both: a registry finds cameras by them")
         if camera.image_size != self.calibration.intrinsics.image_size:
-            raise InputError("the camera's image size is not the one that K counts in")
+            raise InputError("the camera's image size differs from that of K")
         if camera.firmware is not None:
-            raise InputError("an entry's firmware is a range of its own, no part of its camera")
+            raise InputError("an entry's firmware is a range of its own, not part of its camera")
         if not grade.is_metric:
-            raise InputError(f"a K of grade {grade.value} is a guess, and no guess enters a registry")
+            raise InputError(f"a K of grade {grade.value} is a guess, and a registry takes no guesses")
         if self.tolerance is not None and not 0 < self.tolerance <= 1:
             raise InputError(f"the tolerance is {self.tolerance}, expected a fraction above 0 and up to 1")
         for name in self.extensions:
             block, _, key = name.rpartition("/")
             if not key.startswith("x-") or (block and not self._has(block)):
                 raise InputError(
-                    f"{name!r:.60} is no field of this entry, expected x-… or, in a block it has, block/x-…"
+                    f"{name!r:.60} is not a field of this entry, expected x-… or, in a block it has, block/x-…"
                 )
 
     def _has(self, block: str) -> bool:
@@ -239,5 +237,5 @@ class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
 
     @property
     def is_usable(self) -> bool:
-        """Whether somebody answers for it."""
+        """Whether its status allows using it."""
         return self.status.is_usable

@@ -133,7 +133,7 @@ def read(document: dict[str, Json]) -> dict[str, Json]:
             raise InputError("expected make, model and image_size", place="camera")
         if isinstance(intrinsics := calibration.get("intrinsics"), dict):
             if "image_size" in intrinsics:
-                raise InputError("the image size is said in camera alone", place="intrinsics.image_size")
+                raise InputError("the image size is stated in camera only", place="intrinsics.image_size")
             calibration["intrinsics"] = intrinsics | {"image_size": camera["image_size"]}
     return document | {"calibration": calibration, "extensions": extensions}
 
@@ -153,7 +153,7 @@ def _check_provenance(provenance: Json) -> None:
         return
     kind = provenance.get("kind")
     if kind in NO_SOURCES:
-        raise InputError("is no source", place="provenance.kind")
+        raise InputError("does not name a source", place="provenance.kind")
     missing = [name for name in TRACED_BY.get(str(kind), ()) if not provenance.get(name)]
     if missing:
         raise InputError(f"lacks {', '.join(missing)}", place="provenance")
@@ -264,10 +264,10 @@ def migrated(value: YamlValue, *, source: str) -> Document:
     """The document in the present version; what is not one is left for the schema to complain of.
 
     Raises:
-        ParseError: it is no map, names no version, or one that is newer than this program.
+        ParseError: it is not a map, names no version, or one that is newer than this program.
     """
     if not isinstance(value, dict):
-        raise ParseError("is no map of an entry's fields", source=source)
+        raise ParseError("is not a map of an entry's fields", source=source)
     found = _version(value, source)
     if found > CURRENT:
         raise ParseError(

@@ -1,4 +1,4 @@
-"""Whether an entry fits a camera, at which size, and how much it says of it."""
+"""Whether an entry matches a camera, at which image size, and how specific it is."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class EntryMatch:
     rank: Rank
 
     def calibration(self, key: CameraKey) -> Calibration:
-        """The entry's calibration as the camera's own; its provenance is the entry, and what stands behind that."""
+        """The entry's calibration as the camera's own; its provenance is the entry and the entry's own source."""
         calibration, adapted = self.entry.calibration, self.adapted
         quality, (width, height) = calibration.quality, adapted.reference_size
         size = adapted.intrinsics.image_size
@@ -64,7 +64,7 @@ class EntryMatch:
 def match_entry(
     path: str, entry: Entry, key: CameraKey, on: date | None, statuses: Collection[Status]
 ) -> EntryMatch | str | None:
-    """The entry at the camera's image size, or in words why not; None for an entry of another make or model.
+    """The entry at the camera's image size, or the reason against it; None for another make or model.
 
     A field that the entry leaves out fits every camera; one that it states must be known of the camera and
     equal, but for the focal length: where a camera's is not known, the entry may be right.
@@ -104,7 +104,9 @@ def _unit(entry: Entry, key: CameraKey) -> str | None:
     serial = entry.calibration.camera.serial
     if serial is None or _same(serial, key.serial):
         return None
-    return "it is of one unit, and the serial number is " + ("not known" if key.serial is None else "another")
+    return "it is of one unit, and the camera's serial number is " + (
+        "not known" if key.serial is None else "another"
+    )
 
 
 def _firmware(entry: Entry, key: CameraKey) -> str | None:
@@ -130,7 +132,9 @@ def _sub_camera(entry: Entry, key: CameraKey) -> str | None:
     stated, seen = entry.calibration.camera.sub_camera, key.sub_camera
     if stated is None or (seen is not None and _sub_camera_key(stated) == _sub_camera_key(seen)):
         return None
-    return f"it is of the {stated} camera" + (", and which one this is is not known" if seen is None else "")
+    return f"it is of the {stated} camera" + (
+        ", and the image's sub-camera is not known" if seen is None else ""
+    )
 
 
 def _lens(entry: Entry, key: CameraKey) -> str | None:
@@ -148,9 +152,9 @@ def _mode(entry: Entry, key: CameraKey) -> str | None:
     if stated is not None and _same(stated, seen):
         return None
     return (
-        f"it is of frames as the sensor gives them, not {seen}"
+        f"it is of images without a capture mode, not {seen}"
         if stated is None
-        else f"it is of {stated} frames"
+        else f"it is of {stated} images"
     )
 
 

@@ -45,8 +45,8 @@ LEGEND: Final = """\
 # One camera of a fleet registry, written by calibrary; schema: entry-1.
 # K is fx fy cx cy skew in pixels of an image of image_size (width, height), x to the right, y down. The origin is the
 # outer corner of the top-left pixel, so the middle is (width/2, height/2); for OpenCV take 0.5 off cx and cy.
-# The distortion is no part of K; its model maps ideal to observed x/z, y/z. null: unknown; "none": known to be none.
-# The digest seals the numbers. To change one, take the digest line out and run: calibrary registry add FILE
+# The distortion is separate; its model maps undistorted to distorted x/z, y/z. null: unknown; "none": known to be none.
+# The digest is a checksum over the numbers. To edit one, delete the digest line and run: calibrary registry add FILE
 """
 
 
@@ -56,7 +56,7 @@ class Layout:
 
     Attributes:
         nulls: dotted paths that are written even where they are null or empty.
-        rows: lists of texts that stand on one line, as lists of numbers do.
+        rows: lists of strings that are on one line, as lists of numbers do.
         triangles: lists of numbers that are the upper triangle of a matrix, a row a line.
         quoted_keys: maps whose keys are always quoted.
     """
@@ -96,12 +96,12 @@ def parse_entry(data: bytes, name: str, *, require_digest: bool = True) -> Entry
             fit the numbers.
 
     Raises:
-        ParseError: it is no YAML of one meaning, breaks schemas/entry-1.schema.json, is of a newer schema, or
+        ParseError: it is not unambiguous YAML, does not match schemas/entry-1.schema.json, is of a newer schema, or
             its numbers are not those that the digest was made over.
-        InputError: its numbers are no camera's.
+        InputError: its numbers are not those of a camera.
     """
     if data.startswith(UTF_16):
-        raise ParseError("is text in UTF-16, which git shows to nobody; expected UTF-8", source=name)
+        raise ParseError("is UTF-16 text, which git treats as binary; expected UTF-8", source=name)
     value = load_yaml(data, source=name, max_bytes=LARGEST_ENTRY, max_depth=DEEPEST)
     document = migrated(value, source=name)
     entry = from_json(Entry, document, source=name, locate=partial(line_of, data))
@@ -135,7 +135,7 @@ def quoted(text: str) -> str:
     """A string between double quotes; what does not print is escaped, so that it shows in a diff.
 
     Raises:
-        InputError: it holds a lone surrogate, which is no character.
+        InputError: it holds a lone surrogate, which is not a character.
     """
     if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:
         return f'"{text}"'
@@ -150,7 +150,7 @@ def number(value: float) -> str:
     """
     value = float(value)
     if not math.isfinite(value):
-        raise InputError(f"{value} is no number that a file can hold, expected a finite one")
+        raise InputError(f"{value} cannot be written, expected a finite number")
     text = repr(value)
     mantissa, e, exponent = text.partition("e")
     return f"{mantissa}.0e{exponent}" if e and "." not in mantissa else text
@@ -257,5 +257,5 @@ def _escaped(character: str) -> str:
         return character
     code = ord(character)
     if 0xD800 <= code < 0xE000:
-        raise InputError(f"the lone surrogate {character!a}, expected text")
+        raise InputError(f"found the lone surrogate {character!a}, expected text")
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

@@ -45,7 +45,7 @@ def entry_fields(entry: Entry) -> dict[str, Field]:
 
 
 def differences(before: Entry | None, after: Entry) -> tuple[FieldChange, ...]:
-    """What one entry says otherwise than another, in the order of the file; everything where there is no other."""
+    """The fields in which one entry differs from another, in the file's order; all where there is no other."""
     old, new = entry_fields(before) if before is not None else {}, entry_fields(after)
     return tuple(
         _change(name, old.get(name), new.get(name), before, after)

@@ -53,7 +53,7 @@ class FirmwareRange(Record):
         """Whether a firmware lies in the range.
 
         Raises:
-            InputError: it is no version number that can be compared with the range's.
+            InputError: it is not a version number that can be compared with the range's.
         """
         if self.min is not None and compare(firmware, self.min) < 0:
             return False
@@ -74,7 +74,7 @@ def compare(a: str, b: str) -> int:
     """-1, 0 or 1: which of two versions is the older, number by number ("1.9" before "01.10.0000").
 
     Raises:
-        InputError: one of them is no version, or what stands before their numbers differs.
+        InputError: one of them is not a version, or their prefixes differ.
     """
     (kind_a, numbers_a), (kind_b, numbers_b) = _parsed(a), _parsed(b)
     if kind_a != kind_b:
@@ -90,11 +90,11 @@ def _starts_by(start: str | None, end: str | None) -> bool:
 
 
 def _parsed(text: str) -> tuple[str, tuple[int, ...]]:
-    """What stands before the numbers ("ilce-7rm4"; "v" and "firmware version" say nothing), and the numbers."""
+    """The prefix of the numbers ("ilce-7rm4"; "v" and "firmware version" say nothing), and the numbers."""
     found = _VERSION.fullmatch(match_key(text)[:200])
     if found is None:
         raise InputError(
-            f"firmware {text!r:.60} is no version number, expected one such as 01.00.0128 or v10.00.12.07"
+            f"firmware {text!r:.60} is not a version number, expected one such as 01.00.0128 or v10.00.12.07"
         )
     kind = _WORDS.sub("", found[1]).strip(" .")
     return kind, tuple(int(number) for number in found[2].split("."))

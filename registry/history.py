@@ -148,7 +148,7 @@ def blame(snapshot: Snapshot, key: str) -> tuple[FieldOrigin, ...]:
         RegistryError: it cannot be read.
     """
     if "@" in key:
-        raise RegistryError(f"{key}: it is told of the entry as it is; name it without @REV")
+        raise RegistryError(f"{key}: only the current entry can be examined; name it without @REV")
     stored = snapshot.get(key)
     revisions = history(snapshot, stored.id)
     # Each revision's fields are asked for once, and not once for every field.

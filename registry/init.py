@@ -40,7 +40,7 @@ __all__ = [
     "scaffold",
 ]
 
-FIRST: Final = Note(subject="Begin a registry of camera calibrations")
+FIRST: Final = Note(subject="Create a registry of camera calibrations")
 LAST_NAME: Final = re.compile(r"([\w.-]+?)(?:\.git)?/*\Z")
 
 
@@ -65,7 +65,7 @@ def init(place: Path, *, bare: bool = False) -> Initialised:
     """Make a registry.
 
     A repository without a commit, such as a clone of one that was just made at a host, is begun in. One with
-    commits is somebody's: a registry is a repository of its own, so that its history is that of its cameras.
+    commits belongs to another project: a registry has its own repository, so that its history is that of its cameras.
 
     Args:
         place: a folder, made if it is not there.
@@ -80,12 +80,12 @@ def init(place: Path, *, bare: bool = False) -> Initialised:
         repo = _empty_repository(place, in_the_way)
     elif CONFIGURATION_FILE in in_the_way:
         raise RegistryError(
-            f"{place}: a registry's files, but no git repository; nothing was changed: git init, git add and git "
-            "commit take them in, or name another folder"
+            f"{place}: a registry's files, but not a git repository; nothing was changed: add them with git init, "
+            "git add and git commit, or name another folder"
         )
     elif in_the_way:
         raise RegistryError(
-            f"{place}: {', '.join(in_the_way)} exists already, which a registry has of its own; nothing was "
+            f"{place}: {', '.join(in_the_way)} exists already, and a registry writes its own; nothing was "
             "changed: name another folder"
         )
     else:
@@ -102,7 +102,7 @@ def init_from(url: str, place: Path, *, bare: bool = False) -> Initialised:
         bare: without a work tree.
 
     Raises:
-        RegistryError: it cannot be reached or is no registry; nothing stays behind.
+        RegistryError: it cannot be reached or is not a registry; nothing is left behind.
     """
     shown, existed = without_secret(check_url(url)), place.exists()
     repo = clone(url, place, bare=bare, check_path=check_path)
@@ -124,7 +124,7 @@ def folder_for(url: str) -> Path:
     found = LAST_NAME.search(url.replace("\\", "/").rstrip("/"))
     if found is None or set(found[1]) <= {"."}:
         raise RegistryError(
-            f"{without_secret(url)}: says no name for the folder; name one: init PATH --remote URL"
+            f"{without_secret(url)}: does not contain a folder name; give one: init PATH --remote URL"
         )
     return Path(found[1])
 
@@ -143,12 +143,12 @@ def _empty_repository(place: Path, in_the_way: list[str]) -> Repository:
     if repo.tip() is not None:
         if _is_registry(repo):
             raise RegistryError(
-                f"{place}: there is a registry already; nothing was changed. 'calibrary registry list' shows what is "
-                "in it"
+                f"{place}: there is a registry already; nothing was changed. 'calibrary registry list' shows its "
+                "entries"
             )
         raise RegistryError(
-            f"{place}: a git repository of something else, and a registry is one of its own; nothing was changed: "
-            f"name a folder beside it, or in it: calibrary registry init {place / 'cameras-registry'}"
+            f"{place}: a git repository of another project, and a registry needs its own; nothing was changed: "
+            f"name a folder next to it, or in it: calibrary registry init {place / 'cameras-registry'}"
         )
     if in_the_way:
         raise RegistryError(f"{place}: {', '.join(in_the_way)} exists already; nothing was changed")
@@ -189,55 +189,55 @@ WORKFLOW: Final = ".github/workflows/registry-check.yml"
 README: Final = """\
 # Camera calibrations
 
-One YAML file a camera, in `cameras/<make>/<model>/<variant>.yaml`; a unit with a calibration of its own has a
-folder `sn-<hash>/` between the two, and its serial number itself stands nowhere. The history of a camera is the
-history of its file, in git and nowhere else. `registry.yaml` says by which rules this is kept.
+One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`. A unit with its own calibration has a folder
+`sn-<hash>/` between the two; the serial number itself is not stored. The history of a camera is the git history of
+its file. `registry.yaml` is the configuration: the schema versions and the limits that entries are checked against.
 
 ## An entry
 
 ```yaml
 {example}```
 
-- `status`: `draft` is proposed, `approved` is used, `held` is used and pinned by a person, `retired` is used no more.
-- `intrinsics` is K. `distortion` stands apart and is no part of it: `null` is unknown, `model: none` is known to
-  be none.
+- `status`: `draft` is proposed, `approved` is used, `held` is used and protected
+  from replacement, `retired` is no longer used.
+- `intrinsics` is K. `distortion` is separate: `null` is unknown, `model: none` means known to be none.
 - `grade`, best first: `calibrated` (measured on this unit), `adjusted` (from a bundle adjustment), `design` (the
-  maker's nominal), `derived` (focal length over pixel pitch).
-- `digest` seals the numbers. To change one by hand, take that line out and run `calibrary registry add FILE`.
+  manufacturer's nominal value), `derived` (focal length over pixel pitch).
+- `digest` is a checksum over the numbers. To edit a number, delete that line and run `calibrary registry add FILE`.
 
 ## Reading it with git alone
 
-    git log -p --follow cameras/dji/fc6310r/5472x3648.yaml     what became of a camera, and why
+    git log -p --follow cameras/dji/fc6310r/5472x3648.yaml     the history of a camera, with reasons
     git log --grep '^Camera: dji/fc6310r'                      the commits that name it
     git diff main...proposal                                   what a branch proposes
     git show v2026.1:cameras/dji/fc6310r/5472x3648.yaml        as it was at a tag
 
-Each commit says in trailers which cameras it is of (`Camera:`), from which files (`Source-File:`,
-`Source-Sha256:`), of which grade, for which firmware, and why (`Reason:`). With calibrary installed git shows
-entries by their fields, with one line a number:
+The trailers of each commit name the cameras (`Camera:`), the source files (`Source-File:`, `Source-Sha256:`), the
+grade, the firmware and the reason (`Reason:`). With calibrary installed, git shows entries by their fields, one line
+per number:
 
     git config {driver} '{command}'
 
 ## Reviewing a change
 
 1. Is the camera the right one: make, model, sub-camera, lens, image size?
-2. Do fx and fy move by more than their uncertainty? 0.05 % of the focal length is a drift, and some per cent are
-   another lens, another frame or a wrong sensor.
+2. Do fx and fy move by more than their uncertainty? 0.05 % of the focal length is drift; several per cent mean
+   another lens, another image size or a wrong sensor size.
 3. Are cx and cy near the middle, within 5 % of the sides?
-4. Does `provenance` name a file with its sha256 and say when it was made, and does the `Reason:` tell why?
+4. Does `provenance` name a file with its sha256 and state when it was made, and does `Reason:` give the reason?
 5. Does `calibrary registry check` pass? It runs on every push ({workflow}).
 
 ## With calibrary
 
-    calibrary registry list                       what there is
-    calibrary registry add camera.xml             propose; shows the difference, and asks
-    calibrary registry approve KEY                put it to use
-    calibrary registry log KEY                    what became of it
-    calibrary diff KEY@2026-05-01 KEY             whether it moved by more than noise
+    calibrary registry list                       list the entries
+    calibrary registry add camera.xml             propose an entry; shows the difference and asks
+    calibrary registry approve KEY                approve it for use
+    calibrary registry log KEY                    show its history
+    calibrary diff KEY@2026-05-01 KEY             compare two revisions
 """
 
 CHECK: Final = """\
-# Holds every entry against the schema, its digest, its path and the policy of registry.yaml.
+# Checks every entry against the schema, its digest, its path and the policy of registry.yaml.
 name: registry check
 on: [push, pull_request]
 permissions:

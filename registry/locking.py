@@ -61,7 +61,7 @@ class Locked:
 
 
 def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
-    """A lock of some entries as they stand.
+    """A lock of some entries as they are.
 
     Args:
         snapshot: of the registry.
@@ -200,7 +200,7 @@ class Lock(Record, tag_field="schema", tag="calibrary/lock-1"):
 
     Attributes:
         registry: where the registry was, for people.
-        commit: of the registry, 40 hexadecimal digits; None for a folder that is no repository.
+        commit: of the registry, 40 hexadecimal digits; None for a folder without a repository.
         pins: by path.
     """
 
@@ -211,7 +211,7 @@ class Lock(Record, tag_field="schema", tag="calibrary/lock-1"):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """A pinned entry that is no longer what it was."""
+    """A pinned entry that has changed."""
 
     path: str
     message: str
@@ -224,7 +224,7 @@ def pin_of(path: str, data: bytes) -> Pin:
     """The pin of an entry from its file; a checkout with CRLF line ends gives the pin of git's own bytes.
 
     Raises:
-        InputError: the file is no entry.
+        InputError: the file is not an entry.
     """
     entry = parse_entry(data, path, require_digest=False)
     kept = data.replace(b"\r\n", b"\n")
@@ -244,11 +244,11 @@ def verify(lock: Lock, current: Mapping[str, Pin]) -> tuple[Drift, ...]:
 
 def _drift(pin: Pin, now: Pin | None) -> Drift | None:
     if now is None:
-        return Drift(path=pin.path, message="pinned, and no longer in the registry")
+        return Drift(path=pin.path, message="pinned, but no longer in the registry")
     if now.digest != pin.digest:
         return Drift(path=pin.path, message="its numbers have changed since it was pinned")
     if now.blob != pin.blob:
-        message = "the same numbers, but status, key or what else it says has changed since it was pinned"
+        message = "the same numbers, but its status, key or another field has changed since it was pinned"
         return Drift(path=pin.path, message=message)
     return None
 
@@ -263,7 +263,7 @@ def parse_lock(data: bytes, name: str) -> Lock:
     """Read a lock.
 
     Raises:
-        ParseError: it is no YAML, breaks schemas/lock-1.schema.json, or pins an entry twice.
+        ParseError: it is not YAML, does not match schemas/lock-1.schema.json, or pins an entry twice.
     """
     value = load_yaml(data, source=name, max_bytes=LARGEST_LOCK)
     lock = from_json(Lock, value, source=name, locate=partial(line_of, data))
@@ -278,7 +278,7 @@ def read_lock(path: Path) -> Lock:
     """Read a lock's file.
 
     Raises:
-        InputError: it cannot be read, or is no lock.
+        InputError: it cannot be read, or is not a lock.
     """
     try:
         with path.open("rb") as file:
@@ -301,6 +301,6 @@ def refuse_drift(lock: Lock, current: Iterable[Pin], *, name: str) -> None:
         more = f" (and {len(drifts) - 1} more)" if len(drifts) > 1 else ""
         at = f"check out {lock.commit[:12]}" if lock.commit is not None else "restore it"
         raise RegistryError(
-            f"the registry has drifted from {name}: {drifts[0]}{more}; {at}, or accept what is there now: "
+            f"the registry differs from {name}: {drifts[0]}{more}; {at}, or accept what is there now: "
             "calibrary registry lock"
         )

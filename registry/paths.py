@@ -116,7 +116,7 @@ def check_path(path: str) -> str:
     """The path itself, if a registry may hold a file there.
 
     Raises:
-        RegistryError: it is no ``cameras/**.yaml`` and none of the few files beside it.
+        RegistryError: it is not ``cameras/**.yaml`` and none of the few files beside it.
     """
     if path in SINGLE_FILES or WORKFLOW.match(path) or SCHEMA.match(path):
         return path
@@ -129,7 +129,7 @@ def check_path(path: str) -> str:
         or not all(NAME.match(name) and is_safe_name(name) for name in names)
     ):
         raise RegistryError(
-            f"{path!r} is no place in a registry: expected cameras/<make>/<model>/<variant>.yaml in lower-case "
+            f"{path!r} is not allowed in a registry: expected cameras/<make>/<model>/<variant>.yaml in lower-case "
             f"letters, digits and . _ ~ + -, or one of {', '.join(sorted(SINGLE_FILES))}, schema/*.json, "
             ".github/workflows/*.yml"
         )
@@ -149,7 +149,7 @@ def folder_of(make: str, model: str) -> str:
 
 
 def is_entry(path: str) -> bool:
-    """Whether a file below the root is to be read as an entry, by its name."""
+    """Whether a file below the root is an entry, by its name."""
     return path.endswith(SUFFIX) and not path.rpartition("/")[2].startswith(".")
 
 
@@ -157,14 +157,14 @@ def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
     """``cameras/<make>/<model>/[sn-<serial>/]<width>x<height>[+…].yaml``.
 
     Every part after the size names the field it is of, and ``+`` is in no slug, so different keys have different
-    paths; where that gets too long, a hash stands for it. The leaf starts with a digit and a unit's folder with
+    paths; where that gets too long, a hash replaces it. The leaf starts with a digit and a unit's folder with
     ``sn-``: neither can take the other's place.
 
     Raises:
         InputError: the key has no make, no model or no image size.
     """
     if not camera.make or not camera.model or camera.image_size is None:
-        raise InputError(f"{camera} has no place in a registry, expected make, model and image size")
+        raise InputError(f"{camera} cannot be in a registry, expected make, model and image size")
     width, height = camera.image_size
     parts = [f"{width}x{height}"]
     stated = (("mode", camera.capture_mode), ("sub", camera.sub_camera), ("lens", camera.lens))

@@ -128,7 +128,7 @@ def propose(
     for entry in entries:
         if entry.path in seen:
             raise InputError(
-                f"several of the cameras would all be {entry.id}; sub-camera, lens or serial tell them apart"
+                f"several of the cameras would all be {entry.id}; distinguish them by sub-camera, lens or serial"
             )
         seen.add(entry.path)
         items.append(_proposal(snapshot, entry, approve, reason, override_held=override_held, edited=edited))
@@ -172,7 +172,7 @@ def require_not_held(current: Entry | None, remedy: str = "") -> None:
     """
     if current is not None and current.status is Status.HELD:
         why = f" ({current.reason})" if current.reason else ""
-        raise RegistryError(f"{current.id} is held{why}: a person pinned it; nothing was written{remedy}")
+        raise RegistryError(f"{current.id} is held{why}: nothing was written{remedy}")
 
 
 def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:
@@ -193,7 +193,7 @@ def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:
 def _proposal(
     snapshot: Snapshot,
     entry: Entry,
-    approve: bool,  # noqa: FBT001  as propose() was told
+    approve: bool,  # noqa: FBT001  passed through from propose()
     reason: str | None,
     *,
     override_held: bool,
@@ -217,8 +217,8 @@ def _proposal(
         entry = replace(entry, status=status, reason=why)
     if current is not None and current.is_usable and not approve:
         warnings.append(
-            f"it is {current.status.value} now and becomes a draft, so no K of this camera is used until it is "
-            "approved; --approve does that at once"
+            f"it is {current.status.value} now and becomes a draft, so this camera has no usable K until it is "
+            "approved; --approve approves it at once"
         )
     return proposal_of(entry, current, base, warnings)
 
@@ -302,7 +302,7 @@ def _current(snapshot: Snapshot, key: str) -> StoredEntry:
 
 def _refuse_revision(key: str) -> None:
     if "@" in key:
-        raise RegistryError(f"{key}: what it was cannot be changed; name the entry without @REV")
+        raise RegistryError(f"{key}: a past revision cannot be changed; name the entry without @REV")
 
 
 def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
@@ -316,20 +316,20 @@ def _changed(stored: StoredEntry, entry: Entry) -> Proposal:
 
 
 def _told(one: Proposal) -> Proposal:
-    return one if one.changes else replace(one, warnings=(f"it is {one.entry.status.value} already",))
+    return one if one.changes else replace(one, warnings=(f"it is already {one.entry.status.value}",))
 
 
 def _succeeding(successor: StoredEntry, retired: Sequence[StoredEntry]) -> Proposal:
     if len(retired) != 1:
         raise RegistryError(
-            f"one entry supersedes one other, and {len(retired)} are to be retired; retire them singly"
+            f"an entry supersedes one other entry, found {len(retired)} to retire; retire them one by one"
         )
     [old] = retired
     if successor.path == old.path:
         raise RegistryError(f"{old.id}: an entry does not supersede itself")
     if successor.entry.supersedes not in {None, old.id}:
         raise RegistryError(
-            f"{successor.id} supersedes {successor.entry.supersedes} already; put that right first in its file, by "
+            f"{successor.id} supersedes {successor.entry.supersedes} already; correct its file first with "
             "'calibrary registry add FILE'"
         )
     return _changed(successor, replace(successor.entry, supersedes=old.id))

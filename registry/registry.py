@@ -43,7 +43,7 @@ class Registry:
 
     Attributes:
         repo: the repository.
-        configuration: what ``registry.yaml`` says, with the policy that entries are held to.
+        configuration: what ``registry.yaml`` says, with the policy that entries are checked against.
     """
 
     def __init__(self, repo: Repository) -> None:
@@ -283,7 +283,7 @@ class Registry:
         return sync.pull(self.repo, remote, choice)
 
     def push(self, remote: str = sync.DEFAULT) -> str:
-        """Push; the commit that both sides stand at now.
+        """Push; the commit that both sides have now.
 
         Raises:
             ConflictError: the remote has moved on; pull first.
@@ -355,7 +355,7 @@ def _configuration_in(place: Path) -> Configuration:
 
 
 def _configuration_of(repo: Repository) -> Configuration:
-    """What a registry says of itself; one that was made by hand, of entries alone, has the common configuration."""
+    """The registry's configuration; one that was made by hand, of entries only, has the default."""
     tip = repo.tip()
     if tip is None:
         return Configuration()
@@ -364,7 +364,7 @@ def _configuration_of(repo: Repository) -> Configuration:
         if repo.listing(tip, CAMERAS):
             return Configuration()
         raise RegistryError(
-            f"{repo.path}: a git repository, but no registry: it has neither {CONFIGURATION_FILE} nor entries in "
+            f"{repo.path}: a git repository, but not a registry: it has neither {CONFIGURATION_FILE} nor entries in "
             "cameras/; 'calibrary registry init FOLDER' makes one of its own"
         )
     try:

@@ -1,4 +1,4 @@
-"""Which entry answers for a camera: the most specific one that somebody answers for, and why it and no other."""
+"""Which entry is used for a camera: the most specific one that may be used, and the reason for the choice."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _REGULAR = re.compile(rf"{ROOT}[^/]+/[^/]+/(?:sn-[^/]+/)?[0-9][^/]*{re.escape(SU
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RejectedEntry:
-    """An entry that was not taken, and why."""
+    """An entry that was not used, and the reason."""
 
     path: str
     reason: str
@@ -48,14 +48,14 @@ class RejectedEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resolution:
-    """The entry that answers for a camera.
+    """The entry that is used for a camera.
 
     Attributes:
         path: of the entry.
         entry: as its file says it.
-        calibration: at the camera's image size, its provenance the entry and what stands behind it.
-        why: why this one, in words.
-        near: other entries of the same make and model, and why not they; the first few.
+        calibration: at the camera's image size, its provenance the entry and the entry's own source.
+        why: the reason for the choice, in words.
+        near: other entries of the same make and model with the reason against each; the first few.
     """
 
     path: str
@@ -92,7 +92,7 @@ def resolve(
     if best is None:
         return None
     less = [
-        RejectedEntry(path=other.path, reason=f"it fits, and says less: {_words(other)}")
+        RejectedEntry(path=other.path, reason=f"it matches, and is less specific: {_words(other)}")
         for other in fits[1:]
     ]
     return Resolution(
@@ -276,8 +276,8 @@ def _best(fits: Sequence[EntryMatch], key: CameraKey) -> EntryMatch | None:
     alike = [other.path for other in others if other.rank == best.rank]
     if alike:
         raise RegistryError(
-            f"{len(alike) + 1} entries fit {key} equally well: {', '.join([best.path, *alike][:MOST_NEAR])}; retire "
-            "all but one, or have each say what it is of"
+            f"{len(alike) + 1} entries match {key} equally well: {', '.join([best.path, *alike][:MOST_NEAR])}; retire "
+            "all but one, or state in each what it applies to"
         )
     return best
 
@@ -290,9 +290,9 @@ def _why(found: EntryMatch, others: int) -> str:
     camera = found.entry.calibration.camera
     text = f"{found.path} is of {_words(found)}" if found.states else f"{found.path} is of this model"
     if found.alias:
-        text += f"; it is of {camera.make} {camera.model}, which goes by this name as well"
+        text += f"; it is of {camera.make} {camera.model}, of which this is an alias"
     if found.adapted.steps:
         text += f"; {'; '.join(found.adapted.steps)}"
     if others:
-        text += f"; {others} more fit and say less"
+        text += f"; {others} more match and are less specific"
     return text

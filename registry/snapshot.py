@@ -62,7 +62,7 @@ class Snapshot:
 
     Attributes:
         place: the registry's folder.
-        configuration: of the registry, with the policy its entries are held to.
+        configuration: of the registry, with the policy that its entries are checked against.
         repo: the repository; None for a plain folder.
         commit: 40 hexadecimal digits; None for a plain folder.
         known_paths: the paths, where they were listed already.
@@ -111,7 +111,7 @@ class Snapshot:
             return self.repo.blob(oid)
         blob = self.repo.read(self.commit, path)
         if blob is None:
-            raise RegistryError(f"{path}: not at {self.commit[:12]}")
+            raise RegistryError(f"{path}: not in commit {self.commit[:12]}")
         return blob.data
 
     def read_many(self, paths: Sequence[str]) -> Iterator[bytes]:
@@ -125,7 +125,7 @@ class Snapshot:
         oids = [oid for path in paths if (oid := self.paths.get(path)) is not None]
         if len(oids) < len(paths):
             missing = next(path for path in paths if path not in self.paths)
-            raise RegistryError(f"{missing}: not at {(self.commit or '')[:12]}")
+            raise RegistryError(f"{missing}: not in commit {(self.commit or '')[:12]}")
         return self.repo.read_many(oids)
 
     def files(self) -> Iterator[tuple[str, bytes]]:
@@ -220,7 +220,7 @@ class Snapshot:
     def resolve(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
     ) -> Resolution | None:
-        """The entry that answers for a camera; see :func:`calibrary.registry.resolution.resolve`.
+        """The entry that is used for a camera; see :func:`calibrary.registry.resolution.resolve`.
 
         Raises:
             RegistryError: two entries fit equally well, or a candidate cannot be read.
@@ -239,8 +239,8 @@ def in_its_place(stored: StoredEntry) -> StoredEntry:
     """
     if stored.entry.path != stored.path and is_keyed(stored.path):
         raise RegistryError(
-            f"{stored.path}: the camera in it belongs at {stored.entry.path}, so this is not the K of {stored.id}; "
-            f"'calibrary registry log {stored.id}' tells who put it there"
+            f"{stored.path}: its camera belongs at {stored.entry.path}, so this is not the K of {stored.id}; "
+            f"'calibrary registry log {stored.id}' shows who wrote it"
         )
     return stored
 

@@ -63,7 +63,7 @@ def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) 
         choice: for every entry that both sides changed; without it nothing is changed where there is one.
 
     Raises:
-        FileConflictError: both sides changed an entry and no side was chosen; all of them are told.
+        FileConflictError: both sides changed an entry and no side was chosen; all of them are reported.
         RegistryError: the remote cannot be reached.
     """
     try:
@@ -78,13 +78,15 @@ def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) 
     try:
         pulled = remotes.pull(repo, remote)
     except BaseException:
-        _write_ours(repo, conflicts, Note(subject="Take ours back: the pull did not come through"))
+        _write_ours(repo, conflicts, Note(subject="Restore our entries: the pull failed"))
         raise
     kept = [conflict for conflict, is_ours in sides if is_ours]
     try:
         commit = _kept(repo, kept) if kept else pulled.commit
     except RegistryError as error:
-        raise RegistryError(f"pulled, but ours was not kept; it is in commit {before}: {error}") from None
+        raise RegistryError(
+            f"pulled, but our version was not written; it is in commit {before}: {error}"
+        ) from None
     return Pulled(
         before=before,
         commit=commit,
@@ -97,10 +99,10 @@ def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) 
 def remote_named(repo: Repository, word: str | None) -> tuple[str, str | None]:
     """The remote that a word means: its name, or its address.
 
-    An address that is new is noted as ``origin`` where there is no such remote yet.
+    A new address is stored as ``origin`` where there is no such remote yet.
 
     Returns:
-        its name, and the address that was noted, without a password.
+        its name, and the address that was stored, without a password.
 
     Raises:
         RegistryError: it is neither, or an address beside an ``origin`` that is another.
@@ -124,7 +126,7 @@ def remote_named(repo: Repository, word: str | None) -> tuple[str, str | None]:
 
 
 def field_conflicts(conflict: Conflict) -> tuple[FieldConflict, ...]:
-    """What two sides say differently of an entry, field by field; nothing where one of them is no entry."""
+    """The fields of an entry in which two sides differ; nothing where one of them is not an entry."""
     base, ours, theirs = (
         _fields(data, conflict.path) for data in (conflict.base, conflict.ours, conflict.theirs)
     )
@@ -188,7 +190,7 @@ def _decided(error: FileConflictError, choice: Choice) -> list[tuple[Conflict, b
     ours = _chosen(paths, choice.ours)
     theirs = _chosen(paths, choice.theirs)
     if both := ours & theirs:
-        raise RegistryError(f"{id_of(min(both))} is named for both sides; choose one")
+        raise RegistryError(f"{id_of(min(both))} is named for both --ours and --theirs; choose one")
     if ours | theirs != set(paths):
         raise error
     return [(conflict, conflict.path in ours) for conflict in error.conflicts]
@@ -208,7 +210,7 @@ def _settle(repo: Repository, conflicts: Collection[Conflict]) -> None:
         if one.path in current or one.theirs is not None
     ]
     cameras = [id_of(one.path) for one in conflicts]
-    write_changes(repo, changes, Note(subject="Take what the others say, to pull it", cameras=cameras))
+    write_changes(repo, changes, Note(subject="Take their entries before pulling", cameras=cameras))
 
 
 def _kept(repo: Repository, conflicts: Sequence[Conflict]) -> str:
@@ -216,7 +218,7 @@ def _kept(repo: Repository, conflicts: Sequence[Conflict]) -> str:
     whose = cameras[0] if len(cameras) == 1 else f"{len(cameras)} cameras"
     note = Note(
         subject=f"Keep ours of {whose}",
-        reason="both sides had changed it, and ours was chosen",
+        reason="both sides had changed it; ours was chosen",
         cameras=cameras,
     )
     return _write_ours(repo, conflicts, note)

@@ -18,7 +18,7 @@ WIDTH: Final = 24
 
 
 def entry_text(path: Path) -> str:
-    """The lines; of a file that is no entry its own text, below what is wrong with it. It never fails."""
+    """The lines; for a file that is not an entry its own text, below the error. It never fails."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_ENTRY + 1)

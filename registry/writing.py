@@ -98,7 +98,9 @@ def write_changes(
     for change in changes:
         if change.path.startswith(f"{CAMERAS}/"):
             if change.base is ANY:
-                raise RegistryError(f"{change.path}: an entry is never overwritten blindly; name its base")
+                raise RegistryError(
+                    f"{change.path}: an entry is written only against its base; name the base"
+                )
             if change.data is not None and not is_checked:
                 _require_entry(change.path, change.data)
     written = write(repo, changes, note.message, author=author, branch=branch)
@@ -124,4 +126,4 @@ def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
 def _require_entry(path: str, data: bytes) -> None:
     entry = parsed(data, path)
     if entry.path != path:
-        raise RegistryError(f"{path}: the camera in it belongs at {entry.path}")
+        raise RegistryError(f"{path}: its camera belongs at {entry.path}")

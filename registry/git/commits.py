@@ -43,7 +43,7 @@ __all__ = [
 ]
 
 BUILD_REF = "refs/calibrary/build"
-NOBODY = "0" * 40
+NO_COMMIT = "0" * 40
 CRASH_REPORT = re.compile(r"dumping crash report to (?P<path>\S*fast_import_crash_\d+)")
 OVERTAKEN = ("Not updating refs/", "but expected", "reference already exists", "unable to resolve reference")
 
@@ -62,12 +62,12 @@ def advance(
         repo: the repository.
         lock: the writer's lock, held.
         ref: the branch's full name.
-        old: where it was seen to stand.
+        old: the commit it was read at.
         paths: the files that differ afterwards.
         move: makes and moves; its last word is the new commit.
 
     Returns:
-        the new commit, or ``None`` if somebody was quicker and it may be tried again; and what was told of it.
+        the new commit, or ``None`` if another writer was faster and it may be tried again; and git's output.
 
     Raises:
         RegistryError: it failed for good, or a person's work is in the way; nothing was changed.
@@ -86,7 +86,7 @@ def advance(
     if new is None:
         if shown:
             worktree.give_up(repo)
-        return None, (output.told.strip(),)
+        return None, (output.errors.strip(),)
     if not shown:
         return new, ()
     behind = worktree.sync(repo, old, new, paths)
@@ -98,17 +98,17 @@ def _commit_of(repo: Repository, lock: WriterLock, output: Output) -> str | None
         new = output.out.split()[-1].decode("ascii", "replace") if output.out.strip() else ""
         if HEX.match(new) is None:
             raise RegistryError(
-                f"{repo.path}: git told no commit: {output.out[:200]!r} {output.told.strip()}"
+                f"{repo.path}: git reported no commit: {output.out[:200]!r} {output.errors.strip()}"
             )
         return new
-    _sweep(repo, output.told)
-    if any(sign in output.told for sign in OVERTAKEN):
+    _sweep(repo, output.errors)
+    if any(sign in output.errors for sign in OVERTAKEN):
         return None
-    in_the_way = lock_in_the_way(output.told)
+    in_the_way = lock_in_the_way(output.errors)
     if in_the_way is not None:
         lock.heal(in_the_way, older_than_s=repo.stale_lock_s)
         return None
-    raise RegistryError(f"{repo.path}: nothing was written: {explain(output.told)}")
+    raise RegistryError(f"{repo.path}: nothing was written: {explain(output.errors)}")
 
 
 def _sweep(repo: Repository, told: str) -> None:
@@ -130,7 +130,7 @@ def land(repo: Repository, ref: str, parent: str | None, steps: Sequence[Step], 
 
 
 def build(repo: Repository, parent: str | None, steps: Sequence[Step]) -> Output:
-    """Make commits that no branch stands on yet; their ids, one a line."""
+    """Make commits that no branch points to yet; their ids, one per line."""
     built = _fast_import(repo, stream(BUILD_REF, parent, steps), "--force")
     if built.code or not is_signing(repo):
         return built
@@ -149,7 +149,7 @@ def build(repo: Repository, parent: str | None, steps: Sequence[Step]) -> Output
             | _as("COMMITTER", step.committer, step.committed),
         )
         signed.append(made.out.decode().strip())
-    return Output(0, "".join(f"{commit}\n" for commit in signed).encode(), built.told)
+    return Output(0, "".join(f"{commit}\n" for commit in signed).encode(), built.errors)
 
 
 def _as(role: str, person: Person, moment: datetime) -> dict[str, str]:
@@ -162,11 +162,11 @@ def _as(role: str, person: Person, moment: datetime) -> dict[str, str]:
 
 def move_branch(repo: Repository, ref: str, old: str | None, new: str) -> Output:
     """Move a branch from where it was seen to a commit; what we built on goes in the same transaction."""
-    orders = f"update {ref} {new} {old or NOBODY}\n"
+    orders = f"update {ref} {new} {old or NO_COMMIT}\n"
     if repo.tip(BUILD_REF) is not None:
         orders += f"delete {BUILD_REF}\n"
     moved = repo.run("update-ref", "-m", "calibrary", "--stdin", stdin=orders.encode(), good=(0, 1, 128))
-    return Output(moved.code, new.encode(), moved.told)
+    return Output(moved.code, new.encode(), moved.errors)
 
 
 def _fast_import(repo: Repository, written: bytes, *options: str) -> Output:
@@ -190,7 +190,7 @@ class Person:
     email: str
 
     def at(self, moment: datetime) -> bytes:
-        """As git writes it, with the moment in seconds and the zone it was told in."""
+        """As git writes it, with the time in seconds and its time zone."""
         name, email = (text.translate(DROPPED).strip() for text in (self.name, self.email))
         return f"{name or email} <{email}> {int(moment.timestamp())} {moment:%z}".encode()
 
@@ -212,7 +212,7 @@ class Step:
     """One commit of a stream.
 
     Attributes:
-        authored: when it was first made; ``committed`` is when it came to stand where it stands.
+        authored: when it was first made; ``committed`` is when this commit was made.
     """
 
     files: Sequence[File]

@@ -22,7 +22,7 @@ class Conflict:
         base: what both started from; ``None`` if it was not there, or is not known here.
         base_oid: git's id of that; ``None`` if the file was to be new.
         ours: what was to be written; ``None`` if it was to be removed.
-        theirs: what stands there now; ``None`` if it was removed.
+        theirs: the current content; ``None`` if it was removed.
         theirs_oid: git's id of that, the base to try again from.
     """
 
@@ -35,8 +35,8 @@ class Conflict:
 
     def __str__(self) -> str:
         if self.base_oid is None:
-            return f"{self.path} was added by somebody else"
-        return f"{self.path} was {'removed' if self.theirs is None else 'changed'} by somebody else"
+            return f"{self.path} was added by another writer"
+        return f"{self.path} was {'removed' if self.theirs is None else 'changed'} by another writer"
 
 
 class FileConflictError(ConflictError):
@@ -75,6 +75,6 @@ EXPLAINED = (
 
 def explain(told: str) -> str:
     """Give git's words, behind ours where ours help."""
-    words = " ".join(line.strip() for line in told.splitlines() if line.strip()) or "no word of why"
+    words = " ".join(line.strip() for line in told.splitlines() if line.strip()) or "no reason given"
     ours = [text for sign, text in EXPLAINED if sign.lower() in told.lower()]
     return f"{ours[0]} ({words})" if ours else words

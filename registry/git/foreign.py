@@ -54,7 +54,7 @@ PINNED: tuple[tuple[str, str], ...] = (
     ("maintenance.auto", "false"),
     ("submodule.recurse", "false"),
 )
-"""Said to every command: no program of the repository's runs, and no taste of the user's changes what is read."""
+"""Said to every command: no program of the repository's runs, and no setting of the user changes what is read."""
 
 RUNS_A_PROGRAM: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"core\.sshcommand\Z"), "ssh"),
@@ -73,7 +73,7 @@ RUNS_A_PROGRAM: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"http\.(.*\.)?savecookies\Z"), "false"),
     (re.compile(r"http\.(.*\.)?sslverify\Z"), "true"),
 )
-"""Keys and what they fall back to. Keys of remotes are not among them: remotes are spoken to by URL, never by name."""
+"""Keys and what they fall back to. Keys of remotes are not among them: remotes are addressed by URL, never by name."""
 
 ALWAYS: dict[str, tuple[str, ...]] = {"status": ("--ignore-submodules=all",)}
 """Options of commands that go into other repositories otherwise, where those repositories' own settings hold."""
@@ -90,7 +90,7 @@ class Setting:
     """One line of git's configuration.
 
     Attributes:
-        key: section and name in lower case, the part between them as it stands.
+        key: section and name in lower case, the part between them as written.
         is_local: whether the repository itself says so, not the person or the machine.
     """
 
@@ -102,7 +102,7 @@ class Setting:
 def parse_settings(listed: bytes, folders: Sequence[Path], base: Path) -> tuple[Setting, ...]:
     """The output of ``git config --list --show-origin -z``.
 
-    What stands in a file below one of ``folders``, the repository's own, is local, and so is what such a file is
+    A setting in a file below one of ``folders``, the repository's own, is local, and so is what such a file is
     only a link to; names of files count from ``base``.
     """
     fields = listed.split(b"\0")
@@ -134,7 +134,7 @@ def judge_settings(settings: Sequence[Setting], source: str) -> tuple[tuple[str,
         if REFUSED.match(key) or (fallback is not None and "=" in key):
             raise RegistryError(
                 f"{source}: its own git configuration sets {key}, which can make reading it run a program or "
-                f"reach elsewhere; look at it, then remove it: git -C {source} config --local --unset-all {key}"
+                f"reach elsewhere; check it, then remove it: git -C {source} config --local --unset-all {key}"
             )
         if fallback is None:
             continue
@@ -155,7 +155,7 @@ def _check_kind(settings: Sequence[Setting], source: str) -> None:
             )
         if setting.key == "extensions.refstorage" and found != "files":
             raise RegistryError(
-                f"{source}: a git repository that keeps its branches as {found}; expected plain files. Convert "
+                f"{source}: a git repository that stores its branches as {found}; expected plain files. Convert "
                 "it: git refs migrate --ref-format=files"
             )
 
@@ -176,7 +176,7 @@ def repository_environment(git_dir: Path, common_dir: Path, work_tree: Path | No
         "GIT_INDEX_FILE": str(git_dir / "index"),
         "GIT_OBJECT_DIRECTORY": str(pushed if is_judging else objects),
         "GIT_ALTERNATE_OBJECT_DIRECTORIES": str(objects) if is_judging else "",
-        # One that is not there: what stands in info/grafts would tell another history.
+        # One that is not there: info/grafts would change the history.
         "GIT_GRAFT_FILE": str(git_dir / "info" / "no-grafts"),
     }
 
@@ -195,4 +195,4 @@ PEACE: Environment = {
     "GIT_PAGER": "cat",
     "GIT_TERMINAL_PROMPT": "0",
 }
-"""No question is asked that nobody would answer, nothing is fetched behind a read, no other protocol is spoken."""
+"""git asks no questions, fetches nothing during a read, and uses no other protocol."""

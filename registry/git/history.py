@@ -60,7 +60,7 @@ class Revision:
     Attributes:
         path: the file's name there; an entry may have moved since.
         oid: the content's id; ``None`` if this commit removed it.
-        authored: when the author made it; ``committed`` is when it came to stand where it stands.
+        authored: when the author made it; ``committed`` is when this commit was made.
     """
 
     commit: str
@@ -94,7 +94,7 @@ class ChangedFile:
 
 
 def history(repo: Repository, path: str | None, at: str, *, most: int | None = None) -> tuple[Revision, ...]:
-    """Every revision of a file up to a commit, newest first; through moves that were told in a trailer.
+    """Every revision of a file up to a commit, newest first; across moves that a trailer names.
 
     In a shallow clone it ends at the cut (``repo.is_shallow``), where a file looks as if it had been added.
 
@@ -107,7 +107,7 @@ def history(repo: Repository, path: str | None, at: str, *, most: int | None = N
     limit = (f"--max-count={most}",) if most is not None else ()
     where = ("--", path) if path is not None else ()
     told = repo.run(*LOG, *limit, at, *where).out.decode("utf-8", "replace")
-    # Before each commit's first field stands what git tells of the files of the commit before.
+    # Before each commit's first field comes git's list of the files of the commit before.
     fields = told.split("\0")
     size = len(FIELDS)
     revisions = [
@@ -125,7 +125,7 @@ def _revision(repo: Repository, fields: list[str], files: str, path: str | None)
     commit = commit.rpartition("\n")[2]
     if HEX.match(commit) is None:
         raise RegistryError(
-            f"{repo.path}: git log told {commit[:60]!r}, expected a commit; git fsck tells more"
+            f"{repo.path}: git log printed {commit[:60]!r}, expected a commit; git fsck shows more"
         )
     return Revision(
         commit=commit,
@@ -271,7 +271,7 @@ def parse_rev(text: str) -> Rev:
     elif NAME.match(text) and not text.startswith("-") and len(text) <= 250:
         return Named(text)
     raise RegistryError(
-        f"{text!r} is no revision: expected a commit, tag or branch, a date such as 2026-05-01, or firmware:01.09"
+        f"{text!r} is not a revision: expected a commit, tag or branch, a date such as 2026-05-01, or firmware:01.09"
     )
 
 
@@ -284,7 +284,7 @@ def _moment_of(text: str) -> datetime:
         return moment + timedelta(days=1, seconds=-1) if is_day else moment.astimezone(UTC)
     except (ValueError, OverflowError):
         raise RegistryError(
-            f"{text!r} is no date: expected one such as 2026-05-01 or 2026-05-01T12:30Z"
+            f"{text!r} is not a date: expected one such as 2026-05-01 or 2026-05-01T12:30Z"
         ) from None
 
 

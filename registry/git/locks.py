@@ -76,7 +76,7 @@ def writer_lock(folder: Path, *, wait_s: float) -> Iterator[WriterLock]:
         wait_s: how long others may keep it.
 
     Raises:
-        RegistryError: somebody kept it longer, or nothing may be written there.
+        RegistryError: another process kept it longer, or the folder cannot be written.
     """
     path = folder / LOCK_NAME
     try:
@@ -104,8 +104,8 @@ def _acquire(handle: int, path: Path, wait_s: float) -> None:
             return
         if time.monotonic() > deadline:
             raise RegistryError(
-                f"{path}: another process has been writing for {wait_s:g} s; wait for it, or end it: "
-                "its lock goes with it"
+                f"{path}: another process has been writing for {wait_s:g} s; wait for it, or end it, "
+                "which releases its lock"
             )
         time.sleep(pause_s)
 

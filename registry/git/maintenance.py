@@ -80,7 +80,7 @@ def create(
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RegistryError(f"{path}: cannot be made: {error.strerror}") from None
+        raise RegistryError(f"{path}: cannot be created: {error.strerror}") from None
     path = path.resolve()
     place = path if bare else path / ".git"
     version = git_version(path)
@@ -91,7 +91,7 @@ def create(
     shape = ("--bare",) if bare else ()
     made = run_git(("init", "--quiet", "--template=", *formats, *shape), folder=path, environment=where)
     if made.code:
-        raise RegistryError(f"{path}: no repository can be made there: {made.told.strip()}")
+        raise RegistryError(f"{path}: cannot create a repository: {made.errors.strip()}")
     (place / "HEAD").write_text(f"ref: refs/heads/{check_branch(branch)}\n", encoding="utf-8")
     if not bare:
         # Noted of the place by init; with it the folder could not be moved.

@@ -69,7 +69,7 @@ def check_branch(name: str) -> str:
         or name == "HEAD"
         or any(".." in part or part.endswith((".", ".lock")) for part in parts)
     ):
-        raise RegistryError(f"{name!r} is no name for a branch: expected letters, digits and . _ + - /")
+        raise RegistryError(f"{name!r} is not a branch name: expected letters, digits and . _ + - /")
     return name
 
 
@@ -80,7 +80,7 @@ def check_remote_name(name: str) -> str:
         RegistryError: it is not.
     """
     if REMOTE.match(name) is None or ".." in name or name.endswith((".", ".lock")):
-        raise RegistryError(f"{name!r} is no name for a remote: expected a word such as origin")
+        raise RegistryError(f"{name!r} is not a remote name: expected a word such as origin")
     return name
 
 
@@ -108,14 +108,14 @@ def check_url(url: str) -> str:
     scp = None if DRIVE.match(url) else SCP_LIKE.match(url)
     if scp is not None and "/" not in url.partition(":")[0]:
         if scp["host"].startswith("-") or (scp["user"] or "").startswith("-") or scp["path"].startswith("-"):
-            raise _refused(url, "a part of it looks like an option")
+            raise _refused(url, "part of it looks like an option")
         return url
     return os.path.abspath(Path(url).expanduser())  # noqa: PTH100  links are the remote's own affair
 
 
 def _with_scheme(url: str, scheme: str) -> str:
     if scheme not in {"https", "ssh", "file"}:
-        raise _refused(url, f"{scheme} is not spoken")
+        raise _refused(url, f"{scheme} is not supported")
     try:
         parts = urlsplit(url)
         host, user = parts.hostname or "", parts.username or ""
@@ -124,21 +124,21 @@ def _with_scheme(url: str, scheme: str) -> str:
         raise _refused(url, "it cannot be read") from None
     if scheme == "file":
         if host not in {"", "localhost"}:
-            raise _refused(url, "a file address names no machine: file:///path")
+            raise _refused(url, "a file address names no host: file:///path")
         return url
     if (
         (HOST.match(host) is None and ":" not in host)
         or user.startswith("-")
         or "%2d" in parts.netloc.lower()
     ):
-        raise _refused(url, "it names no machine")
+        raise _refused(url, "it names no host")
     return url
 
 
 def _refused(url: str, why: str) -> RegistryError:
     return RegistryError(
-        f"{without_secret(url)!r} is no address of a registry ({why}): expected https://, ssh://, user@host:path or "
-        "a folder"
+        f"{without_secret(url)!r} is not an address of a registry ({why}): expected https://, ssh://, user@host:path "
+        "or a folder"
     )
 
 

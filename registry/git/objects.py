@@ -90,7 +90,7 @@ class ObjectReader:
 
 
 def _end(process: subprocess.Popen[bytes], owner: int) -> None:
-    """End a reader; on the other side of a fork it is somebody else's."""
+    """End a reader; on the other side of a fork it belongs to the other process."""
     if os.getpid() == owner:
         process.kill()
         process.communicate()

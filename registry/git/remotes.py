@@ -120,10 +120,10 @@ def _check_out(repo: Repository, ref: str, theirs: str | None) -> None:
 
 
 def _default_branch(repo: Repository, url: str) -> str:
-    """The branch that a remote stands for."""
+    """The default branch of a remote."""
     listed = _over_network(repo, "ls-remote", "--upload-pack=git-upload-pack", "--symref", "--", url, "HEAD")
     if listed.code:
-        raise RegistryError(f"{without_secret(url)}: {explain(without_secret(listed.told))}")
+        raise RegistryError(f"{without_secret(url)}: {explain(without_secret(listed.errors))}")
     for line in listed.out.decode("utf-8", "replace").splitlines():
         if line.startswith("ref: refs/heads/") and line.endswith("\tHEAD"):
             return check_branch(line.removeprefix("ref: refs/heads/").removesuffix("\tHEAD"))
@@ -166,7 +166,7 @@ def fetch(repo: Repository, name: str = "origin", *, depth: int | None = None) -
     """Bring what a remote has, without touching any branch of ours; tries again where the network failed.
 
     Raises:
-        RegistryError: it cannot be reached, or sends what is no sound repository.
+        RegistryError: it cannot be reached, or its repository is damaged.
     """
     url = _address(repo, name)
     options = (*SIDES, "--prune", "--quiet", *((f"--depth={depth:d}",) if depth is not None else ()))
@@ -182,20 +182,20 @@ def _patiently(url: str, attempt: Callable[[], Output]) -> Output:
     """Try a few times, with pauses at random that grow, what fails for the network's sake only."""
     for tries, pause_s in enumerate(backoff(first_s=0.5, longest_s=8.0), start=1):
         output = attempt()
-        is_transient = any(sign in output.told.lower() for sign in TRANSIENT)
+        is_transient = any(sign in output.errors.lower() for sign in TRANSIENT)
         if output.code == 0 or (output.code == 1 and output.out):
             return output
         if not is_transient or tries == TRIES:
             break
         time.sleep(pause_s)
-    raise RegistryError(f"{without_secret(url)}: {explain(without_secret(output.told))}")
+    raise RegistryError(f"{without_secret(url)}: {explain(without_secret(output.errors))}")
 
 
 def pull(repo: Repository, name: str = "origin", *, branch: str | None = None) -> Pulled:
     """Bring a branch up to what a remote has: forward where it can, else our commits again on top of theirs.
 
     Raises:
-        FileConflictError: both sides changed an entry; nothing was changed, and all of them are told.
+        FileConflictError: both sides changed an entry; nothing was changed, and all of them are reported.
         RegistryError: the remote cannot be reached, or has no such branch.
     """
     ref = branch_ref(repo, branch)
@@ -245,7 +245,9 @@ def common_ancestor(repo: Repository, ours: str | None, theirs: str) -> str | No
     found = repo.run("merge-base", ours, theirs, good=(0, 1))
     if found.code:
         hint = "; this clone is shallow: git fetch --unshallow brings the rest" if repo.is_shallow else ""
-        raise RegistryError(f"{repo.path}: ours and theirs share no commit, so they are two registries{hint}")
+        raise RegistryError(
+            f"{repo.path}: the two histories share no commit, so they are different registries{hint}"
+        )
     return found.out.split()[0].decode()
 
 
@@ -255,10 +257,10 @@ def is_ancestor(repo: Repository, older: str, newer: str) -> bool:
 
 
 def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -> str:
-    """Give a remote our branch: forward only, and only from where we saw it stand.
+    """Give a remote our branch: forward only, and only from the commit we last saw.
 
     Returns:
-        the commit it stands at now, there and here.
+        the commit both sides are at now.
 
     Raises:
         ConflictError: it has moved on; pull first.
@@ -281,21 +283,21 @@ def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -
 
 
 def _not_taken(url: str, pushed: Output) -> RegistryError:
-    told = pushed.out.decode("utf-8", "replace") + pushed.told
+    told = pushed.out.decode("utf-8", "replace") + pushed.errors
     if "stale info" in told or "fetch first" in told or "non-fast-forward" in told:
         return ConflictError(f"{without_secret(url)} has moved on; nothing was pushed: pull first")
     if "checked out" in told:
         return RegistryError(
-            f"{without_secret(url)}: that branch is checked out there, and git does not change it under its reader; "
+            f"{without_secret(url)}: that branch is checked out there, so git does not change it; "
             "push to a bare registry"
         )
     reasons = [line.rpartition("\t")[2] for line in told.splitlines() if line.startswith("!")]
-    why = "; ".join(reasons) or explain(pushed.told)
+    why = "; ".join(reasons) or explain(pushed.errors)
     return RegistryError(f"{without_secret(url)}: nothing was pushed: {without_secret(why)}")
 
 
 def sync(repo: Repository, name: str = "origin", *, branch: str | None = None) -> str:
-    """Pull and push until both stand at one commit; a few times, if others push meanwhile.
+    """Pull and push until both sides have the same commit; a few times, if others push meanwhile.
 
     Raises:
         FileConflictError: both sides changed an entry.
@@ -323,7 +325,7 @@ def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[lis
     left out, and so is a commit of which nothing is left.
 
     Raises:
-        FileConflictError: both sides changed a file; all of them are told.
+        FileConflictError: both sides changed a file; all of them are reported.
         RegistryError: our side holds a merge, or changed what is none of a registry's files.
     """
     if ours is None:
@@ -362,7 +364,7 @@ def ours_on_theirs(repo: Repository, ours: str | None, theirs: str) -> tuple[lis
     if conflicts:
         raise FileConflictError(
             [*conflicts.values()],
-            "decide for each which is right, write that on top of theirs, and pull again",
+            "pull again with --ours KEY or --theirs KEY for each",
         )
     return steps, (*warnings, *skew) if steps else ()
 
@@ -371,8 +373,8 @@ def _of_ours(repo: Repository, ours: str, theirs: str) -> Iterator[tuple[Revisio
     for revision in reversed(history(repo, None, f"{theirs}..{ours}")):
         if len(revision.parents) > 1:
             raise RegistryError(
-                f"{repo.path}: {revision.commit[:12]} is a merge that theirs does not have; commits with merges "
-                "among them are not made again: bring the two together with git"
+                f"{repo.path}: {revision.commit[:12]} is a merge that theirs does not have; a pull does not "
+                "replay merges: merge the two histories with git"
             )
         parent = revision.parents[0] if revision.parents else None
         yield revision, changed(repo, parent, revision.commit)

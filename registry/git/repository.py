@@ -43,7 +43,7 @@ CHUNK = 20_000
 STALE_LOCK_S = 10.0
 COMMITTED = re.compile(rb"^committer .*> (\d+) [+-]\d+$", re.MULTILINE)
 LAST_SECOND = 253_402_300_799
-"""Of the year 9999, after which there is no date."""
+"""End of the year 9999, the last that datetime has."""
 REGULAR = (b"100644", b"100755")
 
 
@@ -53,7 +53,7 @@ class Output:
 
     code: int
     out: bytes
-    told: str
+    errors: str
 
 
 def run_git(
@@ -76,7 +76,9 @@ def run_git(
     except subprocess.TimeoutExpired:
         process.kill()
         process.communicate()
-        raise RegistryError(f"git {arguments[-1]}: no end after {timeout_s:g} s; try again later") from None
+        raise RegistryError(
+            f"git {arguments[-1]}: did not finish within {timeout_s:g} s; try again later"
+        ) from None
     return Output(process.returncode, out, told.decode("utf-8", "replace"))
 
 
@@ -88,14 +90,14 @@ def _started(git: Git, arguments: Sequence[str], environment: Mapping[str, str])
 
 def _git_in(folder: Path) -> Git:
     if shutil.which(os.environ.get("GIT_PYTHON_GIT_EXECUTABLE", "git")) is None:
-        raise RegistryError("git is not installed; a registry is kept by it: https://git-scm.com/downloads")
+        raise RegistryError("git is not installed, and a registry needs it: https://git-scm.com/downloads")
     from git import Git
 
     git = Git(folder)
     version = _version(git.GIT_PYTHON_GIT_EXECUTABLE)
     if version < OLDEST_GIT:
-        found, wanted = (".".join(map(str, numbers)) for numbers in (version, OLDEST_GIT))
-        raise RegistryError(f"found git {found}, expected {wanted} or newer")
+        found, oldest = (".".join(map(str, numbers)) for numbers in (version, OLDEST_GIT))
+        raise RegistryError(f"found git {found}, expected {oldest} or newer")
     return git
 
 
@@ -113,7 +115,7 @@ def _version(executable: str) -> tuple[int, ...]:
     told = subprocess.run([executable, "version"], capture_output=True, check=False).stdout  # noqa: S603
     found = re.search(rb"(\d+)\.(\d+)", told)
     if found is None:
-        raise RegistryError(f"{executable}: told {told!r}, expected git's version")
+        raise RegistryError(f"{executable}: printed {told!r}, expected git's version")
     return int(found[1]), int(found[2])
 
 
@@ -159,7 +161,7 @@ class Repository:
         """A repository that is there, bare or checked out.
 
         Raises:
-            RegistryError: there is none at this very folder, it belongs to somebody else, it is of a kind that
+            RegistryError: there is none at this very folder, it belongs to another user, it is of a kind that
                 is not read, or its own configuration would run a program.
         """
         path = Path(os.path.realpath(path.parent if path.name == ".git" else path))
@@ -170,7 +172,7 @@ class Repository:
         environment = repository_environment(git_dir, common_dir, work_tree)
         listed = run_git(("config", "--list", "--show-origin", "-z"), folder=path, environment=environment)
         if listed.code:
-            raise RegistryError(f"{path}: its git configuration cannot be read: {listed.told.strip()}")
+            raise RegistryError(f"{path}: its git configuration cannot be read: {listed.errors.strip()}")
         settings = parse_settings(listed.out, (git_dir, common_dir), path)
         flags, silenced = judge_settings(settings, str(path))
         fsync = ("-c", "core.fsync=all") if durable else ("-c", "core.fsync=none")
@@ -195,7 +197,7 @@ class Repository:
 
     @property
     def head_ref(self) -> str | None:
-        """The full name of the branch that is checked out, or that a bare repository stands for; else ``None``."""
+        """The full name of the branch that is checked out, or that a bare repository points to; else ``None``."""
         told = (self.git_dir / "HEAD").read_text(encoding="utf-8").strip()
         return told.removeprefix("ref: ") if told.startswith("ref: ") else None
 
@@ -213,7 +215,7 @@ class Repository:
     ) -> Output:
         """A command of git in this repository.
 
-        ``good`` are the exit codes that are no failure, ``extra`` further variables of its environment.
+        ``good`` are the exit codes that are not failures, ``extra`` further variables of its environment.
 
         Raises:
             RegistryError: it failed; the message is git's own.
@@ -227,11 +229,11 @@ class Repository:
             timeout_s=timeout_s,
         )
         if output.code not in good:
-            raise RegistryError(f"{self.path}: git {arguments[0]}: {explain(output.told)}")
+            raise RegistryError(f"{self.path}: git {arguments[0]}: {explain(output.errors)}")
         return output
 
     def tip(self, ref: str | None = None) -> str | None:
-        """The commit that a branch stands at now; ``None`` before its first.
+        """The commit of a branch; ``None`` before its first.
 
         Args:
             ref: its full name; what is checked out if left out.
@@ -247,7 +249,7 @@ class Repository:
         """
         found = self._ask(commit)
         if found is None or found[1] != b"commit":
-            raise RegistryError(f"{self.path}: holds no commit {commit}")
+            raise RegistryError(f"{self.path}: has no commit {commit}")
         line = COMMITTED.search(found[2].partition(b"\n\n")[0])
         return min(int(line[1][:20]), LAST_SECOND) if line is not None else 0
 
@@ -258,7 +260,7 @@ class Repository:
             RegistryError: there is none of that name, or several.
         """
         if any(ord(letter) < 32 for letter in revision) or not revision or len(revision) > 250:
-            raise RegistryError(f"{revision!r} is no revision: expected a commit, a tag, a branch")
+            raise RegistryError(f"{revision!r} is not a revision: expected a commit, a tag, a branch")
         known = self.tip(revision) if HEX.match(revision) else None
         if known is not None:
             return known
@@ -266,9 +268,9 @@ class Repository:
             "rev-parse", "--verify", "--end-of-options", f"{revision}^{{commit}}", good=(0, 1, 128)
         )
         oid = found.out.decode("ascii", "replace").strip()
-        if "is ambiguous" in found.told and found.code == 0:
+        if "is ambiguous" in found.errors and found.code == 0:
             raise RegistryError(
-                f"{revision}: the name of several in {self.path}; say refs/tags/{revision} or refs/heads/{revision}"
+                f"{revision}: ambiguous in {self.path}; write refs/tags/{revision} or refs/heads/{revision}"
             )
         if found.code or HEX.match(oid) is None:
             hint = "; this clone is shallow: git fetch --unshallow brings the rest" if self.is_shallow else ""
@@ -296,7 +298,7 @@ class Repository:
         """
         found = self._ask(oid) if HEX.match(oid) else None
         if found is None or found[0] != oid or found[1] != b"blob":
-            raise RegistryError(f"{self.path}: holds no file content {oid}; git fsck tells what is missing")
+            raise RegistryError(f"{self.path}: has no file content {oid}; git fsck shows what is missing")
         return found[2]
 
     def listing(self, commit: str, prefix: str = "") -> dict[str, str]:
@@ -330,7 +332,7 @@ class Repository:
                 end = answers.find(b"\n", at)
                 parts = answers[at:end].split()
                 if len(parts) != 3 or parts[1] != b"blob":
-                    raise RegistryError(f"{self.path}: holds no file content {oid}; git fsck tells more")
+                    raise RegistryError(f"{self.path}: has no file content {oid}; git fsck shows more")
                 at = end + 1 + int(parts[2]) + 1
                 yield self._checked(oid, b"blob", answers[end + 1 : at - 1])
 
@@ -355,7 +357,7 @@ class Repository:
             if found is not None:
                 self._checked(*found)
             return found
-        told = self.run("cat-file", "--batch-check", stdin=b"").told
+        told = self.run("cat-file", "--batch-check", stdin=b"").errors
         raise RegistryError(f"{self.path}: git cat-file ends before it answers: {explain(told)}")
 
     def _reader(self) -> ObjectReader:
@@ -369,7 +371,7 @@ class Repository:
     def _checked(self, oid: str, kind: bytes, data: bytes) -> bytes:
         if object_id(kind, data) != oid:
             raise RegistryError(
-                f"{self.path}: {oid} is damaged: its content has another hash; git fsck tells more"
+                f"{self.path}: {oid} is damaged: its content has another hash; git fsck shows more"
             )
         return data
 
@@ -392,11 +394,11 @@ def _discover(path: Path) -> tuple[Path, Path, bool]:
     )
     lines = os.fsdecode(found.out).splitlines()
     if found.code or len(lines) != 3:
-        if "not a git repository" in found.told:
+        if "not a git repository" in found.errors:
             raise RegistryError(
-                f"{path}: no git repository; expected a registry: calibrary registry init makes one"
+                f"{path}: not a git repository; expected a registry: calibrary registry init makes one"
             )
-        raise RegistryError(f"{path}: cannot be opened: {explain(found.told)}")
+        raise RegistryError(f"{path}: cannot be opened: {explain(found.errors)}")
     git_dir = Path(os.path.realpath(lines[1]))
     common_dir = Path(os.path.realpath(path / lines[2]))
     is_bare = lines[0] == "true" or not (path / ".git").exists()

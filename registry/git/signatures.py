@@ -14,11 +14,11 @@ __all__ = ["Signature", "require_signed", "signatures"]
 GOOD = "G"
 STATES = {
     "G": "good",
-    "U": "good, but by a key that is trusted by nobody",
-    "X": "good once, the signature has expired",
-    "Y": "good once, the key has expired",
-    "R": "by a revoked key",
-    "B": "bad: the commit is not what was signed",
+    "U": "good, but the key is not trusted",
+    "X": "the signature has expired",
+    "Y": "the key has expired",
+    "R": "made with a revoked key",
+    "B": "bad: the commit differs from what was signed",
     "E": "cannot be checked: the key is missing",
     "N": "none",
 }
@@ -41,7 +41,7 @@ class Signature:
 
     @property
     def is_good(self) -> bool:
-        """Whether somebody on the list signed just this commit."""
+        """Whether a person on the list signed this very commit."""
         return self.state == GOOD
 
     def __str__(self) -> str:
@@ -77,7 +77,7 @@ def signatures(
 
 
 def require_signed(repo: Repository, commits: Sequence[str], allowed_signers: Path | None) -> None:
-    """See that somebody on the list signed every commit.
+    """Make sure that a person on the list signed every commit.
 
     Raises:
         RegistryError: one is not signed so; the message names the first few.
@@ -85,4 +85,4 @@ def require_signed(repo: Repository, commits: Sequence[str], allowed_signers: Pa
     bad = [signature for signature in signatures(repo, commits, allowed_signers) if not signature.is_good]
     if bad:
         shown = "; ".join(map(str, bad[:3])) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
-        raise RegistryError(f"{repo.path}: expected commits signed by somebody on the list, found {shown}")
+        raise RegistryError(f"{repo.path}: expected commits signed by a person on the list, found {shown}")

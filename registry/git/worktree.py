@@ -59,14 +59,14 @@ def _linked(repo: Repository) -> Iterable[Path]:
 
 
 def require_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> None:
-    """See that nothing a person has not committed stands in the way of these files.
+    """Make sure that no uncommitted edit is in the way of these files.
 
     Raises:
         RegistryError: a file is edited, staged or not known to git; or a merge is under way.
     """
     for name, what in IN_PROGRESS.items():
         if (repo.git_dir / name).exists():
-            raise RegistryError(f"{repo.path}: {what} is under way in the work tree; finish it first")
+            raise RegistryError(f"{repo.path}: {what} is in progress in the work tree; finish it first")
     _wait_for_index(repo)
     blocked = _blocked(repo, paths)
     if not blocked and _surely_clean(repo, tip, paths):
@@ -75,8 +75,8 @@ def require_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> No
     if touched:
         shown = ", ".join(touched[:3]) + (f" and {len(touched) - 3} more" if len(touched) > 3 else "")
         raise RegistryError(
-            f"{repo.path}: {shown}: changed by hand and not committed; nothing was written. Commit it, or put it "
-            f"aside: git -C {repo.path} stash --include-untracked"
+            f"{repo.path}: {shown}: edited and not committed; nothing was written. Commit it, or stash "
+            f"it: git -C {repo.path} stash --include-untracked"
         )
 
 
@@ -86,8 +86,8 @@ def _wait_for_index(repo: Repository) -> None:
     while lock.exists():
         if time.monotonic() > deadline:
             raise RegistryError(
-                f"{lock}: another git command is at work in this work tree; let it end. If none runs, it "
-                "was killed: then remove the file"
+                f"{lock}: another git command is running in this work tree; wait for it. If none is running, "
+                "it was killed: remove the file"
             )
         time.sleep(0.02)
 
@@ -98,14 +98,14 @@ def _edited(repo: Repository, paths: Sequence[str]) -> set[str]:
     options = ("--porcelain=v1", "-z", "--untracked-files=all", "--ignored=matching", "--no-renames")
     listed = repo.run("status", *options, "--", *limits).out
     found = {os.fsdecode(line[3:]) for line in listed.split(b"\0") if line}
-    # A folder of which everything is ignored is told as one.
+    # A folder whose files are all ignored is listed as one path.
     folders = tuple(name for name in found if name.endswith("/"))
     hidden = {path for path in wanted if path.startswith(folders) and os.path.lexists(repo.path / path)}
     return (found & wanted) | hidden
 
 
 def _surely_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> bool:
-    """Whether a look at a few files and the index, without starting git, settles that nobody has touched them.
+    """Whether a look at a few files and the index, without starting git, shows that they were not edited.
 
     The index is git's own file; of its layout no more is used than that versions 2 and 3 hold each file's id, two
     bytes of flags and its whole name in a row (gitformat-index(5)). Whatever looks otherwise is for git to judge.
@@ -140,7 +140,7 @@ def _is_as_committed(repo: Repository, tip: str | None, path: str, index: bytes)
 
 
 def _blocked(repo: Repository, paths: Sequence[str]) -> set[str]:
-    """Folders on the way to a file that are none: something else bears the name, or a link leads elsewhere."""
+    """Parents of a file that are not folders: a file has that name, or a link leads elsewhere."""
     parents = {parent for path in paths for parent in Path(path).parents if parent.parts}
     places = {parent.as_posix(): repo.path / parent for parent in parents}
     return {
@@ -158,7 +158,7 @@ def begin(repo: Repository, ref: str, tip: str | None) -> None:
     """
     draft = repo.git_dir / f"{NOTE}.new"
     try:
-        # A link that somebody put in its place would be written through otherwise.
+        # A link put in its place would be written through otherwise.
         draft.unlink(missing_ok=True)
         with draft.open("x", encoding="utf-8") as file:
             file.write(f"{tip or EMPTY_TREE} {ref}\n")
@@ -178,7 +178,7 @@ def give_up(repo: Repository) -> None:
 def sync(repo: Repository, old: str | None, new: str, paths: Sequence[str] | None = None) -> str | None:
     """Move the view from one commit to another, which differ in some paths.
 
-    A few files that nobody has touched, by one more look, are put there by themselves; the merge of two whole
+    A few files that were not edited are written one by one; the merge of two whole
     trees takes ten times as long at ten thousand entries. It judges where there is anything to judge.
 
     Returns:
@@ -191,7 +191,7 @@ def sync(repo: Repository, old: str | None, new: str, paths: Sequence[str] | Non
             return None
     moved = repo.run("read-tree", "-m", "-u", old or EMPTY_TREE, new, good=(0, 128))
     if moved.code:
-        return f"committed, but the work tree could not be brought up to date: {moved.told.strip()}"
+        return f"committed, but the work tree could not be brought up to date: {moved.errors.strip()}"
     give_up(repo)
     return None
 
@@ -200,7 +200,7 @@ def catch_up(repo: Repository) -> None:
     """Finish what a killed writer left undone: its commit is there, and the view has not followed.
 
     Raises:
-        RegistryError: somebody has edited just those files since.
+        RegistryError: those files were edited since.
     """
     note = repo.git_dir / NOTE
     try:

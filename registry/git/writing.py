@@ -1,8 +1,8 @@
-"""Writing a registry: whole commits, of any number of files, that lose nothing and overwrite nobody.
+"""Writing a registry: whole commits of any number of files that lose no change of another writer.
 
 Three guards, each for what the others let through. The writer's lock keeps calibrary's own writers in a row. The
 parent of a commit is pinned, so that a branch which anybody else moved meanwhile is not moved again. And every
-change names the content it started from: an entry that somebody has changed since is a conflict, told with both
+change names the content it started from: an entry that was changed since is a conflict, reported with both
 versions, and no number of retries turns that into an overwrite.
 """
 
@@ -43,7 +43,7 @@ class Base(Enum):
 
 
 ANY: Final = Base.ANY
-"""For files that calibrary makes itself and nobody edits. Never for an entry."""
+"""For files that calibrary generates and that are not edited. Never for an entry."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +140,7 @@ def _check(repo: Repository, changes: Sequence[Change]) -> None:
     seen = set()
     for change in changes:
         if repo.check_path(change.path) in seen:
-            raise RegistryError(f"{change.path} is changed twice; expected one change a file")
+            raise RegistryError(f"{change.path} is changed twice; expected one change per file")
         seen.add(change.path)
         if change.data is not None and len(change.data) > LARGEST_FILE:
             raise RegistryError(f"{change.path}: {len(change.data)} bytes, expected at most {LARGEST_FILE}")
@@ -148,7 +148,7 @@ def _check(repo: Repository, changes: Sequence[Change]) -> None:
 
 def _nothing_due(repo: Repository, parent: str | None) -> str:
     if parent is None:
-        raise RegistryError(f"{repo.path}: nothing to write; a history begins with a file")
+        raise RegistryError(f"{repo.path}: nothing to write; the first commit needs a file")
     return parent
 
 
@@ -177,12 +177,12 @@ def still_due(repo: Repository, commit: str | None, changes: Sequence[Change]) -
             )
         )
     if conflicts:
-        raise FileConflictError(conflicts, "read it again, and decide which of the two is right")
+        raise FileConflictError(conflicts, "read the current entry and propose the change again")
     return due
 
 
 def _standing(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[str | None]:
-    """The ids that stand where changes go."""
+    """The current ids of the files that change."""
     if commit is None:
         return [None] * len(changes)
     if len(changes) > FEW:
@@ -224,7 +224,7 @@ def moment_after(
 ) -> tuple[datetime, tuple[str, ...]]:
     """When a commit is dated: now, but not before its parent, or a look at the registry by date would go wrong.
 
-    A parent dated days ahead was made by a clock that was wrong: then the true time is kept, and told.
+    A parent dated days ahead was made by a clock that was wrong: then the true time is kept, with a warning.
     """
     moment = (now or datetime.now(UTC)).astimezone()
     if parent is None:
@@ -241,7 +241,7 @@ def moment_after(
 
 
 def identity(repo: Repository) -> tuple[Person, tuple[str, ...]]:
-    """Who commits: as git is told, by its variables or its configuration; else the login's name, with a warning."""
+    """Who commits, from git's variables or configuration; else the login's name, with a warning."""
     name = _told(os.environ.get("GIT_COMMITTER_NAME") or repo.setting("user.name"))
     email = _told(os.environ.get("GIT_COMMITTER_EMAIL") or repo.setting("user.email"))
     if name and email:
@@ -259,5 +259,5 @@ def identity(repo: Repository) -> tuple[Person, tuple[str, ...]]:
 
 
 def _told(text: str | None) -> str:
-    """What git is told of a person, as text: a name written in another encoding than UTF-8 still is one."""
+    """A person's name as text, also where it was written in another encoding than UTF-8."""
     return os.fsencode(text or "").decode("utf-8", "replace").strip()

@@ -210,7 +210,10 @@ def test_the_answer_tells_where_its_k_is_from_and_what_stands_behind() -> None:
     assert found is not None
     assert found.path == "cameras/dji/fc6310r/sn-9f2c/5472x3648+f8.8.yaml"
     assert found.why == f"{found.path} is of this unit, 8.8 mm; 1 more fit and say less"
-    assert [miss.reason for miss in found.near] == ["it fits, and says less: its model only", "it is draft"]
+    assert [miss.reason for miss in found.near] == [
+        "it matches, and is less specific: its model only",
+        "it is draft",
+    ]
     provenance = found.calibration.provenance
     assert (provenance.kind, provenance.source, provenance.tag) == (
         "registry",

@@ -28,7 +28,7 @@ def test_a_registry_begins_with_one_commit_that_says_what_it_is(
     code, _, _ = run(capsys, "init", tmp_path / "fleet")
     assert code == 0
     assert git(tmp_path / "fleet", "ls-files").splitlines() == FILES
-    assert git(tmp_path / "fleet", "log", "--format=%s") == "Begin a registry of camera calibrations"
+    assert git(tmp_path / "fleet", "log", "--format=%s") == "Create a registry of camera calibrations"
     assert git(tmp_path / "fleet", "status", "--porcelain") == ""
 
 

@@ -35,7 +35,7 @@ def test_a_change_made_from_old_content_is_a_conflict_with_all_three_versions(ba
     base = blob_id(b"fx: 1.0\n")
     put(bare, {ENTRY: b"fx: 2.0\n"})
     before = bare.tip()
-    with pytest.raises(FileConflictError, match="changed by somebody else; nothing was written") as caught:
+    with pytest.raises(FileConflictError, match="changed by another writer; nothing was written") as caught:
         write(bare, [Change(path=ENTRY, data=b"fx: 3.0\n", base=base)], "too late\n")
     assert isinstance(caught.value, ConflictError)
     (conflict,) = caught.value.conflicts
@@ -47,9 +47,9 @@ def test_a_change_made_from_old_content_is_a_conflict_with_all_three_versions(ba
 @pytest.mark.parametrize(
     ("base", "data", "told"),
     [
-        (None, b"new\n", "was added by somebody else"),
-        ("1" * 40, b"new\n", "was changed by somebody else"),
-        ("1" * 40, None, "was changed by somebody else"),
+        (None, b"new\n", "was added by another writer"),
+        ("1" * 40, b"new\n", "was changed by another writer"),
+        ("1" * 40, None, "was changed by another writer"),
     ],
 )
 def test_an_entry_is_neither_added_twice_nor_removed_unseen(
@@ -61,7 +61,7 @@ def test_an_entry_is_neither_added_twice_nor_removed_unseen(
 
 def test_a_change_of_what_was_removed_is_a_conflict(bare: Repository) -> None:
     put(bare, {ENTRY: None})
-    with pytest.raises(FileConflictError, match="was removed by somebody else"):
+    with pytest.raises(FileConflictError, match="was removed by another writer"):
         write(bare, [Change(path=ENTRY, data=b"new\n", base=blob_id(b"fx: 1.0\n"))], "x\n")
 
 

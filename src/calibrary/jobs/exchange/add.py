@@ -64,15 +64,15 @@ class Stated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AddRequest:
-    """What the user says of the entries to be.
+    """What the user states of the entries that are added.
 
     Attributes:
-        key: puts what was said of the camera in the place of what the file says.
+        key: replaces what the file states of the camera with what the user states.
         stated: of the calibration's making.
-        firmware: of which firmware the entry shall be.
+        firmware: the firmware range of the entry.
         notes: added to the file's own.
         reason: for the history, and for the approval.
-        approve: whether it shall be used at once.
+        approve: whether the entries are approved at once.
         override_held: whether it may replace an entry that is held.
     """
 
@@ -101,7 +101,7 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
     if not path.exists():
         raise InputError("no such file", source=str(path))
     if not path.is_file():
-        raise InputError("is no regular file, expected one calibration file or image", source=str(path))
+        raise InputError("is not a regular file, expected one calibration file or image", source=str(path))
     data = entry_file(path) if reading.format is None else None
     if data is not None:
         found = [_from_entry(parse_entry(data, path.name, require_digest=False), request)]
@@ -146,7 +146,7 @@ def _read(path: Path, reading: Reading) -> Sequence[Calibration]:
         wants_size = reading.image_size is None and not is_image(path) and "size" in error.message
         if wants_size and "--image-size" not in error.message:
             raise MissingTagError(
-                f"{error.message}; say --image-size WxH", source=error.source, place=error.place
+                f"{error.message}; state --image-size WxH", source=error.source, place=error.place
             ) from None
         raise
 
@@ -155,7 +155,7 @@ def _chosen(calibrations: Sequence[Calibration], camera: int | None, source: str
     if camera is None:
         return calibrations
     if not 1 <= camera <= len(calibrations):
-        raise InputError(f"has no camera {camera}, it holds {len(calibrations)}", source=source)
+        raise InputError(f"has no camera {camera}, found {len(calibrations)}", source=source)
     return calibrations[camera - 1 : camera]
 
 
@@ -180,18 +180,20 @@ class _Source:
 def _from_calibration(
     calibration: Calibration, source: _Source, request: AddRequest
 ) -> tuple[Entry, tuple[str, ...]]:
-    """An entry of what another program wrote; what only that program needs stays behind.
+    """An entry from another program's calibration; what only that program needs is not imported.
 
-    A file's extras may hold anything: serial numbers, names of people and folders. None of them enters.
+    A file's extras may hold anything: serial numbers, names of people and folders. None of them is imported.
     """
     warnings = []
     if calibration.extras:
         names = ", ".join(sorted({name for name, _ in calibration.extras})[:6])
-        warnings.append(f"not added, since it was not reviewed: {names}")
+        warnings.append(f"not imported, because it was not reviewed: {names}")
     camera = calibration.camera
     if source.is_image:
         if camera.serial is not None and calibration.grade in OF_THE_MODEL:
-            warnings.append(f"a K of grade {calibration.grade.value} is the model's, so no unit is named")
+            warnings.append(
+                f"a K of grade {calibration.grade.value} is of the model, so no serial number is stored"
+            )
             camera = replace(camera, serial=None)
         if camera.firmware is None and source.software is not None:
             camera = replace(camera, firmware=source.software)
@@ -199,8 +201,8 @@ def _from_calibration(
     _require_key(camera, source.name)
     if camera.sub_camera and camera.sub_camera == calibration.camera.sub_camera and not source.is_image:
         warnings.append(
-            f"the file calls it {camera.sub_camera!r:.80}, a part of its key from now on; where images do not say so, "
-            "or a serial number is in it, say --sub-camera NAME, or --sub-camera '' for none"
+            f"the file states the sub-camera {camera.sub_camera!r:.80}, which becomes part of the key; where images do "
+            "not state it, or it contains a serial number, set --sub-camera NAME, or --sub-camera '' for none"
         )
     made = calibration.provenance
     warnings += request.stated.warnings(made)
@@ -256,7 +258,7 @@ def _notes(calibration: Calibration, request: AddRequest) -> tuple[str, ...]:
 
 
 def _said(camera: CameraKey) -> CameraKey:
-    """The same, where an empty text takes out what a file says and no image will."""
+    """The key without the fields that the user emptied."""
     empty = {name: None for name in OPTIONAL_TEXTS if getattr(camera, name) == ""}
     return replace(camera, **empty) if empty else camera
 
@@ -270,7 +272,7 @@ def _require_key(camera: CameraKey, source: str) -> None:
     if missing:
         flags = " ".join(f"--{name} NAME" for name in missing)
         raise InputError(
-            f"does not say the camera's {' and '.join(missing)}, by which an entry is found; say {flags}",
+            f"does not state the camera's {' and '.join(missing)}, by which an entry is found; state it with {flags}",
             source=source,
         )
 
@@ -280,8 +282,8 @@ def _refuse_same_path(entries: Sequence[Entry], source: str) -> None:
     for entry in entries:
         if entry.path in seen:
             raise InputError(
-                f"holds several cameras that would all be {entry.id}; choose one with --camera N and say what "
-                "tells it from the others: --sub-camera, --lens or --serial",
+                f"contains several cameras that would all be {entry.id}; choose one with --camera N and "
+                "distinguish it from the others with --sub-camera, --lens or --serial",
                 source=source,
             )
         seen.add(entry.path)
@@ -289,13 +291,13 @@ def _refuse_same_path(entries: Sequence[Entry], source: str) -> None:
 
 @contextmanager
 def _restore_on_failure(registry: Registry, source: Path, proposals: Proposals) -> Iterator[None]:
-    """Put the current entry in the place of the file that was edited, for the commit to replace it."""
+    """Replace an edited entry by the current one while the commit is written, and restore the edit if that fails."""
     repo = registry.repo
     own = next((one for one in proposals.due if source.resolve() == repo.path / one.entry.path), None)
     if own is None or repo.work_tree is None:
         yield
         return
-    # After a kill in between, what was edited is found in git's own folder.
+    # If the process is killed meanwhile, the edit is in git's own folder.
     edited, kept = source.read_bytes(), repo.git_dir / "calibrary-edited.yaml"
     kept.unlink(missing_ok=True)
     with kept.open("xb") as file:

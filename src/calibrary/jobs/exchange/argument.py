@@ -34,7 +34,7 @@ class Argument:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """What the user said of files that do not say it, and where the registry is.
+    """What the user states of files that do not state it, and where the registry is.
 
     Attributes:
         registry: its folder, None for the default one.
@@ -86,7 +86,7 @@ def _read(text: str, reading: Reading, image_size: ImageSize | None) -> Argument
     if not path.exists():
         return _entry(text, reading.registry)
     if not path.is_file():
-        raise InputError("is no regular file, expected one calibration file or image", source=text)
+        raise InputError("is not a regular file, expected one calibration file or image", source=text)
     if reading.format is None and (data := entry_file(path)) is not None:
         entry = parse_entry(data, path.name, require_digest=False)
         return Argument(label=text, calibration=entry.calibration)
@@ -100,7 +100,7 @@ def _entry(text: str, registry: Path | None) -> Argument:
         stored = Registry.open(require_registry(registry)).get(text)
     except RegistryError:
         if looks_like_a_file:
-            raise InputError("no such file, and no entry of that name in a registry", source=text) from None
+            raise InputError("no such file, and no such entry in a registry", source=text) from None
         raise
     rev = text.partition("@")[2]
     return Argument(
@@ -122,8 +122,8 @@ def _chosen(calibrations: Sequence[Calibration], camera: int | None, source: str
     names = ", ".join(f"{at} {item.camera}" for at, item in enumerate(calibrations[:8], start=1))
     if camera is None:
         raise InputError(
-            f"holds {len(calibrations)} cameras; choose one with --camera: {names}", source=source
+            f"contains {len(calibrations)} cameras; choose one with --camera: {names}", source=source
         )
     if not 1 <= camera <= len(calibrations):
-        raise InputError(f"has no camera {camera}, it holds {len(calibrations)}: {names}", source=source)
+        raise InputError(f"has no camera {camera}, found {len(calibrations)}: {names}", source=source)
     return calibrations[camera - 1]

@@ -70,11 +70,11 @@ def _focal_over_width(camera: KnownCamera) -> float | None:
 
 def _reason_against(camera: KnownCamera, over_width: float | None) -> str | None:
     if camera.projection is not Projection.PERSPECTIVE:
-        return f"a {camera.projection.value} lens, which no pinhole K describes"
+        return f"a {camera.projection.value} lens, which a pinhole K does not describe"
     if camera.native_size is None:
-        return "no source tells its frame"
+        return "no source states its image size"
     if over_width is None:
-        return "no source tells its focal length and pixel size for one frame"
+        return "no source states its focal length and pixel size for one image size"
     return None
 
 

@@ -1,7 +1,7 @@
 """A whole registry for other programs: one file of theirs, a file for each entry, a table, or one YAML.
 
 Calibration formats are written by their own writers, which read back what they wrote: what a format cannot hold is
-left out and told, and so is how exactly it holds the rest.
+left out and reported, and so is how exactly it represents the rest.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ def _refused(stored: Sequence[StoredEntry], record: Format, out: Path, limit: fl
 def _namesakes(
     stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None
 ) -> dict[str, str]:
-    """Entries under whose name in the file another one stands: a program would never find the second."""
+    """Entries whose name in the file another entry has already: a program would never find the second."""
     models: dict[tuple[object, ...], list[StoredEntry]] = {}
     for one in stored:
         camera = one.entry.calibration.camera
@@ -272,7 +272,7 @@ def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: flo
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"cannot be made: {error.strerror}", source=str(out)) from None
+        raise InputError(f"cannot be created: {error.strerror}", source=str(out)) from None
     write_files(files)
     return Export(format=record.name, written=tuple(written), left_out=tuple(left), dropped=tuple(dropped))
 

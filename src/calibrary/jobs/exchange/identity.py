@@ -20,10 +20,10 @@ class Identified:
     """A camera as an image tells it.
 
     Attributes:
-        key: with its firmware, which is no part of the key that groups images, but an entry may be of one only.
+        key: with its firmware, which is not part of the key that groups images, but an entry may be of one only.
         camera: its row of the catalogue, None for an unknown camera.
         siblings: the other cameras that share its Model.
-        why: how the row was told, or why there is none.
+        why: how the row was found, or why there is none.
     """
 
     key: CameraKey
@@ -48,7 +48,7 @@ def image_key(path: Path) -> Identified:
     """The camera that took an image.
 
     Raises:
-        InputError: the file cannot be read, or is no image.
+        InputError: the file cannot be read, or is not an image.
     """
     from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  the readers, which KEYs do not need
 

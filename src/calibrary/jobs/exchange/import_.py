@@ -1,7 +1,6 @@
 """Bringing many calibrations into a registry as one commit: a folder of files of any format, or the catalogue.
 
-Nothing that stands is lost: what is there already stays as it is, and a file that cannot be taken is told and holds
-up no other.
+Existing entries stay as they are, and a file that cannot be imported is reported and does not stop the others.
 """
 
 from __future__ import annotations
@@ -118,8 +117,8 @@ def import_folder(
 
     Args:
         registry: to import to.
-        folder: is gone through to its bottom; links to folders are not followed, and images are left out, for a
-            folder of them is a flight and no set of calibrations.
+        folder: is gone through to its bottom; links to folders are not followed, and images are left out, since a
+            folder of them is a flight, not a set of calibrations.
         reading: answers to what the files leave open.
         request: what the user says of all of them.
         progress: called with how many files are done, and of how many.
@@ -228,8 +227,8 @@ def _taken_in(due: dict[str, tuple[Proposal, str]], item: Item, proposal: Propos
     if _numbers(first.entry) == _numbers(proposal.entry):
         return replace(item, fate=Fate.SAME, reason=f"the same numbers as in {source}")
     reason = (
-        f"{source} holds other numbers of the same camera; 'calibrary registry add' takes the one that is right, "
-        "or flags (--lens, --sub-camera, --serial) that tell the two cameras apart"
+        f"{source} has other numbers for the same camera; add the right one with 'calibrary registry add', or "
+        "distinguish the two cameras with --lens, --sub-camera or --serial"
     )
     return replace(item, fate=Fate.FAILED, reason=reason)
 
@@ -243,15 +242,15 @@ def _readable(snapshot: Snapshot, path: str) -> Entry | None:
 
 def _fate(entry: Entry, current: Entry | None) -> tuple[Fate, str | None]:
     if current is None:
-        return Fate.LEFT, "the current entry cannot be read: 'calibrary registry check' says why"
+        return Fate.LEFT, "the current entry cannot be read: 'calibrary registry check' gives the reason"
     made = current.calibration.provenance
     if made.kind != KIND:
         grade = current.calibration.grade.value
-        return Fate.LEFT, f"an entry of grade {grade}, {made.kind}, is there already"
+        return Fate.LEFT, f"there is already an entry of grade {grade}, {made.kind}"
     if _said(entry) == _said(current):
         return Fate.SAME, None
     if current.status is not Status.DRAFT:
-        return Fate.LEFT, f"it is {current.status.value}; the catalogue says something else by now"
+        return Fate.LEFT, f"it is {current.status.value}; the catalogue has changed since"
     return Fate.CHANGED, None
 
 

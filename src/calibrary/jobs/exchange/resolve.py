@@ -75,7 +75,7 @@ def asked(snapshot: Snapshot, word: str | None, said: Callable[[CameraKey], Came
         flags = " ".join(f"--{name} NAME" for name in missing)
         raise InputError(
             f"the camera's {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not known, and a registry "
-            f"finds cameras by them; say {flags}",
+            f"finds cameras by them; state it with {flags}",
             source=word,
         )
     return replace(question, key=key)
@@ -144,7 +144,7 @@ def _meant(snapshot: Snapshot, word: str | None) -> Question:
     if path.is_file():
         if not is_image(path):
             raise InputError(
-                "is no image; 'calibrary registry add FILE' takes a calibration file, and resolve an image of the "
+                "is not an image; 'calibrary registry add FILE' takes a calibration file, and resolve an image of the "
                 "camera, or its KEY",
                 source=word,
             )
