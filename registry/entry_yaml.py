@@ -45,8 +45,8 @@ LEGEND: Final = """\
 # One camera of a fleet registry, written by calibrary; schema: entry-1.
 # K is fx fy cx cy skew in pixels of an image of image_size (width, height), x to the right, y down. The origin is the
 # outer corner of the top-left pixel, so the middle is (width/2, height/2); for OpenCV take 0.5 off cx and cy.
-# The distortion is separate; its model maps undistorted to distorted x/z, y/z. null: unknown; "none": known to be none.
-# The digest is a checksum over the numbers. To edit one, delete the digest line and run: calibrary registry add FILE
+# The distortion is no part of K; its model maps ideal to observed x/z, y/z. null: unknown; "none": known to be none.
+# The digest seals the numbers. To change one, take the digest line out and run: calibrary registry add FILE
 """
 
 

@@ -10,8 +10,9 @@ import weakref
 from dataclasses import dataclass
 from typing import IO, Annotated, Final, TypeAlias, cast
 
+from msgspec import Meta
+
 from calibrary.errors import RegistryError
-from calibrary.records import Meta
 
 __all__ = ["HEX", "LARGEST_FILE", "Blob", "CommitId", "ObjectReader", "blob_id", "object_id"]
 

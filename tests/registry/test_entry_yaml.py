@@ -151,7 +151,7 @@ def test_fields_of_others_are_kept_as_they_are_however_deep(key: str) -> None:
 
 @pytest.mark.parametrize("key", ["fleet", "sensor/x-a", "intrinsics/x-a", "a/b/x-c"])
 def test_a_field_that_the_file_has_no_place_for_is_refused(key: str) -> None:
-    with pytest.raises(InputError, match="no field of this entry"):
+    with pytest.raises(InputError, match="not a field of this entry"):
         an_entry(extensions={key: 1})
 
 
@@ -271,7 +271,7 @@ def test_a_newer_schema_is_refused_with_what_was_found_and_what_to_do(version: i
         (r"^(grade: .*)", r"\1\nquality: {covariance: {names: [fx], upper: [1.0, 2.0]}}", "1 numbers"),
         (r"^(grade: .*)", r"\1\nfocal: 3", "'focal' is not a valid key"),
         (r"(?s)\A.*\Z", "", "no YAML value"),
-        (r"(?s)\A.*\Z", "- 1", "no map"),
+        (r"(?s)\A.*\Z", "- 1", "not a map"),
         (r"(?s)\A.*\Z", "[" * 30_000, "deep"),
     ],
 )

@@ -32,7 +32,7 @@ def test_spelling_makes_no_other_version(one: str, other: str) -> None:
 
 @pytest.mark.parametrize("text", ["DJI GO", "1.00a", "", "1.2 beta"])
 def test_what_is_no_version_is_an_error(text: str) -> None:
-    with pytest.raises(InputError, match="no version number"):
+    with pytest.raises(InputError, match="not a version number"):
         compare(text, "1.0")
 
 

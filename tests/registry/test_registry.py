@@ -139,7 +139,7 @@ def test_an_entry_is_read_at_any_revision_or_named_as_missing(registry: Registry
         before = Registry.open(registry.repo.path).snapshot(commit)
         assert not listed or before.paths
         assert before.read(ENTRY_PATH) == entry_yaml(an_entry())
-        with pytest.raises(RegistryError, match=f"nothing.yaml: not at {commit[:12]}"):
+        with pytest.raises(RegistryError, match=f"nothing.yaml: not in commit {commit[:12]}"):
             before.read("cameras/nothing.yaml")
 
 
@@ -147,7 +147,7 @@ def test_what_is_no_entry_or_of_another_camera_is_never_written(registry: Regist
     before = registry.commit()
     good = Change(path=ENTRY_PATH, data=entry_yaml(an_entry()))
     other = an_entry(model="FC330")
-    for data, message in ((b"oops\n", "is no map"), (entry_yaml(an_entry()), "belongs at")):
+    for data, message in ((b"oops\n", "is not a map"), (entry_yaml(an_entry()), "belongs at")):
         with pytest.raises(RegistryError, match=message):
             write_changes(registry.repo, [good, Change(path=other.path, data=data)], Note(subject="x"))
     assert registry.commit() == before
@@ -155,7 +155,7 @@ def test_what_is_no_entry_or_of_another_camera_is_never_written(registry: Regist
 
 def test_an_entry_cannot_be_overwritten_blindly(registry: Registry) -> None:
     data = entry_yaml(an_entry())
-    with pytest.raises(RegistryError, match="never overwritten blindly"):
+    with pytest.raises(RegistryError, match="written only against its base"):
         write_changes(registry.repo, [Change(path=ENTRY_PATH, data=data, base=ANY)], Note(subject="x"))
     put(registry, an_entry())
     with pytest.raises(FileConflictError):

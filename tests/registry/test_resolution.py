@@ -67,7 +67,7 @@ def test_what_an_entry_states_must_be_so(key: CameraKey, expected: float | None)
 def test_a_focal_length_that_is_not_known_is_no_proof() -> None:
     assert fx(at_home(FOCAL), replace(KEY, focal_mm=None)) == 3004.0
     assert fx(at_home(FOCAL, MODEL), replace(KEY, focal_mm=None)) == 3006.0
-    with pytest.raises(RegistryError, match="2 entries fit"):
+    with pytest.raises(RegistryError, match="2 entries match"):
         fx(at_home(FOCAL, an_entry(focal_mm=24.0)), replace(KEY, focal_mm=None))
 
 
@@ -89,7 +89,7 @@ def test_two_open_ranges_of_firmware_that_both_hold_are_an_error_that_names_both
     both = at_home(an_entry(fx=3001.0, firmware=since), an_entry(fx=3002.0, firmware=until))
     assert fx(both, replace(KEY, firmware="01.30")) == 3001.0
     assert fx(both, replace(KEY, firmware="1.8")) == 3002.0
-    with pytest.raises(RegistryError, match="2 entries fit"):
+    with pytest.raises(RegistryError, match="2 entries match"):
         resolve(both, replace(KEY, firmware="01.10"))
 
 
@@ -209,7 +209,7 @@ def test_the_answer_tells_where_its_k_is_from_and_what_stands_behind() -> None:
     )
     assert found is not None
     assert found.path == "cameras/dji/fc6310r/sn-9f2c/5472x3648+f8.8.yaml"
-    assert found.why == f"{found.path} is of this unit, 8.8 mm; 1 more fit and say less"
+    assert found.why == f"{found.path} is of this unit, 8.8 mm; 1 more match and are less specific"
     assert [miss.reason for miss in found.near] == [
         "it matches, and is less specific: its model only",
         "it is draft",
@@ -277,7 +277,7 @@ class TestIndex:
         found = files.index(aliases=find).resolve(replace(KEY, make="HASSELBLAD", model="l1d-20C"))
         assert found is not None
         assert found.path == an_entry().path
-        assert "which goes by this name as well" in found.why
+        assert "of which this is an alias" in found.why
         assert (an_entry(model="FC220").path in files.read) is not given
 
     def test_its_own_name_comes_before_anothers(self) -> None:

@@ -65,7 +65,7 @@ def test_without_a_name_for_the_camera_the_flags_are_named(
     code, _, told = run(capsys, "add", xml(tmp_path / "a.xml"), "--make", "DJI", "--yes")
     assert code == 3
     assert told == (
-        "calibrary: a.xml: does not say the camera's model, by which an entry is found; say --model NAME\n"
+        "calibrary: a.xml: does not state the camera's model, by which an entry is found; state it with --model NAME\n"
     )
 
 
@@ -112,7 +112,7 @@ def test_what_only_another_program_needs_stays_out(
     file = xml(tmp_path / "a.xml")
     file.write_text(file.read_text().replace("</calibration>", "<owner>Jane Doe</owner></calibration>"))
     code, told, _ = run(capsys, "add", file, *CAMERA, "--yes")
-    assert (code, "not added, since it was not reviewed" in told) == (0, True)
+    assert (code, "not imported, because it was not reviewed" in told) == (0, True)
     assert held(fleet).entry.calibration.extras == ()
     assert b"Jane Doe" not in entry_yaml(held(fleet).entry)
 
@@ -133,7 +133,7 @@ def test_of_an_image_only_a_measured_k_names_the_unit(
     [one] = Registry.open(fleet).snapshot().entries()
     assert one.entry.calibration.grade is Grade.DERIVED
     assert one.entry.calibration.camera.serial is None
-    assert "no unit is named" in capsys.readouterr().out
+    assert "no serial number is stored" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("grade", [Grade.PRIOR, Grade.SEED])
@@ -159,7 +159,7 @@ def test_every_camera_of_a_file_enters_in_one_commit_or_one_is_chosen(
     )
     before = commit_of(fleet)
     code, told, _ = run(capsys, "add", file, *CAMERA, "--camera", "2", "--yes")
-    assert (code, "the file calls it '2'" in told) == (0, True)
+    assert (code, "the file states the sub-camera '2'" in told) == (0, True)
     assert [one.id for one in Registry.open(fleet).snapshot().entries()] == ["dji/fc6310r/2000x1500+sub-2"]
     add(file, "--sub-camera", "")
     assert git(fleet, "rev-list", "--count", f"{before}..HEAD") == "2"

@@ -53,7 +53,7 @@ class TestCatalogue:
         put(fleet, an_entry(focal_mm=None))
         _, out, _ = run(capsys, "import", "catalogue", "--yes")
         assert held(fleet).entry.calibration.intrinsics.fx == 3661.25
-        assert f"{P4R}: an entry of grade calibrated, calibration-file, is there already" in out
+        assert f"{P4R}: there is already an entry of grade calibrated, calibration-file" in out
 
     def test_a_draft_of_an_older_catalogue_follows_and_an_approved_one_does_not(
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
@@ -170,7 +170,7 @@ class TestFolder:
         code, out, _ = run(capsys, "import", tmp_path / "lab", *CAMERA, "--yes")
         assert code == 0
         assert f"new     a.xml → {P4R}" in out
-        assert "a.xml holds other numbers of the same camera" in out
+        assert "a.xml has other numbers for the same camera" in out
         assert "same    same.xml" in out
         assert "the same numbers as in a.xml" in out
         assert "failed  broken.xml" in out
@@ -184,7 +184,7 @@ class TestFolder:
         xml(tmp_path / "lab/a.xml")
         before = commit_of(fleet)
         code, out, _ = run(capsys, "import", tmp_path / "lab", "--yes")
-        assert (code, "say --make NAME --model NAME" in out) == (3, True)
+        assert (code, "state it with --make NAME --model NAME" in out) == (3, True)
         assert commit_of(fleet) == before
         (tmp_path / "empty").mkdir()
         assert run(capsys, "import", tmp_path / "empty", "--yes")[0] == 0

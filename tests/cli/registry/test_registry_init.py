@@ -88,11 +88,11 @@ def test_a_repository_of_something_else_is_left_alone(
     git(tmp_path / "code", "commit", "--quiet", "-m", "Begin")
     code, _, told = run(capsys, "init", tmp_path / "code")
     assert code == 4
-    assert "a git repository of something else" in told
+    assert "a git repository of another project" in told
     assert git(tmp_path / "code", "log", "--format=%s") == "Begin"
     code, _, told = run(capsys, "list", "--registry", tmp_path / "code")
     assert code == 4
-    assert "no registry" in told
+    assert "not a registry" in told
 
 
 def test_a_registry_is_not_begun_twice(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -144,7 +144,7 @@ def test_a_remote_that_is_no_registry_leaves_nothing_behind(
     git(tmp_path, "init", "--quiet", "code")
     git(tmp_path / "code", "commit", "--quiet", "--allow-empty", "-m", "Begin")
     code, _, told = run(capsys, "init", tmp_path / "fleet", "--remote", tmp_path / "code")
-    assert (code, "no registry" in told) == (4, True)
+    assert (code, "not a registry" in told) == (4, True)
     assert not (tmp_path / "fleet").exists()
 
 
@@ -172,7 +172,7 @@ def test_a_newer_registry_is_refused_with_what_was_found_and_the_way_out(
     code, _, told = run(capsys, "list")
     assert code == 4
     assert f"registry.yaml: {place}: is {after.partition(': ')[2].strip(chr(34))}" in told
-    assert "update calibrary" in told
+    assert "upgrade calibrary" in told
 
 
 def test_a_registry_begun_by_hand_is_one_by_its_entries(

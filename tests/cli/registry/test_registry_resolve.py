@@ -79,7 +79,7 @@ def test_a_serial_number_finds_the_entry_of_that_unit(
         capsys, "resolution-1", "resolve", "--make", "DJI", "--model", "FC6310R", "--serial", "0V2LG3H0"
     )
     assert answer["calibration"]["intrinsics"]["fx"] == 3655.5
-    assert answer["why"].endswith("1 more fit and say less")
+    assert answer["why"].endswith("1 more match and are less specific")
     assert [item["path"] for item in answer["near"]] == [an_entry().path]
 
 
@@ -112,7 +112,7 @@ def test_another_name_of_a_camera_finds_it(fleet: Path, capsys: pytest.CaptureFi
         answer = printed(capsys, "resolution-1", "resolve", "Other Maker/P4 RTK")
         assert answer["entry"]["id"] == an_entry().id
         answer = printed(capsys, "resolution-1", "resolve", "--make", "other maker", "--model", "P4 RTK")
-        assert "which goes by this name as well" in answer["why"]
+        assert "of which this is an alias" in answer["why"]
 
 
 def test_the_day_it_is_for_and_the_state_of_the_registry_are_two_things(
@@ -155,7 +155,7 @@ def test_what_is_committed_answers_and_not_what_lies_in_the_work_tree(
     [
         (["nobody/at-all"], 4, "no such camera"),
         (["missing.jpg"], 3, "no such file"),
-        (["--make", "DJI"], 3, "say --model NAME"),
+        (["--make", "DJI"], 3, "state it with --model NAME"),
         (["dji/fc6310r", "--registry", "nowhere"], 4, "no registry here"),
     ],
 )

@@ -55,7 +55,7 @@ def test_what_is_approved_already_stays_without_a_commit(
     run(capsys, "approve", P4R)
     before = commit_of(drafts)
     code, told, _ = run(capsys, "approve", P4R)
-    assert (code, "it is approved already" in told) == (0, True)
+    assert (code, "it is already approved" in told) == (0, True)
     assert commit_of(drafts) == before
 
 

@@ -137,7 +137,7 @@ class TestBothChangedAnEntry:
         code, _, told = run(capsys, "pull", "--registry", twin, "--ours", "dji/fc330")
         assert (code, "no such" in told) == (4, True)
         code, _, told = run(capsys, "pull", "--registry", twin, "--ours", "all", "--theirs", "all")
-        assert (code, "both sides" in told) == (4, True)
+        assert (code, "is named for both --ours and --theirs" in told) == (4, True)
         assert commit_of(twin) == before
 
 

@@ -169,7 +169,7 @@ def test_what_others_commit_is_seen_at_once(bare: Repository) -> None:
     "hostile", ["--output=/nowhere/x", "-1", "main\n--all", "", "main..", "a b", "\x00", ":/fx", "x" * 300]
 )
 def test_a_hostile_revision_is_refused_and_writes_nothing(bare: Repository, hostile: str) -> None:
-    with pytest.raises(RegistryError, match=r"no revision|no such revision"):
+    with pytest.raises(RegistryError, match=r"not a revision|no such revision"):
         commit_at(bare, parse_rev(hostile))
     with pytest.raises(RegistryError):
         bare.commit_of(hostile)
@@ -200,7 +200,7 @@ def test_a_date_means_the_end_of_that_day_in_utc(bare: Repository) -> None:
     assert at("2031-05-12") == b"fx: 3\n"
     with pytest.raises(RegistryError, match="begins later"):
         at("2001-01-01")
-    with pytest.raises(RegistryError, match="no date"):
+    with pytest.raises(RegistryError, match="not a date"):
         at("2031-02-30")
 
 
@@ -254,7 +254,7 @@ def test_a_folder_that_is_no_repository_is_told_so(tmp_path: Path) -> None:
 
 
 def test_a_folder_inside_a_repository_is_not_that_repository(checked_out: Repository) -> None:
-    with pytest.raises(RegistryError, match="no git repository"):
+    with pytest.raises(RegistryError, match="not a git repository"):
         Repository.open(checked_out.path / "cameras")
 
 

@@ -52,7 +52,7 @@ def test_a_persons_work_in_the_way_stops_the_write_before_anything_is_committed(
             path = OTHER
             (folder / OTHER).parent.symlink_to(tmp_path)
     before, seen = checked_out.tip(), files_of(folder)
-    with pytest.raises(RegistryError, match="by hand and not committed; nothing was written"):
+    with pytest.raises(RegistryError, match="edited and not committed; nothing was written"):
         put(checked_out, {path: b"fx: 2.0\n"})
     assert checked_out.tip() == before
     assert files_of(folder) == seen
@@ -90,7 +90,7 @@ def test_the_first_commit_keeps_what_a_person_has_staged(tmp_path: Path) -> None
 
 def test_a_merge_under_way_is_finished_by_the_person_first(checked_out: Repository) -> None:
     (checked_out.git_dir / "MERGE_HEAD").write_text(f"{checked_out.tip()}\n")
-    with pytest.raises(RegistryError, match="a merge is under way"):
+    with pytest.raises(RegistryError, match="a merge is in progress"):
         put(checked_out, {ENTRY: b"fx: 2.0\n"})
 
 

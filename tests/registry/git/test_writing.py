@@ -139,7 +139,7 @@ def test_a_file_may_take_the_place_of_a_folder_that_the_same_commit_empties(bare
 )
 def test_a_path_outside_the_registry_is_refused(bare: Repository, path: str) -> None:
     before = bare.tip()
-    with pytest.raises(RegistryError, match="no place in a registry"):
+    with pytest.raises(RegistryError, match="not allowed in a registry"):
         write(bare, [Change(path=path, data=b"x\n")], "x\n")
     assert bare.tip() == before
 
@@ -165,7 +165,7 @@ def test_the_paths_of_a_registry_are_taken(path: str) -> None:
     "name", ["-x", "a..b", "x.lock", "a//b", "refs heads", "HEAD", "a\n", "a/.b", "x@{1}", ""]
 )
 def test_a_branch_that_git_would_misread_is_refused(name: str) -> None:
-    with pytest.raises(RegistryError, match="no name for a branch"):
+    with pytest.raises(RegistryError, match="not a branch name"):
         check_branch(name)
 
 
