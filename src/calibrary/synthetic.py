@@ -26,6 +26,8 @@ __all__ = ["ExifValue", "Head", "Position", "Rational", "description", "packet",
 Rational: TypeAlias = tuple[int, int]
 ExifValue: TypeAlias = str | bytes | int | Rational
 
+COMPONENTS_AS_UNDEFINED: Final = (b"\x01\x91\1\0\4\0\0\0", b"\x01\x91\7\0\4\0\0\0")
+"""ComponentsConfiguration (0x9101) with its four bytes: Pillow writes the type BYTE, EXIF wants UNDEFINED."""
 EXIF_IFD, GPS_IFD, XMP_TAG = 0x8769, 0x8825, 700
 
 NAMESPACES: Final = {
@@ -152,7 +154,8 @@ def _jpeg(pixels: NDArray[np.uint8] | NDArray[np.uint16], head: Head, quality: i
     segments = b""
     directories = _directories(head)
     if directories:
-        segments += _segment(b"Exif\0\0" + b"II*\0\x08\0\0\0" + directories.tobytes(8))
+        written = directories.tobytes(8).replace(*COMPONENTS_AS_UNDEFINED)
+        segments += _segment(b"Exif\0\0" + b"II*\0\x08\0\0\0" + written)
     if head.xmp is not None:
         segments += _segment(b"http://ns.adobe.com/xap/1.0/\0" + head.xmp)
     return encoded[:2] + segments + encoded[start:]

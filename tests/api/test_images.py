@@ -83,7 +83,7 @@ def test_a_calibration_beside_a_listed_image_is_found(mixed: Path) -> None:
 @pytest.mark.parametrize(
     ("images", "message"),
     [
-        ([], "no image is given"),
+        ([], "no image was given"),
         ("nowhere", "nowhere: does not exist"),
         (["DJI_0001.JPG", "DJI_0009.JPG"], r"DJI_0009\.JPG: does not exist"),
         ("sub/empty", r"sub/empty: contains no images"),

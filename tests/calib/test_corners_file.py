@@ -76,7 +76,7 @@ def _with_view(**changes: object) -> bytes:
         (_document(pixel_origin="centre"), "corner"),
         (_document(image_size=[1920, 0]), "at least 1"),
         (_document(board=None), "either a board or control_points_mm"),
-        (_document(extra=1), "no key here"),
+        (_document(extra=1), "not a valid key"),
         (_with_view(ids=[0, 0]), "expected as many"),
         (_with_view(ids=[0] * 88), "each once"),
         (_with_view(ids=[*range(87), 88]), "below 88"),

@@ -217,7 +217,7 @@ def test_a_range_of_firmware_needs_both_ends(registry: Path, capsys: pytest.Capt
         (("one.xml", "torn.xml"), INPUT, "torn.xml"),
         (("one.xml", "same.yml", "--policy", "nowhere.yaml"), INPUT, "nowhere.yaml"),
         (("one.xml", "same.yml", "--html", "page.pdf"), INPUT, ".html"),
-        (("one.xml", "same.yml", "--html", "nowhere/page.html"), INPUT, "no such folder"),
+        (("one.xml", "same.yml", "--html", "/dev/null/page.html"), INPUT, "is a file; expected a folder"),
         (("one.xml", "nobody/knows-it"), REGISTRY, "knows-it"),
         (("one.xml", "dji/fc6310r@1999-01-01"), REGISTRY, "1999"),
         (("--since", "no-such-tag"), REGISTRY, "no-such-tag"),

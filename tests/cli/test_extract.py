@@ -82,7 +82,7 @@ class TestExitCodes:
             (("--image-dir", "nowhere"), "nowhere"),
             (("--fallback-k", "nowhere.npy"), "nowhere.npy"),
             (("--policy", "nowhere.yaml"), "nowhere.yaml"),
-            (("--output-matrix", "nowhere/K.npy"), "nowhere"),
+            (("--output-matrix", "/dev/null/K.npy"), "/dev/null"),
             (("--output-matrix", "K.json"), "K.json"),
         ],
     )

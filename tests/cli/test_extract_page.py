@@ -48,7 +48,7 @@ def test_leaves_the_exit_code_and_the_document_as_they_are(
 @pytest.mark.parametrize(
     ("path", "said"),
     [
-        ("nowhere/flight.html", "no such folder"),
+        ("/dev/null/flight.html", "is a file; expected a folder"),
         ("input/a.jpg", "ends in .html"),
         ("flight", "ends in .html"),
     ],

@@ -41,6 +41,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
     parser = build_parser()
     for action in _actions(parser):
+        if isinstance(action, argparse._SubParsersAction):
+            # What --help leaves out, shtab leaves out as well.
+            action.help = None
         _say_what_completes(action)
     script = shtab.complete(parser, shell=arguments.shell)
     sys.stdout.write(script if script.endswith("\n") else f"{script}\n")

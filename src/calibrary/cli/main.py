@@ -147,6 +147,7 @@ def build_parser() -> Parser:
         description="The library of a fleet's camera calibrations: derives, validates and keeps K.",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    # The epilog lists the commands by group; argparse would list them a second time, without the groups.
     subparsers = parser.add_subparsers(
         prog="calibrary", metavar="COMMAND", required=True, help=argparse.SUPPRESS
     )
@@ -160,8 +161,6 @@ def build_parser() -> Parser:
     parser.epilog = "\n".join(
         [*listed, "calibrary COMMAND --help explains a command, with examples.", "", EPILOG]
     )
-    # argparse would list them a second time, without the groups.
-    subparsers._choices_actions.clear()
     for leaf in leaves(parser):
         add_output_flags(leaf)
         leaf.set_defaults(parser=leaf)

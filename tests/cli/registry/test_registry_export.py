@@ -135,7 +135,7 @@ def test_status_and_revision_choose(fleet: Path, tmp_path: Path, capsys: pytest.
     ("form", "out", "told"),
     [
         ("no_such_format", "x.txt", "no_such_format"),
-        ("csv", "nowhere/x.csv", "cannot be written"),
+        ("csv", "taken/x.csv", "taken"),
         ("csv", ".", "is a folder"),
         ("colmap_database", "x.db", "read but not written"),
     ],
@@ -151,6 +151,7 @@ def test_what_cannot_be_done_is_one_line(
 ) -> None:
     put(fleet, FIRST)
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("a file, where a folder would have to be")
     code, _, said = run(capsys, "export", "--format", form, "--out", out)
     assert (code, said.count("\n")) == (3, 1)
     assert told in said

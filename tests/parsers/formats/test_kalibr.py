@@ -241,7 +241,7 @@ def test_another_model_is_refused_by_name(text: str, match: str) -> None:
         (chain("pinhole", FOCAL, "fov", "53.0"), "degrees"),
         (RADTAN.replace("[752, 480]", "[752]"), "1 numbers"),
         (RADTAN.replace("resolution", "size"), "'resolution'"),
-        (RADTAN + RADTAN, "twice"),
+        (RADTAN + RADTAN, "duplicate key"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(text: str, match: str) -> None:

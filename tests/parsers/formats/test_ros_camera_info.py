@@ -164,7 +164,7 @@ def test_another_model_is_refused_by_name() -> None:
         (file("equidistant"), ParseError, "5 coefficients for equidistant, expected 4"),
         (file().replace("1920", "1920.5"), ParseError, "image size"),
         (file().replace("971.6", ".nan"), ParseError, "finite"),
-        (file() + "camera_name: again\n", ParseError, "twice"),
+        (file() + "camera_name: again\n", ParseError, "duplicate key"),
         ("distortion_model: plumb_bob\nprojection_matrix: 1\n", InputError, "no format claims it"),
     ],
 )
