@@ -257,7 +257,7 @@ def test_a_calibration_of_2019_is_of_2019_all_the_way(
     assert (shown["recorded"]["by"], shown["recorded"]["commit"]) == ("Ada Keeper", commit_of(fleet))
     _, out, _ = run(capsys, "show", "fc6310r")
     told = {line.partition("  ")[0]: line for line in out.splitlines()}
-    assert "2019-03-05" in told["made on"]
+    assert "2019-03-05" in told["provenance.date"]
     assert f"{TODAY} by Ada Keeper, from lab.yml, commit {commit_of(fleet)[:12]}" in " ".join(out.split())
     document = audited(capsys, flight, "--stale-after", "24")
     [stale] = [one for one in document["findings"] if one["rule"] == "calibrated long ago"]
