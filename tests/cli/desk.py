@@ -45,7 +45,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
     f"registry add other.xml {KEY} --yes": (0, "4864x3648"),
     "registry hold fc6310r/4864x3648 --reason 'agreed upon'": (0, "held"),
     "registry list": (0, "dji/fc6310r/5472x3648 approved"),
-    "registry show fc6310r/5472": (0, "3730.0"),
+    "registry show fc6310r/5472": (0, "intrinsics.fx 3730"),
     "registry show fc6310r/5472 --diff HEAD~3": (0, "intrinsics.fx"),
     "registry log": (0, "dji/fc6310r/5472x3648"),
     "registry log fc6310r/5472": (0, "maker"),

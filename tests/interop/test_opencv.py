@@ -25,9 +25,9 @@ from calibrary.distortion import (
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera, rays
-from tests.strategies import any_distortions, cameras
+from tests.strategies import DISTORTIONS, cameras, perspective_distortions
 
-UPRIGHT = cameras(any_distortions()).map(
+UPRIGHT = cameras(perspective_distortions() | DISTORTIONS["kannala-brandt"]).map(
     lambda own: replace(own, intrinsics=replace(own.intrinsics, skew=0.0))
 )
 

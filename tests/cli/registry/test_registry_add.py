@@ -51,8 +51,9 @@ def test_flags_say_what_the_source_does_not_and_nothing_else_does(
     made = held(fleet).entry.calibration.provenance
     assert (made.date, made.tool, made.operator) == ("2019-03-05", "lab 3.1", "B. Solver")
     file = fleet / f"cameras/{P4R}.yaml"
-    code, _, told = run(capsys, "add", file, "--date", "2020-01-02", "--yes")
-    assert (code, "the source states the date '2019-03-05', and --date replaces it" in told) == (0, True)
+    code, told, _ = run(capsys, "add", file, "--date", "2020-01-02", "--yes")
+    assert code == 0
+    assert "the source states the date '2019-03-05', and --date replaces it" in " ".join(told.split())
     assert held(fleet).entry.calibration.provenance.date == "2020-01-02"
     with pytest.raises(SystemExit):
         run(capsys, "add", file, "--date", "05.03.2019")
