@@ -3,14 +3,7 @@
 How to declare one::
 
     class Flight(Record):
-        '''One flight.
-
-Attributes:
-            camera: which camera flew.
-            images: how many it took.
-            day: of the flight; None when unknown.
-        '''
-
+        # The docstring describes each field under "Attributes:", as in "day: of the flight; None when unknown".
         camera: CameraKey
         images: Annotated[int, Meta(ge=0)]
         day: date | None = None
