@@ -45,7 +45,7 @@ def test_a_command_is_completed(script: Path) -> None:
 
 
 def test_every_command_is_offered(script: Path) -> None:
-    names = {module.__name__.rpartition(".")[2] for _, modules in GROUPS for module in modules}
+    names = {command.name for _, commands in GROUPS for command in commands}
     assert names <= offered(script, "")
 
 

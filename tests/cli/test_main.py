@@ -183,3 +183,18 @@ def test_a_reader_that_has_gone_ends_the_command_quietly_as_it_ends_others(flags
         process.stdout.close()
         told = process.stderr.read()
     assert (process.returncode, told) == (141, b"")
+
+
+@pytest.mark.parametrize(
+    ("argv", "loaded"), [(["--version"], set()), (["--help"], set()), (["formats", "--help"], {"formats"})]
+)
+def test_only_the_command_that_is_named_is_loaded(argv: list[str], loaded: set[str]) -> None:
+    code = (
+        "import sys\nfrom calibrary.cli.main import main\n"
+        f"try:\n    main({argv!r})\nexcept SystemExit:\n    pass\n"
+        "print(*sys.modules, sep='\\n', file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = set(done.stderr.split())
+    assert {name for name in commands() if f"calibrary.cli.{name}" in modules} == loaded
+    assert not modules & {"numpy", "rich", "msgspec"}

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.known_camera import KnownCamera
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Print the known cameras, their pixels and where each number is from."
 EXAMPLES = """\
 examples:
   calibrary catalogue                  every camera
@@ -29,22 +30,16 @@ DETAILS_UP_TO = 6
 """So many matches are told in full; more are a table."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "catalogue",
-        help="print the known cameras, their pixels and where each number is from",
-        description="Print the known cameras, their pixels and where each number is from.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "model", nargs="?", metavar="MODEL", help="part of a make, EXIF Model, name or lens (default: all)"
     )
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, out, plain
     from calibrary.registry.catalogue import load_catalogue, to_json
 

@@ -7,8 +7,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Print a script that completes commands, flags, files and formats in a shell."
 EXAMPLES = """\
 examples:
   calibrary completion bash   > ~/.local/share/bash-completion/completions/calibrary
@@ -22,19 +23,13 @@ A new shell completes from then on; write the script again after an update.
 SHELLS = ("bash", "zsh", "tcsh")
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "completion",
-        help="print a script that completes commands and flags in a shell",
-        description="Print a script that completes commands, flags, files and formats in a shell.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("shell", choices=SHELLS, help="the shell that is to complete")
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     import shtab
 
     from calibrary.cli.main import build_parser
@@ -42,8 +37,8 @@ def _run(arguments: argparse.Namespace) -> int:
     parser = build_parser()
     for action in _actions(parser):
         if isinstance(action, argparse._SubParsersAction):
-            # What --help leaves out, shtab leaves out as well.
-            action.help = None
+            # What --help leaves out, shtab leaves out as well; and it looks for commands in dicts only.
+            action.help, action.choices = None, dict(action.choices)
         _say_what_completes(action)
     script = shtab.complete(parser, shell=arguments.shell)
     sys.stdout.write(script if script.endswith("\n") else f"{script}\n")

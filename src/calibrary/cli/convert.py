@@ -9,8 +9,9 @@ from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import Answers, add_reading_flags
 from calibrary.errors import InputError
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Write a calibration in another program's format, and say what survived."
 EXAMPLES = """\
 examples:
   calibrary convert camera.xml camera.yml --to opencv_storage
@@ -23,14 +24,8 @@ The output is written only when it holds the calibration to 0.05 px anywhere in 
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "convert",
-        help="write a calibration in another program's format",
-        description="Write a calibration in another program's format, and say what survived.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("input", type=Path, metavar="IN", help="a calibration file or an image")
     parser.add_argument("output", type=Path, metavar="OUT", help="the file to write")
     parser.add_argument("--to", metavar="FORMAT", help="the output's format (default: told by OUT's name)")
@@ -43,10 +38,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add_reading_flags(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary import parsers
     from calibrary.cli.console import out, plain
 

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.demo.flight import DemoImage
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Write the synthetic flight of a mixed fleet, list what is in it and what to run next."
 EXAMPLES = """\
 examples:
   calibrary demo demo-flight          write the flight, and list what is in it
@@ -27,19 +28,12 @@ The images are synthetic, some of them bad on purpose; each says how it should b
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "demo",
-        help="write a synthetic flight to try the commands on",
-        description="Write the synthetic flight of a mixed fleet, list what is in it and what to run next.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="folder to write to; it is made")
     parser.add_argument(
         "--seed", type=int, default=7, metavar="N", help="of the country flown over (default: 7)"
     )
-    parser.set_defaults(run=_run)
 
 
 COLUMNS = (
@@ -51,7 +45,8 @@ COLUMNS = (
 )
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out, plain
     from calibrary.jobs.demo.flight import write_flight
 

@@ -21,8 +21,12 @@ if TYPE_CHECKING:
     from calibrary.pages import Page
     from calibrary.policy import Policy
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = (
+    "Compare two calibrations of one camera, or every entry of a registry with what it was: in numbers, "
+    "in pixels and on the ground, against their noise."
+)
 EXAMPLES = """\
 examples:
   calibrary diff factory.xml adjusted.cam                two files, whatever their formats
@@ -47,15 +51,8 @@ STYLES = {
 }
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "diff",
-        help="tell whether K moved: two calibrations, or a fleet then and now",
-        description="Compare two calibrations of one camera, or every entry of a registry with what it was: in "
-        "numbers, in pixels and on the ground, against their noise.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "operands", nargs="*", metavar="A B", help="a file of any format, an image, or KEY[@REV]"
     )
@@ -79,10 +76,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--html", type=Path, metavar="FILE", help="also write a page with maps of the difference, to show"
     )
-    parser.set_defaults(run=_run, parser=parser)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     wants_fleet = arguments.since is not None or arguments.firmware is not None
     if wants_fleet == bool(arguments.operands) or len(arguments.operands) not in {0, 2}:
         arguments.parser.error("expected two calibrations A B, or --since REV, or --firmware OLD..NEW")

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from calibrary.jobs.extract.outputs import Outputs
     from calibrary.policy import Policy
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Derive and validate one K per camera from a directory of images."
 EXAMPLES = """\
 examples:
   calibrary extract flight/                      one K per camera, from what the images say
@@ -36,20 +37,13 @@ class _Given(float):
     """A number that was typed, and is not the default."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "extract",
-        help="derive and validate one K per camera from a directory of images",
-        description="Derive and validate one K per camera from a directory of images.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     _add_image_flags(parser)
     _add_limit_flags(parser)
     _add_knowledge_flags(parser)
     _add_output_flags(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
 def _add_image_flags(parser: argparse.ArgumentParser) -> None:
@@ -159,7 +153,8 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     written.add_argument("--dry-run", action="store_true", help="judge everything, write nothing")
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.atomic import write_files
     from calibrary.cli.console import note, out
     from calibrary.cli.extract_display import Display

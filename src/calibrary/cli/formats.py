@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.parsers.format import Format
 
-__all__ = ["add_parser", "markdown"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "markdown", "run"]
 
+DESCRIPTION = "List the calibration files that are read and written."
 EXAMPLES = """\
 examples:
   calibrary formats              the table
@@ -25,21 +26,15 @@ examples:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "formats",
-        help="list the calibration files that are read and written",
-        description="List the calibration files that are read and written.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="part of a format's name or title")
     add_json_flag(parser)
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, out, plain
     from calibrary.parsers import formats
     from calibrary.parsers.listing import listing

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Tell what a calibration file or image is, why we think so, and what it says."
 EXAMPLES = """\
 examples:
   calibrary inspect camera.xml                          what it is, K, distortion, conventions
@@ -32,18 +33,11 @@ exit code 0: every file was read; 3: at least one was not.
 EXIT_UNREADABLE = 3
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "inspect",
-        help="tell what a calibration file or image is and what it says",
-        description="Tell what a calibration file or image is, why we think so, and what it says.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="files or folders")
     add_reading_flags(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +54,8 @@ class Inspected:
     error: str | None = None
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import out
 
     paths = list(_files(arguments.files))

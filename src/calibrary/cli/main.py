@@ -9,21 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from calibrary.cli import (
-    calibrate,
-    catalogue,
-    completion,
-    convert,
-    demo,
-    diff,
-    extract,
-    formats,
-    inspect,
-    onboard,
-    registry,
-    undistort,
-)
-from calibrary.cli.output import add_output_flags
+from calibrary.cli.commands import Command, add_commands
 from calibrary.cli.parser import Parser
 from calibrary.cli.signals import exit_code
 from calibrary.errors import CalibraryError, CalibrationError, RegistryError, ValidationError
@@ -33,12 +19,65 @@ if TYPE_CHECKING:
 
 __all__ = ["build_parser", "leaves", "main"]
 
+HERE = "calibrary.cli"
 GROUPS = (
-    ("the images of a flight", (extract, undistort)),
-    ("a camera that is calibrated", (calibrate, onboard)),
-    ("the fleet", (registry, diff)),
-    ("calibration files", (inspect, convert, formats, catalogue)),
-    ("to begin with", (demo, completion)),
+    (
+        "the images of a flight",
+        (
+            Command(
+                "extract",
+                "derive and validate one K per camera from a directory of images",
+                f"{HERE}.extract",
+            ),
+            Command(
+                "undistort", "remove lens distortion from images, and write their new K", f"{HERE}.undistort"
+            ),
+        ),
+    ),
+    (
+        "a camera that is calibrated",
+        (
+            Command(
+                "calibrate", "find K from frames of a board; print boards, render frames", f"{HERE}.calibrate"
+            ),
+            Command(
+                "onboard",
+                "take a new payload on board: classify, identify, compare, propose",
+                f"{HERE}.onboard",
+            ),
+        ),
+    ),
+    (
+        "the fleet",
+        (
+            Command("registry", "keep the fleet's calibrations in git", f"{HERE}.registry"),
+            Command(
+                "diff", "show whether K moved: two calibrations, or a fleet then and now", f"{HERE}.diff"
+            ),
+        ),
+    ),
+    (
+        "calibration files",
+        (
+            Command("inspect", "show what a calibration file or an image contains", f"{HERE}.inspect"),
+            Command("convert", "write a calibration in another program's format", f"{HERE}.convert"),
+            Command("formats", "list the calibration files that are read and written", f"{HERE}.formats"),
+            Command(
+                "catalogue", "list the known cameras, with the source of each number", f"{HERE}.catalogue"
+            ),
+        ),
+    ),
+    (
+        "first steps",
+        (
+            Command("demo", "write a synthetic flight to try the commands on", f"{HERE}.demo"),
+            Command(
+                "completion",
+                "print a script that completes commands and flags in a shell",
+                f"{HERE}.completion",
+            ),
+        ),
+    ),
 )
 
 EXIT_POLICY = 1
@@ -140,7 +179,7 @@ def _exit_code(error: CalibraryError) -> int:
 
 
 def build_parser() -> Parser:
-    """The whole command line."""
+    """The whole command line; the arguments of a command are declared when it is looked up."""
     parser = Parser(
         prog="calibrary",
         usage="calibrary COMMAND …",
@@ -148,22 +187,16 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     # The epilog lists the commands by group; argparse would list them a second time, without the groups.
-    subparsers = parser.add_subparsers(
-        prog="calibrary", metavar="COMMAND", required=True, help=argparse.SUPPRESS
-    )
-    listed = []
-    for title, commands in GROUPS:
-        before = len(subparsers._choices_actions)
-        for command in commands:
-            command.add_parser(subparsers)
-        added = subparsers._choices_actions[before:]
-        listed += [f"{title}:", *(f"  {each.dest:<12}{each.help}" for each in added), ""]
+    every = [command for _, commands in GROUPS for command in commands]
+    add_commands(parser, every, prog="calibrary", help=argparse.SUPPRESS)
+    listed = [
+        line
+        for title, commands in GROUPS
+        for line in (f"{title}:", *(f"  {command.name:<12}{command.help}" for command in commands), "")
+    ]
     parser.epilog = "\n".join(
         [*listed, "calibrary COMMAND --help explains a command, with examples.", "", EPILOG]
     )
-    for leaf in leaves(parser):
-        add_output_flags(leaf)
-        leaf.set_defaults(parser=leaf)
     return parser
 
 

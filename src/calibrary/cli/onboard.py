@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from calibrary.jobs.onboard.records import CameraDecision, Onboarding, Questions
     from calibrary.registry.git.writing import Written
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_REFUSED: Final = 1
 STYLES: Final = {"draft proposed": "bold green", "nothing new": "cyan", "refused": "bold red"}
@@ -48,14 +48,8 @@ only a person knows; 3 the folder cannot be read; 4 the registry.
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "onboard",
-        help="take a new payload on board: classify, identify, compare the sources, propose an entry",
-        description=DESCRIPTION,
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="what came with the payload")
     asked = parser.add_argument_group("what only a person knows", "asked where it is needed and not said")
     asked.add_argument(
@@ -98,10 +92,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="FILE",
         help="the report's page (default: onboard-CAMERA.html, in this folder)",
     )
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.atomic import write_files
     from calibrary.cli.console import note
     from calibrary.jobs.onboard.page import onboard_page

@@ -24,8 +24,9 @@ from calibrary.errors import InputError
 if TYPE_CHECKING:
     from calibrary.calibration import Calibration, ImageSize
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Take a lens's distortion out of images, and write the K that then holds beside them."
 EXAMPLES = """\
 examples:
   calibrary undistort flight/ --calibration camera.xml              into ./undistorted, K unchanged
@@ -48,14 +49,8 @@ INTERPOLATIONS = ("nearest", "linear", "cubic", "lanczos")
 KINDS = ("jpg", "png", "tif")
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "undistort",
-        help="take a lens's distortion out of images, and write the K that then holds",
-        description="Take a lens's distortion out of images, and write the K that then holds beside them.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("images", nargs="+", type=Path, metavar="IMAGE", help="images, or folders of them")
     parser.add_argument(
         "--calibration", type=Path, required=True, metavar="FILE", help="the camera's calibration file"
@@ -73,7 +68,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_output_flags(parser)
     add_reading_flags(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
 def _add_view_flags(parser: argparse.ArgumentParser) -> None:
@@ -122,7 +116,8 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from rich.progress import track
 
     from calibrary.cli.console import note, out

@@ -2,45 +2,32 @@
 
 from __future__ import annotations
 
-import argparse
-from types import MappingProxyType
-from typing import Any, Final, Protocol
+from typing import Any
 
-from calibrary.cli.calibrate import board, solve, synth
+from calibrary.cli.calibrate.solve import DESCRIPTION as OF_FRAMES
+from calibrary.cli.calibrate.solve import EXAMPLES, add_arguments, run
+from calibrary.cli.commands import Command, Commands
 from calibrary.cli.parser import Parser
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 
-
-class _Word(Protocol):
-    """What a module of this package has to hold."""
-
-    DESCRIPTION: str
-    EXAMPLES: str
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the word's arguments."""
-
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Do it; returns the exit code."""
-
-
-_ALL: Final[dict[str, _Word]] = {"board": board, "synth": synth}
-WORDS: Final = MappingProxyType(_ALL)
+WORDS = (
+    Command("board", "write a board as PDF or SVG, true to the millimetre", f"{__name__}.board"),
+    Command("synth", "render frames of a board, with the truth beside them", f"{__name__}.synth"),
+)
 """A folder of frames that bears such a name is given as ./board or ./synth."""
 
-DESCRIPTION = f"""\
-{solve.DESCRIPTION}
-in place of FRAMES:
-  board   write a board as PDF or SVG, true to the millimetre
-  synth   render frames of a board, with the truth beside them
-"""
+LISTED = "\n".join(f"  {word.name:<8}{word.help}" for word in WORDS)
+DESCRIPTION = f"{OF_FRAMES}\nin place of FRAMES:\n{LISTED}\n"
 
 
 class _CalibrateParser(Parser):
     """Hands over to the parser of a first word it knows; what else comes are frames."""
 
-    words: dict[str, argparse.ArgumentParser]
+    def __init__(self, **settings: Any) -> None:
+        """As the base."""
+        super().__init__(**settings)
+        self.words = Commands(self.prog, WORDS)
 
     # The base has four overloads of this one signature; Any says the same as all of them.
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
@@ -51,19 +38,4 @@ class _CalibrateParser(Parser):
         return super().parse_known_args(args, namespace)
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    listed = subparsers.add_parser(
-        "calibrate", help="find K from frames of a board; print boards, render frames"
-    )
-    parser = _CalibrateParser(prog=listed.prog, description=DESCRIPTION, epilog=solve.EXAMPLES)
-    solve.add_arguments(parser)
-    parser.words = {
-        word: Parser(prog=f"{listed.prog} {word}", description=module.DESCRIPTION, epilog=module.EXAMPLES)
-        for word, module in WORDS.items()
-    }
-    for word, module in WORDS.items():
-        module.add_arguments(parser.words[word])
-        parser.words[word].set_defaults(run=module.run)
-    # The list that the help shows was filled by add_parser; this is the mapping that decides who parses.
-    subparsers.choices["calibrate"] = parser
+PARSER = _CalibrateParser

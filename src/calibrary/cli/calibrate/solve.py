@@ -86,7 +86,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_camera_flags(parser)
     _add_solving_flags(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=run, parser=parser)
 
 
 def _add_solving_flags(parser: argparse.ArgumentParser) -> None:

@@ -4,53 +4,36 @@ from __future__ import annotations
 
 import argparse
 
-from calibrary.cli.registry import (
-    add,
-    approve,
-    audit,
-    blame,
-    check,
-    export,
-    hold,
-    import_,
-    init,
-    list_,
-    lock,
-    log,
-    pull,
-    push,
-    resolve,
-    retire,
-    serve,
-    show,
-    site,
+from calibrary.cli.commands import Command, add_commands
+
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments"]
+
+LISTED = (
+    ("init", "create a registry, or copy one"),
+    ("add", "put a calibration into the registry"),
+    ("import", "import a folder of calibrations, or the catalogue"),
+    ("list", "list the cameras of the fleet"),
+    ("show", "show one entry, as it is or as it was"),
+    ("resolve", "show the calibration that applies to an image or a camera"),
+    ("check", "check whether every entry is sound"),
+    ("audit", "compare the registry with the images of recent flights"),
+    ("approve", "put entries to use"),
+    ("hold", "use entries and pin them"),
+    ("retire", "stop using entries"),
+    ("log", "list the revisions of an entry, or of all"),
+    ("blame", "show who last changed each field"),
+    ("export", "write all entries for another program"),
+    ("lock", "pin the entries that a run uses"),
+    ("pull", "bring what others have written"),
+    ("push", "publish what was written here"),
+    ("site", "write the registry as web pages"),
+    ("serve", "show the registry in a browser on this machine"),
 )
+MODULES = {"import": "import_", "list": "list_"}
+"""Of the commands whose names Python has for itself."""
 
-__all__ = ["add_parser"]
-
-COMMANDS = (
-    init,
-    add,
-    import_,
-    list_,
-    show,
-    resolve,
-    check,
-    audit,
-    approve,
-    hold,
-    retire,
-    log,
-    blame,
-    export,
-    lock,
-    pull,
-    push,
-    site,
-    serve,
-)
-
-EPILOG = """\
+DESCRIPTION = "Keep the fleet's calibrations: one YAML file a camera, in git, with history and review."
+EXAMPLES = """\
 The registry is the one named with --registry, else $CALIBRARY_REGISTRY, else the nearest registry.yaml in this
 folder or above it, else your own.
 
@@ -61,14 +44,7 @@ exit codes: 0 good; 1 something is wrong with an entry; 2 usage; 3 an input cann
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command and its own commands."""
-    parser = subparsers.add_parser(
-        "registry",
-        help="keep the fleet's calibrations in git",
-        description="Keep the fleet's calibrations: one YAML file a camera, in git, with history and review.",
-        epilog=EPILOG,
-    )
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        command.add_parser(commands)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the registry's own commands."""
+    commands = [Command(name, text, f"{__name__}.{MODULES.get(name, name)}") for name, text in LISTED]
+    add_commands(parser, commands, title="commands")

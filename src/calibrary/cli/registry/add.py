@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from calibrary.registry.proposals import Proposal
     from calibrary.registry.registry import Registry
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Put the cameras of a calibration file, an image or an entry's file into the registry."
 EXAMPLES = """\
 examples:
   calibrary registry add camera.xml --make DJI --model FC6310R
@@ -38,14 +39,8 @@ and nothing over an entry that has changed since it was shown (exit code 4).
 EXIT_REFUSED = 1
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "add",
-        help="put a calibration into the registry",
-        description="Put the cameras of a calibration file, an image or an entry's file into the registry.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "file", type=Path, metavar="FILE", help="a file of any format, an image, or an entry's YAML"
     )
@@ -70,7 +65,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_registry_flag(parser)
     add_yes_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
 def _range(text: str) -> FirmwareRange:
@@ -86,7 +80,8 @@ def _range(text: str) -> FirmwareRange:
         raise argparse.ArgumentTypeError(f"{text!r}: {error}; expected MIN..MAX, MIN.. or ..MAX") from None
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, plain
     from calibrary.cli.registry.changes import (
         print_document,

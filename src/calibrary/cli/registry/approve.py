@@ -6,8 +6,9 @@ import argparse
 
 from calibrary.cli.registry.deciding import add_deciding_flags, run_decision
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Put entries to use: all of those named, or none where the check objects to one."
 EXAMPLES = """\
 examples:
   calibrary registry approve fc6310r
@@ -16,14 +17,8 @@ examples:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "approve",
-        help="put entries to use",
-        description="Put entries to use: all of those named, or none where the check objects to one.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     add_deciding_flags(parser, reason_required=False)
     parser.add_argument(
         "--from",
@@ -31,10 +26,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="BRANCH",
         help="take them from this branch, on which they are proposed, into the one that is used",
     )
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.registry.entry import Status
 
     return run_decision(arguments, Status.APPROVED, "approved")

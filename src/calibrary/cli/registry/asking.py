@@ -15,7 +15,6 @@ __all__ = ["add_yes_flag", "agreed", "can_ask", "deciding_screen"]
 def add_yes_flag(parser: argparse.ArgumentParser, means: str = "write without asking") -> None:
     """Add ``--yes``."""
     parser.add_argument("--yes", "-y", action="store_true", help=means)
-    parser.set_defaults(parser=parser)
 
 
 def can_ask() -> bool:

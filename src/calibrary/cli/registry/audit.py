@@ -19,12 +19,16 @@ if TYPE_CHECKING:
     from calibrary.jobs.audit.answers import Answer
     from calibrary.jobs.audit.run import Audit
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_FINDINGS = 1
 STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 USES = {"used": "green", "expired": "red", "draft": "red", "retired": "red", "none": "red"}
 
+DESCRIPTION = (
+    "Hold the registry against images of recent flights: cameras without an entry, entries that the "
+    "images contradict, entries that are stale. Nothing is written."
+)
 EXAMPLES = """\
 examples:
   calibrary registry audit flights/                          which cameras fly without a sound entry
@@ -37,15 +41,8 @@ It reads only. exit code 0: nothing to do, notes perhaps; 1: an error or a warni
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "audit",
-        help="hold the registry against what flew lately",
-        description="Hold the registry against images of recent flights: cameras without an entry, entries that "
-        "the images contradict, entries that are stale. Nothing is written.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "folders",
         type=Path,
@@ -70,10 +67,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_registry_flag(parser)
     add_json_flag(parser)
     parser.add_argument("--html", type=Path, metavar="FILE", help="also write the audit as a page to show")
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out
     from calibrary.jobs.audit.run import Request, audit
 

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
     from calibrary.registry.history import FieldOrigin
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Tell of each field of an entry by which commit it came to be what it is."
 EXAMPLES = """\
 examples:
   calibrary registry blame fc6310r
@@ -25,22 +26,16 @@ examples:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "blame",
-        help="tell who last changed each field",
-        description="Tell of each field of an entry by which commit it came to be what it is.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("key", metavar="KEY", help="make/model[/variant], as short as it is unambiguous")
     parser.add_argument("fields", nargs="*", metavar="FIELD", help="only these, or all below them")
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run, parser=parser)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import out
     from calibrary.registry.history import blame_json
 

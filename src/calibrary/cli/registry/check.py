@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from calibrary.policy import Policy
     from calibrary.registry.check_registry import Checked
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_BAD = 1
 
+DESCRIPTION = "Hold entries against the schema, their digest, path, provenance, the policy and one another."
 EXAMPLES = """\
 examples:
   calibrary registry check                               all that is committed
@@ -30,14 +31,8 @@ exit code 0: no error, warnings perhaps; 1: at least one error, or a commit that
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "check",
-        help="whether every entry is sound",
-        description="Hold entries against the schema, their digest, path, provenance, the policy and one another.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "range", nargs="?", metavar="REV..REV", help="only what changed between two revisions"
     )
@@ -58,10 +53,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run, parser=parser)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out
     from calibrary.registry.check_registry import (
         check_all,

@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.exchange.export import Export
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Write all entries in the form that another program reads, and say how exactly it holds them."
 EXAMPLES = """\
 examples:
   calibrary registry export --format odm --out cameras.json
@@ -28,14 +29,8 @@ says is written. Without --status only entries that may be used are written: app
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "export",
-        help="write all entries for another program",
-        description="Write all entries in the form that another program reads, and say how exactly it holds them.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("--format", required=True, metavar="FORMAT", help="what to write")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE|DIR", help="where to")
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
@@ -53,10 +48,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import out
     from calibrary.jobs.exchange.export import export, report_of
 

@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from calibrary.jobs.exchange.import_ import Import
     from calibrary.registry.registry import Registry
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 CATALOGUE = "catalogue"
 EXIT_INPUT = 3
 
+DESCRIPTION = "Take in a folder of calibration files of any format, or the catalogue of known cameras."
 EXAMPLES = """\
 examples:
   calibrary registry import catalogue                    every known camera whose K can be derived, as drafts
@@ -36,14 +37,8 @@ code 3: there were files, and none could be taken. Entries are drafts until they
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "import",
-        help="take in a folder of calibrations, or the catalogue",
-        description="Take in a folder of calibration files of any format, or the catalogue of known cameras.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "source", metavar="DIR|catalogue", help="a folder, or the word 'catalogue' (./catalogue is a folder)"
     )
@@ -60,10 +55,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_registry_flag(parser)
     add_yes_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import note
     from calibrary.cli.registry.changes import tell_written
     from calibrary.jobs.exchange.import_ import Fate, report_of, write_import

@@ -12,8 +12,9 @@ from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
 if TYPE_CHECKING:
     from calibrary.registry.init import Initialised
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Begin a registry of camera calibrations in git, or copy one that is somewhere."
 EXAMPLES = """\
 examples:
   calibrary registry init fleet
@@ -25,14 +26,8 @@ registry check' on every push. A repository without a commit is begun in; one wi
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "init",
-        help="begin a registry, or copy one",
-        description="Begin a registry of camera calibrations in git, or copy one that is somewhere.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "path", nargs="?", type=Path, metavar="PATH", help="its folder; this one when left out"
     )
@@ -42,10 +37,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--bare", action="store_true", help="without a work tree, for a server")
     add_yes_flag(parser, "set up git's diff of entries without asking")
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out, plain, printable
     from calibrary.registry.init import DRIVER, DRIVER_COMMAND, folder_for, init, init_from, install_driver
 

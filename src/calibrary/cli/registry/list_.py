@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from calibrary.errors import RegistryError
     from calibrary.registry.snapshot import StoredEntry
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "List the cameras of the fleet, one row an entry."
 EXAMPLES = """\
 examples:
   calibrary registry list
@@ -31,14 +32,8 @@ GRADES = ("calibrated", "adjusted", "design", "derived")
 """Those of an entry: the metric ones of :class:`calibrary.calibration.Grade`, without what that module loads."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "list",
-        help="list the cameras of the fleet",
-        description="List the cameras of the fleet, one row an entry.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("words", nargs="*", metavar="WORD", help="only entries whose id holds every word")
     parser.add_argument(
         "--status",
@@ -55,10 +50,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, out, plain
     from calibrary.registry.entry_json import stored_json
 

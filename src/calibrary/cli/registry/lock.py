@@ -13,11 +13,12 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.registry.snapshot import Snapshot
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 LOCK_FILE = "calibrary.lock"
 """As :data:`calibrary.registry.locking.LOCK_FILE`, without what that module loads."""
 
+DESCRIPTION = "Pin entries as they are now, so that a run can be repeated on the same ones."
 EXAMPLES = """\
 examples:
   calibrary registry lock                                every approved and held entry
@@ -30,14 +31,8 @@ changed; one that has lost that commit is refused. Of a plain folder any change 
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "lock",
-        help="pin the entries that a run rests on",
-        description="Pin entries as they are now, so that a run can be repeated on the same ones.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("what", nargs="*", metavar="IMAGE_DIR|KEY", help="all usable entries when left out")
     parser.add_argument(
         "--out", type=Path, default=Path(LOCK_FILE), metavar="FILE", help=f"the lock (default: {LOCK_FILE})"
@@ -46,10 +41,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.atomic import write_files
     from calibrary.cli.console import note, out, plain
     from calibrary.errors import RegistryError

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
     from calibrary.registry.history import EntryRevision
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "List the revisions of an entry with what changed in its K, or all commits."
 EXAMPLES = """\
 examples:
   calibrary registry log                     every commit
@@ -26,19 +27,12 @@ examples:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "log",
-        help="tell what became of an entry, or of all",
-        description="List the revisions of an entry with what changed in its K, or all commits.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("key", nargs="?", metavar="KEY", help="of one entry; of a removed one its whole id")
     parser.add_argument("-n", "--most", type=_count, metavar="N", help="only the newest N")
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
 def _count(text: str) -> int:
@@ -47,7 +41,8 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import out
     from calibrary.registry.history import history_json
 

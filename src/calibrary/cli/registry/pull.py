@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from calibrary.registry.git.errors import Conflict, FileConflictError
     from calibrary.registry.git.remotes import Pulled
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_REGISTRY = 4
 
+DESCRIPTION = "Bring what others have written, and make our own commits again on top of it."
 EXAMPLES = """\
 examples:
   calibrary registry pull
@@ -31,14 +32,8 @@ from two. Where both sides changed an entry, nothing is changed until each has b
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "pull",
-        help="bring what others have written",
-        description="Bring what others have written, and make our own commits again on top of it.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "remote", nargs="?", metavar="REMOTE", help="a remote's name or address (default: origin)"
     )
@@ -58,10 +53,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, out
     from calibrary.registry.git.errors import FileConflictError
     from calibrary.registry.sync import Choice, remote_named, sync_json

@@ -8,8 +8,9 @@ from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.registry.pull import tell_noted
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Give a remote what was written here; nothing of theirs is ever overwritten."
 EXAMPLES = """\
 examples:
   calibrary registry push
@@ -19,23 +20,17 @@ Only forward, and only from where the remote was last seen; if it has moved on, 
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "push",
-        help="give others what was written here",
-        description="Give a remote what was written here; nothing of theirs is ever overwritten.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "remote", nargs="?", metavar="REMOTE", help="a remote's name or address (default: origin)"
     )
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out, plain
     from calibrary.registry.sync import remote_named, sync_json
 

@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     from calibrary.registry.resolution import Resolution
     from calibrary.registry.snapshot import Snapshot
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_NONE = 4
 
+DESCRIPTION = "Show the calibration that answers for an image or a camera, and why this one."
 EXAMPLES = """\
 examples:
   calibrary registry resolve flight/DJI_0001.JPG
@@ -34,14 +35,8 @@ code 4: none answers, or several fit equally well; they are named.
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "resolve",
-        help="the calibration that answers for an image or a camera",
-        description="Show the calibration that answers for an image or a camera, and why this one.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("what", nargs="?", metavar="IMAGE|KEY", help="left out where flags say which camera")
     add_camera_flags(parser)
     parser.add_argument(
@@ -53,10 +48,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--at", metavar="REV", help="as the registry was at a commit, tag, branch or day")
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.set_defaults(run=_run, parser=parser)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.calibration import CameraKey
     from calibrary.cli.console import errors, out
     from calibrary.jobs.exchange.resolve import answer, answer_json, asked

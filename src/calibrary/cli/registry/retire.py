@@ -6,8 +6,9 @@ import argparse
 
 from calibrary.cli.registry.deciding import add_deciding_flags, run_decision
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Use entries no more. Their files and history stay."
 EXAMPLES = """\
 examples:
   calibrary registry retire fc6310r --reason "lens was replaced"
@@ -15,22 +16,16 @@ examples:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "retire",
-        help="use entries no more",
-        description="Use entries no more. Their files and history stay.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     add_deciding_flags(parser, reason_required=True)
     parser.add_argument(
         "--superseded-by", metavar="KEY", help="the entry that takes its place, and will say so"
     )
-    parser.set_defaults(run=_run)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from calibrary.registry.entry import Status
 
     return run_decision(arguments, Status.RETIRED, "retired", arguments.superseded_by)

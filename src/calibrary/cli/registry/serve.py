@@ -8,8 +8,9 @@ import sys
 from calibrary.cli.registry.place import add_registry_flag
 from calibrary.cli.registry.site import worker_count
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Show the registry in a browser on this machine, and on no other."
 EXAMPLES = """\
 examples:
   calibrary registry serve                     prints the address to open; Ctrl-C ends it
@@ -19,20 +20,13 @@ Only this machine can reach it. When the registry changes the pages are made ane
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "serve",
-        help="show the registry in a browser on this machine",
-        description="Show the registry in a browser on this machine, and on no other.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("--port", type=_port, default=0, metavar="N", help="default: any that is free")
     add_registry_flag(parser)
     parser.add_argument(
         "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
     )
-    parser.set_defaults(run=_run)
 
 
 def _port(text: str) -> int:
@@ -41,7 +35,8 @@ def _port(text: str) -> int:
     return int(text)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from rich.progress import Progress
 
     from calibrary.cli.console import note, plain

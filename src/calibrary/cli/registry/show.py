@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from calibrary.registry.history import Recorded
     from calibrary.registry.snapshot import StoredEntry
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = "Show one entry, as it is or as it was."
 EXAMPLES = """\
 examples:
   calibrary registry show dji/fc6310r
@@ -29,14 +30,8 @@ examples:
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "show",
-        help="show one entry, as it is or as it was",
-        description="Show one entry, as it is or as it was.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument(
         "key", nargs="?", metavar="KEY[@REV]", help="make/model[/variant], and what it was at REV"
     )
@@ -53,10 +48,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="FILE",
         help="print the fields of an entry's file, one a line, for git diff",
     )
-    parser.set_defaults(run=_run, parser=parser)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     if (arguments.key is None) == (arguments.textconv is None):
         arguments.parser.error("expected KEY[@REV], or --textconv FILE")
     if arguments.textconv is not None:

@@ -7,8 +7,12 @@ from pathlib import Path
 
 from calibrary.cli.registry.place import add_registry_flag
 
-__all__ = ["add_parser"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
+DESCRIPTION = (
+    "Write the registry as web pages: a list to search and filter, a page for each camera with its "
+    "history and downloads, and every change compared. They need no server and fetch nothing."
+)
 EXAMPLES = """\
 examples:
   calibrary registry site public/               open public/index.html; no server is needed
@@ -19,21 +23,13 @@ bytes.
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the command."""
-    parser = subparsers.add_parser(
-        "site",
-        help="write the registry as web pages",
-        description="Write the registry as web pages: a list to search and filter, a page for each camera with its "
-        "history and downloads, and every change compared. They need no server and fetch nothing.",
-        epilog=EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
     parser.add_argument("out", type=Path, metavar="OUT", help="the folder")
     add_registry_flag(parser)
     parser.add_argument(
         "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
     )
-    parser.set_defaults(run=_run)
 
 
 def worker_count(text: str) -> int:
@@ -47,7 +43,8 @@ def worker_count(text: str) -> int:
     return int(text)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     from rich.progress import Progress
 
     from calibrary.cli.console import errors, note, out, plain
