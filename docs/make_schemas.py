@@ -30,6 +30,14 @@ PRINTED: Final[Mapping[str, str]] = {
     "inspect-files-1": "calibrary.jobs.inspect.report:InspectFilesReport",
     "formats-1": "calibrary.parsers.listing:FormatListing",
     "onboard-1": "calibrary.jobs.onboard.report:OnboardReport",
+    "entry-listing-1": "calibrary.registry.snapshot:EntryListing",
+    "registry-show-1": "calibrary.registry.history:ShownEntry",
+    "registry-log-1": "calibrary.registry.history:LogReport",
+    "registry-blame-1": "calibrary.registry.history:BlameReport",
+    "registry-change-1": "calibrary.registry.proposals:ChangeReport",
+    "registry-sync-1": "calibrary.registry.sync:SyncReport",
+    "registry-begun-1": "calibrary.registry.init:InitReport",
+    "resolution-1": "calibrary.jobs.exchange.resolve:ResolutionReport",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its
 schema in the first, and the others refer to it there."""
@@ -54,18 +62,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         homes |= {part: f"{URN}{name}#/$defs/{key}" for key, part in parts(kind).items() if key in defined}
         homes[kind] = f"{URN}{name}"
     made |= {name: schema(_record(path), name) for name, path in WRITTEN_BY_PEOPLE.items()}
-    return made | {"entry-listing-1": _entry_listing(homes)}
-
-
-def _entry_listing(homes: Mapping[type, str]) -> dict[str, Any]:
-    """The listing of entries as it was, with the fields that an entry has now."""
-    kept: dict[str, Any] = json.loads((FOLDER / "entry-listing-1.schema.json").read_text(encoding="utf-8"))
-    now = schema(_record("calibrary.registry.entry:Entry"), printed=True, own_shape=False, homes=homes)
-    said: dict[str, Any] = {name: member for name, member in now["properties"].items() if name != "schema"}
-    listed = kept["$defs"]
-    own = {name: listed["entry"]["properties"][name] for name in ("id", "path", "commit", "blob")}
-    listed["entry"] |= {"required": [*own, *said], "properties": own | said}
-    return kept | {"$defs": listed | now.get("$defs", {})}
+    return made
 
 
 def text_of(document: Mapping[str, Any]) -> str:

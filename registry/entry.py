@@ -23,6 +23,7 @@ __all__ = [
     "USABLE",
     "Alias",
     "Entry",
+    "EntryFields",
     "Sensor",
     "Status",
     "Validity",
@@ -126,8 +127,8 @@ class Validity(Record):
         )
 
 
-class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
-    """One camera of a registry.
+class EntryFields(Record):
+    """What an entry states.
 
     Attributes:
         calibration: K in the canonical origin, distortion apart; its camera names the entry's key, with the
@@ -142,9 +143,6 @@ class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
             policy (3 % under ``fleet``).
         supersedes: the id of the entry it took the place of.
         extensions: the file's ``x-`` fields as they are; one inside a block goes by ``block/x-name``.
-
-    Raises:
-        InputError: the calibration cannot be an entry: make, model or image size is missing, or K is a guess.
     """
 
     calibration: Calibration
@@ -157,6 +155,14 @@ class Entry(Record, tag_field="schema", tag="calibrary/entry-1"):
     tolerance: Annotated[float, Meta(gt=0, le=1)] | None = None
     supersedes: Text | None = None
     extensions: Mapping[str, Any] = {}
+
+
+class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
+    """One camera of a registry.
+
+    Raises:
+        InputError: the calibration cannot be an entry: make, model or image size is missing, or K is a guess.
+    """
 
     _lifted: ClassVar[str | None] = "calibration"
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from calibrary.records import Json, flat, to_json
+from msgspec import field
+
+from calibrary.records import Record, flat, to_json
 from calibrary.registry.entry import Entry
 
-__all__ = ["NOT_SHOWN", "Field", "FieldChange", "change_json", "differences", "entry_fields", "std_of"]
+__all__ = ["NOT_SHOWN", "Field", "FieldChange", "differences", "entry_fields", "std_of"]
 
 Field: TypeAlias = str | int | float | bool | None
 
@@ -18,18 +19,17 @@ NOT_SHOWN: Final = frozenset({"schema", "digest", "intrinsics.pixel_origin"})
 """The fields of an entry's file that no view shows: the same in every entry, or a seal over what is shown."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FieldChange:
-    """One field that two entries say differently.
+class FieldChange(Record):
+    """One field in which two entries differ.
 
     Attributes:
         name: dotted, as the file nests it: "intrinsics.fx".
-        before, after: None where an entry does not say it.
+        before, after: None where an entry does not state it.
         delta: after less before, of numbers that mean the same in both.
         z: delta in standard deviations of the difference, where both entries state theirs.
     """
 
-    name: str
+    name: str = field(name="field")
     before: Field
     after: Field
     delta: float | None = None
@@ -52,17 +52,6 @@ def differences(before: Entry | None, after: Entry) -> tuple[FieldChange, ...]:
         for name in _in_order([*old], [*new])
         if not _same(old.get(name), new.get(name))
     )
-
-
-def change_json(change: FieldChange) -> dict[str, Json]:
-    """The JSON form of one change."""
-    return {
-        "field": change.name,
-        "before": change.before,
-        "after": change.after,
-        "delta": change.delta,
-        "z": change.z,
-    }
 
 
 def _in_order(old: Sequence[str], new: Sequence[str]) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Final
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.errors import CalibraryError, RegistryError
-from calibrary.records import replace
+from calibrary.records import Record, replace
 from calibrary.registry.configuration import CONFIGURATION_FILE, configuration_yaml
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
@@ -25,12 +25,14 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change
 from calibrary.registry.paths import CAMERAS, check_path
 from calibrary.registry.registry import Registry
+from calibrary.registry.snapshot import CommitId
 from calibrary.registry.writing import Note, write_changes
 
 __all__ = [
     "DRIVER",
     "DRIVER_COMMAND",
     "WORKFLOW",
+    "InitReport",
     "Initialised",
     "example_entry",
     "folder_for",
@@ -59,6 +61,34 @@ class Initialised:
     cloned_from: str | None
     files: tuple[str, ...]
     outer: Path | None
+
+    def report(self, *, textconv: bool) -> InitReport:
+        """As ``registry init --json`` prints it, with whether git was told how to show entries."""
+        return InitReport(
+            registry=str(self.registry.repo.path),
+            commit=self.registry.commit(),
+            cloned_from=self.cloned_from,
+            files=tuple(sorted(self.files)),
+            textconv=textconv,
+        )
+
+
+class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
+    """What calibrary registry init --json prints.
+
+    Attributes:
+        registry: its folder.
+        commit: the newest.
+        cloned_from: the address it is a copy of, without a password.
+        files: that were written; none in a copy.
+        textconv: whether git was told how to show entries.
+    """
+
+    registry: str
+    commit: CommitId
+    cloned_from: str | None
+    files: tuple[str, ...]
+    textconv: bool
 
 
 def init(place: Path, *, bare: bool = False) -> Initialised:

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from calibrary.calibration import Provenance
 from calibrary.errors import InputError, RegistryError
-from calibrary.records import replace
+from calibrary.records import Record, replace
 from calibrary.registry.check import check
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
+from calibrary.registry.git.writing import Written
 from calibrary.registry.paths import ROOT, SUFFIX, folder_of
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import CommitId, Snapshot, StoredEntry
 from calibrary.validation import Finding, Severity
 
 __all__ = [
+    "ChangeReport",
     "Proposal",
     "Proposals",
+    "change_report",
     "checked",
     "from_branch",
     "of_current",
@@ -98,6 +102,65 @@ class Proposals:
             due = tuple(about) or due
         named = due[0].entry.id if len(due) == 1 else f"{len(due)} cameras"
         return f"{verb} {named}{ending}"
+
+
+class ChangedEntry(Record):
+    """An entry that is written.
+
+    Attributes:
+        id: the longest KEY.
+        path: of its file.
+        status: as it is written.
+        status_before: None for a new one, or one that could not be read.
+        changes: field by field; none where all is there already.
+        warnings: what a person should know before agreeing.
+    """
+
+    id: str
+    path: str
+    status: Status
+    status_before: Status | None
+    changes: tuple[FieldChange, ...]
+    warnings: tuple[str, ...]
+
+
+class ChangeReport(Record, tag_field="schema", tag="calibrary/registry-change-1"):
+    """What calibrary registry add, approve, hold and retire print with --json.
+
+    Attributes:
+        registry: its folder.
+        commit: that holds the changes; None where nothing was written.
+        entries: every one that was named.
+        findings: of the check, over all that would be written.
+        warnings: what a person should know of the commit.
+    """
+
+    registry: str
+    commit: CommitId | None
+    entries: tuple[ChangedEntry, ...]
+    findings: tuple[Finding, ...]
+    warnings: tuple[str, ...]
+
+
+def change_report(place: Path, proposals: Proposals, written: Written | None) -> ChangeReport:
+    """What was written, or would have been."""
+    return ChangeReport(
+        registry=str(place),
+        commit=written.commit if written is not None else None,
+        entries=tuple(
+            ChangedEntry(
+                id=one.entry.id,
+                path=one.entry.path,
+                status=one.entry.status,
+                status_before=one.current.status if one.current is not None else None,
+                changes=one.changes,
+                warnings=one.warnings,
+            )
+            for one in proposals.items
+        ),
+        findings=proposals.findings,
+        warnings=written.warnings if written is not None else (),
+    )
 
 
 def propose(

@@ -11,6 +11,7 @@ from typing import Final, TypeAlias
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, RegistryError
+from calibrary.records import Record
 from calibrary.registry.entry import USABLE, Entry, Status
 from calibrary.registry.entry_match import EntryMatch, match_entry
 from calibrary.registry.entry_yaml import parse_entry
@@ -38,8 +39,7 @@ MOST_FOLDERS: Final = 2048
 _REGULAR = re.compile(rf"{ROOT}[^/]+/[^/]+/(?:sn-[^/]+/)?[0-9][^/]*{re.escape(SUFFIX)}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RejectedEntry:
+class RejectedEntry(Record):
     """An entry that was not used, and the reason."""
 
     path: str

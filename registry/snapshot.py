@@ -8,18 +8,20 @@ in it, is read as the files that lie there.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated, Any, TypeAlias
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import RegistryError
+from calibrary.records import Json, Meta, Record
 from calibrary.registry.alias_cache import names_at, names_kept
 from calibrary.registry.configuration import Configuration
-from calibrary.registry.entry import USABLE, Entry, Status
+from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import CAMERAS, ROOT, find_path, folder_of, id_of, is_entry, match_key
@@ -27,11 +29,17 @@ from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
 from calibrary.registry.writing import parsed
 
 __all__ = [
+    "CommitId",
+    "EntryListing",
+    "ListedEntry",
     "Snapshot",
     "StoredEntry",
     "entry_paths",
     "read_entry_file",
 ]
+
+CommitId: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{40}$")]
+"""A git object's id: 40 hexadecimal digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +62,47 @@ class StoredEntry:
     def id(self) -> str:
         """The entry's longest KEY."""
         return id_of(self.path)
+
+    @property
+    def members(self) -> dict[str, Any]:
+        """The members of a listed entry, by name."""
+        stated = {name: getattr(self.entry, name) for name in EntryFields.__struct_fields__}
+        return {"id": self.id, "path": self.path, "commit": self.commit, "blob": self.oid, **stated}
+
+
+class ListedEntry(EntryFields):
+    """An entry as it is stored at a commit, with its calibration in the form that every command prints.
+
+    Attributes:
+        id: the longest KEY.
+        path: of its file.
+        commit: at which it was read; None in a plain folder.
+        blob: git's id of the file; None in a plain folder.
+    """
+
+    id: str
+    path: Annotated[str, Meta(pattern="^cameras/.+[.]yaml$")]
+    commit: CommitId | None
+    blob: CommitId | None
+
+    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
+        """Its place first: a calibration is long."""
+        return {name: document.pop(name) for name in ListedEntry.__annotations__} | document
+
+
+class EntryListing(Record, tag_field="schema", tag="calibrary/entry-listing-1"):
+    """What calibrary registry list --json prints.
+
+    Attributes:
+        entries: by path.
+    """
+
+    entries: tuple[ListedEntry, ...]
+
+    @classmethod
+    def of(cls, stored: Iterable[StoredEntry]) -> EntryListing:
+        """The listing of stored entries."""
+        return cls(entries=tuple(ListedEntry(**one.members) for one in stored))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
+
+from msgspec import field
 
 from calibrary.errors import InputError, RegistryError
-from calibrary.records import Json
+from calibrary.records import Meta, Record
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import Field, entry_fields
@@ -18,9 +20,19 @@ from calibrary.registry.git.remotes import Pulled, set_remote
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change
 from calibrary.registry.paths import CAMERAS, find_path, id_of
+from calibrary.registry.snapshot import CommitId
 from calibrary.registry.writing import Note, write_changes
 
-__all__ = ["DEFAULT", "Choice", "FieldConflict", "field_conflicts", "pull", "remote_named", "sync_json"]
+__all__ = [
+    "DEFAULT",
+    "Choice",
+    "FieldConflict",
+    "SyncReport",
+    "field_conflicts",
+    "pull",
+    "remote_named",
+    "sync_report",
+]
 
 DEFAULT: Final = "origin"
 
@@ -38,9 +50,8 @@ class Choice:
     theirs: Sequence[str] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FieldConflict:
-    """One field that two sides say differently; None where a side does not say it.
+class FieldConflict(Record):
+    """One field in which two sides differ; None where a side does not state it.
 
     Attributes:
         name: dotted, as the file nests it.
@@ -48,10 +59,44 @@ class FieldConflict:
         ours, theirs: what each made of it.
     """
 
-    name: str
+    name: str = field(name="field")
     base: Field
     ours: Field
     theirs: Field
+
+
+class EntryConflict(Record):
+    """An entry that both sides changed.
+
+    Attributes:
+        path: of the entry.
+        fields: in which the sides differ; none where one of them is not an entry.
+    """
+
+    path: str
+    fields: tuple[FieldConflict, ...]
+
+
+class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
+    """What calibrary registry pull --json and push --json print.
+
+    Attributes:
+        remote: its name.
+        before: our commit before a pull.
+        commit: our commit now; None where a conflict kept it from moving.
+        theirs: the remote's.
+        replayed: how many commits of ours were made again on top of theirs.
+        warnings: what a person should know of it.
+        conflicts: the entries that both sides changed, where no side was chosen.
+    """
+
+    remote: str
+    before: CommitId | None
+    commit: CommitId | None
+    theirs: CommitId | None
+    replayed: Annotated[int, Meta(ge=0)]
+    warnings: tuple[str, ...]
+    conflicts: tuple[EntryConflict, ...]
 
 
 def pull(repo: Repository, remote: str = DEFAULT, choice: Choice | None = None) -> Pulled:
@@ -143,27 +188,19 @@ def field_conflicts(conflict: Conflict) -> tuple[FieldConflict, ...]:
     )
 
 
-def sync_json(
+def sync_report(
     remote: str, pulled: Pulled | None, pushed: str | None, conflicts: Sequence[Conflict] = ()
-) -> dict[str, Json]:
-    """The JSON form of a pull or push (schemas/registry-sync-1.schema.json)."""
-    told: list[Json] = []
-    for conflict in conflicts:
-        fields: list[Json] = [
-            {"field": one.name, "base": one.base, "ours": one.ours, "theirs": one.theirs}
-            for one in field_conflicts(conflict)
-        ]
-        told.append({"path": conflict.path, "fields": fields})
-    return {
-        "schema": "calibrary/registry-sync-1",
-        "remote": remote,
-        "before": pulled.before if pulled is not None else None,
-        "commit": pulled.commit if pulled is not None else pushed,
-        "theirs": pulled.theirs if pulled is not None else pushed,
-        "replayed": pulled.replayed if pulled is not None else 0,
-        "warnings": [*(pulled.warnings if pulled is not None else ())],
-        "conflicts": told,
-    }
+) -> SyncReport:
+    """A pull or push as ``--json`` prints it."""
+    return SyncReport(
+        remote=remote,
+        before=pulled.before if pulled is not None else None,
+        commit=pulled.commit if pulled is not None else pushed,
+        theirs=pulled.theirs if pulled is not None else pushed,
+        replayed=pulled.replayed if pulled is not None else 0,
+        warnings=tuple(pulled.warnings) if pulled is not None else (),
+        conflicts=tuple(EntryConflict(path=one.path, fields=field_conflicts(one)) for one in conflicts),
+    )
 
 
 def _is_address(word: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from datetime import UTC
 from typing import Any, cast
 
 from hypothesis import reject
@@ -12,8 +13,9 @@ from msgspec import Meta, inspect
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import Distortion
 from calibrary.errors import InputError
-from calibrary.quality import Covariance
-from calibrary.records import Record, replace
+from calibrary.jobs.extract.report import CameraDocument
+from calibrary.quality import Covariance, Quality
+from calibrary.records import Record, flat, replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_form import LIMITS, TRACED_BY
 from calibrary.registry.firmware import FirmwareRange
@@ -32,8 +34,13 @@ def strategy_for(kind: type[Record], limits: Mapping[str, Meta] | None = None) -
     """
     if kind in SPECIAL:
         return cast("st.SearchStrategy[Any]", SPECIAL[kind](limits or {}))
+    return _plainly(kind, limits or {})
+
+
+def _plainly(kind: type[Record], limits: Mapping[str, Meta]) -> st.SearchStrategy[Any]:
+    """Each field drawn by itself."""
     info = cast("inspect.StructType", inspect.type_info(kind))
-    fields = {field.name: _of(field.type, field.encode_name, limits or {}) for field in info.fields}
+    fields = {field.name: _of(field.type, field.encode_name, limits) for field in info.fields}
 
     @st.composite
     def records(draw: st.DrawFn) -> Any:
@@ -69,7 +76,8 @@ def _of(type_: inspect.Type, path: str, limits: Mapping[str, Meta]) -> st.Search
         case inspect.TupleType():
             return st.tuples(*(_of(one, path, limits) for one in type_.item_types))
         case inspect.VarTupleType():
-            return st.lists(_of(type_.item_type, path, limits), max_size=2).map(tuple)
+            least = type_.min_length or 0
+            return st.lists(_of(type_.item_type, path, limits), min_size=least, max_size=least + 2).map(tuple)
         case inspect.DictType():
             return st.dictionaries(WORDS, _of(type_.value_type, path, limits), max_size=2)
         case inspect.AnyType():
@@ -83,18 +91,23 @@ def _scalar(type_: inspect.Type, bounds: Meta) -> st.SearchStrategy[Any]:
         return own if own is not None else getattr(bounds, name)
 
     low = next((value for value in (bound("gt"), bound("ge")) if value is not None), -LARGEST)
-    high = bound("le") if bound("le") is not None else LARGEST
+    below = getattr(type_, "lt", None)
+    high = next((value for value in (below, bound("le")) if value is not None), LARGEST)
     match type_:
         case inspect.NoneType():
             return st.none()
         case inspect.BoolType():
             return st.booleans()
         case inspect.IntType():
-            return st.integers(int(low), int(high))
+            return st.integers(int(low) + (bound("gt") is not None), int(high) - (below is not None))
         case inspect.FloatType():
-            return st.floats(low, high, exclude_min=bound("gt") is not None)
+            return st.floats(low, high, exclude_min=bound("gt") is not None, exclude_max=below is not None)
         case inspect.DateType():
             return st.dates()
+        case inspect.DateTimeType():
+            return st.datetimes(timezones=st.just(UTC))
+        case inspect.LiteralType():
+            return st.sampled_from([*type_.values])
         case inspect.StrType():
             pattern = bound("pattern")
             return st.from_regex(pattern, fullmatch=True, alphabet=ASCII) if pattern else WORDS
@@ -147,6 +160,18 @@ def _once(pairs: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
     return tuple(dict(pairs).items())
 
 
+def _qualities(limits: Mapping[str, Meta]) -> st.SearchStrategy[Quality]:
+    """Those that state something: an empty one is as none in every view."""
+    return _plainly(Quality, limits).filter(flat)
+
+
+def _reported(limits: Mapping[str, Meta]) -> st.SearchStrategy[CameraDocument]:
+    """A camera is written once, in its calibration where it has one."""
+    return _plainly(CameraDocument, limits).map(
+        lambda one: replace(one, camera=one.calibration.camera) if one.calibration is not None else one
+    )
+
+
 def _ranges(_limits: Mapping[str, Meta]) -> st.SearchStrategy[FirmwareRange]:
     return st.sampled_from([FirmwareRange(min="01.00.0128"), FirmwareRange(min="1.9", max="01.10")])
 
@@ -156,6 +181,8 @@ SPECIAL: dict[type[Record], Any] = {
     Entry: _entries,
     Calibration: _calibrations,
     FirmwareRange: _ranges,
+    Quality: _qualities,
+    CameraDocument: _reported,
 }
 """Records whose fields hang together, so that drawing each by itself would give hardly one."""
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import pickle
-from collections.abc import Iterator
+import runpy
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
@@ -26,6 +27,7 @@ from calibrary.registry.fields import NOT_SHOWN, entry_fields
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.locking import Lock, Pin
 from calibrary.registry.textconv import entry_rows
+from calibrary.schemas import require
 from tests.house.project import ROOT
 from tests.records.declared import neighbours, strategy_for
 from tests.registry.entries import an_entry
@@ -34,12 +36,29 @@ KINDS: tuple[type[Record], ...] = (
     CameraKey, Intrinsics, Covariance, Quality, SourceFile, Provenance, Calibration, FirmwareRange, Alias, Sensor,
     Validity, Entry, Pin, Lock, Policy,
 )  # fmt: skip
+SCRIPT = runpy.run_path(str(ROOT / "docs" / "make_schemas.py"))
+DOCUMENTS: Mapping[str, type[Record]] = {
+    name: SCRIPT["_record"](path)
+    for name, path in [*SCRIPT["PRINTED"].items(), *SCRIPT["WRITTEN_BY_PEOPLE"].items()]
+}
+"""Every document that has a schema file, by the schema's name."""
 SLOW = settings(
     max_examples=8,
     deadline=None,
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=[*HealthCheck],
 )
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+@settings(SLOW, max_examples=4)
+@given(data=st.data())
+def test_a_document_fits_its_schema_file_and_comes_back_from_its_json(name: str, data: st.DataObject) -> None:
+    kind = DOCUMENTS[name]
+    record = data.draw(strategy_for(kind))
+    document = over_a_file(to_json(record))
+    require(document, name)
+    assert from_json(kind, document) == record
 
 
 def over_a_file(document: Any) -> Any:

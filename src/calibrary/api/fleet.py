@@ -8,8 +8,8 @@ from datetime import date
 from pathlib import Path
 
 from calibrary.calibration import Calibration, CameraKey
-from calibrary.jobs.exchange.resolve import Answer, Question, answer, answer_json, asked
-from calibrary.records import Json
+from calibrary.jobs.exchange.resolve import Answer, Question, answer, asked, resolution_report
+from calibrary.records import Json, to_json
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import open_snapshot
 from calibrary.registry.resolution import RejectedEntry
@@ -67,7 +67,7 @@ class FleetAnswer:
 
     def to_dict(self) -> dict[str, Json]:
         """The answer as plain data for JSON (schemas/resolution-1.schema.json)."""
-        return answer_json(self.snapshot, self.answer, on=self.on)
+        return to_json(resolution_report(self.snapshot, self.answer, on=self.on))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

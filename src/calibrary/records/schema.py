@@ -162,6 +162,8 @@ class _Builder:
             return {"enum": list(type_.values)}
         if isinstance(type_, inspect.AnyType):
             return {}
+        if isinstance(type_, inspect.DateTimeType):
+            return {"type": "string", "format": "date-time"}
         if isinstance(type_, inspect.DateType):
             return {"type": "string", "pattern": DAY}
         bounds = {said: getattr(type_, bound, None) for bound, said in BOUNDS.items()}

@@ -251,7 +251,7 @@ def test_a_calibration_of_2019_is_of_2019_all_the_way(
     file = tmp_path / "lab.yml"
     file.write_text(OPENCV_2019)
     add(file, "--approve")
-    shown = printed(capsys, "entry-listing-1", "show", "fc6310r")
+    shown = printed(capsys, "registry-show-1", "show", "fc6310r")
     assert shown["calibration"]["provenance"]["date"][:10] == "2019-03-05"
     assert (shown["recorded"]["date"][:10], shown["recorded"]["file"]) == (TODAY, "lab.yml")
     assert (shown["recorded"]["by"], shown["recorded"]["commit"]) == ("Ada Keeper", commit_of(fleet))

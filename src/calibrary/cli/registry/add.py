@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
-from calibrary.cli.output import add_json_flag
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import Answers, add_reading_flags
 from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
 from calibrary.cli.registry.place import add_registry_flag
@@ -84,7 +84,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, plain
     from calibrary.cli.registry.changes import (
-        print_document,
         show_changes,
         show_conflict,
         show_findings,
@@ -93,6 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.jobs.exchange.add import propose_file, save_file
     from calibrary.jobs.exchange.argument import Reading
     from calibrary.registry.git.errors import FileConflictError
+    from calibrary.registry.proposals import change_report
 
     registry, screen = _registry(arguments), deciding_screen(arguments)
     answers, request = Answers.of(arguments), _request(arguments)
@@ -126,7 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
     elif due:
         screen.say("nothing was written")
     if arguments.json:
-        print_document(registry, proposals, written)
+        print_json(change_report(registry.repo.path, proposals, written))
     return code
 
 

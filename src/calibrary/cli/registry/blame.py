@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
-    from calibrary.registry.history import blame_json
+    from calibrary.registry.history import blame_report
 
     registry = opened(arguments)
     said = registry.blame(arguments.key)
@@ -51,8 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
         there = ", ".join(dict.fromkeys(one.field.partition(".")[0] for one in said))
         arguments.parser.error(f"{arguments.key} says nothing of {', '.join(asked)}; it has {there}")
     if arguments.json:
-        document = blame_json(kept, registry.get(arguments.key).id)
-        print_json(document)
+        print_json(blame_report(kept, registry.get(arguments.key).id))
     else:
         screen = out(arguments)
         screen.show(_table(kept, screen.width))

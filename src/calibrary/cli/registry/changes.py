@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from calibrary.cli.output import print_json
 from calibrary.cli.tables import Column, fitted
-from calibrary.records import to_json
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -16,13 +14,11 @@ if TYPE_CHECKING:
     from calibrary.registry.fields import Field, FieldChange
     from calibrary.registry.git.errors import FileConflictError
     from calibrary.registry.git.writing import Written
-    from calibrary.registry.proposals import Proposal, Proposals
-    from calibrary.registry.registry import Registry
+    from calibrary.registry.proposals import Proposal
     from calibrary.validation import Finding
 
 __all__ = [
     "change_table",
-    "print_document",
     "show_changes",
     "show_conflict",
     "show_findings",
@@ -111,31 +107,6 @@ def tell_written(screen: Screen, written: Written, verb: str, number: int) -> No
     screen.say(f"{verb} {entries} in commit {written.commit[:12]}")
     for warning in written.warnings:
         screen.say(f"[yellow]note[/] {plain(warning)}")
-
-
-def print_document(registry: Registry, proposals: Proposals, written: Written | None) -> None:
-    """What was written, or would have been, on standard output (schemas/registry-change-1.schema.json)."""
-    from calibrary.registry.fields import change_json
-
-    document = {
-        "schema": "calibrary/registry-change-1",
-        "registry": str(registry.repo.path),
-        "commit": written.commit if written is not None else None,
-        "entries": [
-            {
-                "id": one.entry.id,
-                "path": one.entry.path,
-                "status": one.entry.status.value,
-                "status_before": one.current.status.value if one.current is not None else None,
-                "changes": [change_json(change) for change in one.changes],
-                "remarks": list(one.warnings),
-            }
-            for one in proposals.items
-        ],
-        "findings": [to_json(finding) for finding in proposals.findings],
-        "warnings": list(written.warnings) if written is not None else [],
-    }
-    print_json(document)
 
 
 def _text(value: Field) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from calibrary.cli.output import add_json_flag
+from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
@@ -33,7 +33,8 @@ def run_decision(
 ) -> int:
     """Show what changes, write it, and tell the commit; 1 where the check objects."""
     from calibrary.cli.console import errors, out
-    from calibrary.cli.registry.changes import print_document, show_changes, show_findings, tell_written
+    from calibrary.cli.registry.changes import show_changes, show_findings, tell_written
+    from calibrary.registry.proposals import change_report
 
     registry, screen = opened(arguments), out(arguments)
     branch: str | None = getattr(arguments, "branch", None)
@@ -50,5 +51,5 @@ def run_decision(
         written = registry.save(proposals, reason=arguments.reason)
         tell_written(screen, written, verb, len(proposals.due))
     if arguments.json:
-        print_document(registry, proposals, written)
+        print_json(change_report(registry.repo.path, proposals, written))
     return code

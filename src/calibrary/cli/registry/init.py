@@ -63,15 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
             remarks.say("to have git show entries by their fields:")
             remarks.verbatim(printable(f"  git -C {folder} config {DRIVER} '{DRIVER_COMMAND}'"))
     if arguments.json:
-        document = {
-            "schema": "calibrary/registry-begun-1",
-            "registry": str(folder),
-            "commit": made.registry.commit(),
-            "cloned_from": made.cloned_from,
-            "files": sorted(made.files),
-            "textconv": installed,
-        }
-        print_json(document)
+        print_json(made.report(textconv=installed))
     else:
         where = "" if folder == Path.cwd() else f" --registry {folder}"
         remarks.say(plain(f"next: calibrary registry add FILE{where}"))

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, out, plain
-    from calibrary.registry.entry_json import stored_json
+    from calibrary.registry.snapshot import EntryListing
 
     snapshot = opened(arguments).snapshot(arguments.at)
     words = [word.lower() for word in arguments.words]
@@ -68,8 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
         and (not arguments.grade or stored.entry.calibration.grade.value in arguments.grade)
     ]
     if arguments.json:
-        document = {"schema": "calibrary/entry-listing-1", "entries": [stored_json(one) for one in listed]}
-        print_json(document)
+        print_json(EntryListing.of(listed))
     else:
         _show(out(arguments), listed)
         if not listed and not unreadable:

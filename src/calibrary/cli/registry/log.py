@@ -44,12 +44,11 @@ def _count(text: str) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
-    from calibrary.registry.history import history_json
+    from calibrary.registry.history import log_report
 
     told = opened(arguments).history(arguments.key, most=arguments.most)
     if arguments.json:
-        document = history_json(told, arguments.key)
-        print_json(document)
+        print_json(log_report(told, arguments.key))
     else:
         screen, rows_of = out(arguments), _of_all if arguments.key is None else _of_one
         screen.show(rows_of(told, screen.width))

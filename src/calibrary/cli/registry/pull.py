@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, out
     from calibrary.registry.git.errors import FileConflictError
-    from calibrary.registry.sync import Choice, remote_named, sync_json
+    from calibrary.registry.sync import Choice, remote_named, sync_report
 
     remarks, registry = note(arguments), opened(arguments)
     remote, noted = remote_named(registry.repo, arguments.remote)
@@ -71,11 +71,11 @@ def run(arguments: argparse.Namespace) -> int:
     except FileConflictError as error:
         _show_conflicts(errors(), error)
         if arguments.json:
-            print_json(sync_json(remote, None, None, error.conflicts))
+            print_json(sync_report(remote, None, None, error.conflicts))
         return EXIT_REGISTRY
     _tell(out(arguments), remote, pulled)
     if arguments.json:
-        print_json(sync_json(remote, pulled, None))
+        print_json(sync_report(remote, pulled, None))
     return 0
 
 

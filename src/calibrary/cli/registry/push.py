@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out, plain
-    from calibrary.registry.sync import remote_named, sync_json
+    from calibrary.registry.sync import remote_named, sync_report
 
     remarks, registry = note(arguments), opened(arguments)
     remote, noted = remote_named(registry.repo, arguments.remote)
@@ -41,6 +41,5 @@ def run(arguments: argparse.Namespace) -> int:
         commit = registry.push(remote)
     out(arguments).say(plain(f"{remote} and here stand at {commit[:12]}"))
     if arguments.json:
-        document = sync_json(remote, None, commit)
-        print_json(document)
+        print_json(sync_report(remote, None, commit))
     return 0

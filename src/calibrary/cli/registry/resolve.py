@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.calibration import CameraKey
     from calibrary.cli.console import errors, out
-    from calibrary.jobs.exchange.resolve import answer, answer_json, asked
+    from calibrary.jobs.exchange.resolve import answer, asked, resolution_report
 
     if arguments.what is None and camera_of(arguments, CameraKey()) == CameraKey():
         arguments.parser.error("say which camera: an image of it, its KEY, or --make and --model")
@@ -62,8 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     on = arguments.on or date.today()
     found = answer(snapshot, asked(snapshot, arguments.what, partial(camera_of, arguments)), on=on)
     if arguments.json:
-        document = answer_json(snapshot, found, on=on)
-        print_json(document)
+        print_json(resolution_report(snapshot, found, on=on))
     elif found.resolution is not None:
         _show(out(arguments), snapshot, found, found.resolution)
     if found.resolution is not None:

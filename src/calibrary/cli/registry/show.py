@@ -73,9 +73,8 @@ def _convert(path: Path) -> int:
 def _show(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import out, plain
     from calibrary.cli.registry.changes import change_table
-    from calibrary.registry.entry_json import stored_json
-    from calibrary.registry.fields import change_json, differences
-    from calibrary.registry.history import recorded, recorded_json
+    from calibrary.registry.fields import differences
+    from calibrary.registry.history import ShownEntry, recorded
 
     registry = opened(arguments)
     stored = registry.get(arguments.key)
@@ -84,14 +83,8 @@ def _show(arguments: argparse.Namespace) -> int:
         against = f"{stored.id}@{arguments.diff}"
         changes = differences(registry.get(against).entry, stored.entry)
     if arguments.json:
-        document = {
-            "schema": "calibrary/entry-listing-1",
-            **stored_json(stored),
-            "recorded": recorded_json(recorded(registry.repo, stored)),
-        }
-        if changes is not None:
-            document |= {"against": against, "changes": [change_json(change) for change in changes]}
-        print_json(document)
+        put = recorded(registry.repo, stored)
+        print_json(ShownEntry(**stored.members, recorded=put, against=against, changes=changes))
     elif arguments.yaml:
         sys.stdout.buffer.write(registry.snapshot(stored.commit).read(stored.path))
     elif changes is None:

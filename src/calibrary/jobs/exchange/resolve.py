@@ -8,19 +8,19 @@ from datetime import date
 from pathlib import Path
 from typing import Final
 
-from calibrary.calibration import CameraKey
+from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.exchange.identity import image_key
 from calibrary.parsers.image_names import is_image
-from calibrary.records import Json, replace, to_json
-from calibrary.registry.entry import Entry
-from calibrary.registry.history import recorded, recorded_json
+from calibrary.records import Record, replace
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.history import Recorded, recorded
 from calibrary.registry.paths import find_path, find_paths, id_of
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import CommitId, Snapshot, StoredEntry
 from calibrary.registry.writing import parsed
 
-__all__ = ["Answer", "Question", "answer", "answer_json", "asked"]
+__all__ = ["Answer", "Question", "ResolutionReport", "answer", "asked", "resolution_report"]
 
 SEVERAL: Final = 8
 
@@ -52,6 +52,54 @@ class Answer:
 
     question: Question
     resolution: Resolution | None
+    near: tuple[RejectedEntry, ...]
+
+
+class UsedEntry(Record):
+    """The entry that is used for a camera.
+
+    Attributes:
+        id: its longest KEY.
+        path: of its file.
+        status: approved or held.
+        reason: why it has this status.
+        tolerance: how far a K of this camera may lie from this one, as a share of fx.
+        image_size: (width, height) px that the entry itself counts in.
+        recorded: who put this calibration into the registry, by the commit that did; None in a plain folder.
+    """
+
+    id: str
+    path: str
+    status: Status
+    reason: str | None
+    tolerance: float | None
+    image_size: ImageSize
+    recorded: Recorded | None
+
+
+class ResolutionReport(Record, tag_field="schema", tag="calibrary/resolution-1"):
+    """What calibrary registry resolve --json prints.
+
+    Attributes:
+        registry: its folder.
+        commit: that was read; None for a folder without git.
+        on: the day that entries had to be valid on.
+        camera: that was asked for, as far as it is known.
+        known_by: how the camera was found out.
+        entry: None where none is used.
+        calibration: at the camera's image size.
+        why: the reason for the choice.
+        near: entries that are not used, or are less specific; the first few.
+    """
+
+    registry: str
+    commit: CommitId | None
+    on: date | None
+    camera: CameraKey
+    known_by: str
+    entry: UsedEntry | None
+    calibration: Calibration | None
+    why: str | None
     near: tuple[RejectedEntry, ...]
 
 
@@ -98,43 +146,36 @@ def answer(snapshot: Snapshot, question: Question, *, on: date | None) -> Answer
     return Answer(question=question, resolution=resolution, near=near)
 
 
-def answer_json(snapshot: Snapshot, found: Answer, *, on: date | None) -> dict[str, Json]:
-    """The JSON form of an answer (schemas/resolution-1.schema.json)."""
+def resolution_report(snapshot: Snapshot, found: Answer, *, on: date | None) -> ResolutionReport:
+    """An answer as ``registry resolve --json`` prints it."""
     resolution = found.resolution
-    near: list[Json] = [{"path": item.path, "reason": item.reason} for item in found.near]
-    document: dict[str, Json] = {
-        "schema": "calibrary/resolution-1",
-        "registry": str(snapshot.place),
-        "commit": snapshot.commit,
-        "on": on.isoformat() if on is not None else None,
-        "camera": to_json(found.question.key),
-        "known_by": found.question.known_by,
-        "entry": None,
-        "calibration": None,
-        "why": None,
-        "near": near,
-    }
-    if resolution is not None:
-        entry = resolution.entry
-        document["entry"] = {
-            "id": id_of(resolution.path),
-            "path": resolution.path,
-            "status": entry.status.value,
-            "reason": entry.reason,
-            "tolerance": entry.tolerance,
-            "image_size": list(entry.calibration.intrinsics.image_size),
-            "recorded": _recorded(snapshot, resolution),
-        }
-        document["calibration"] = to_json(resolution.calibration)
-        document["why"] = resolution.why
-    return document
+    return ResolutionReport(
+        registry=str(snapshot.place),
+        commit=snapshot.commit,
+        on=on,
+        camera=found.question.key,
+        known_by=found.question.known_by,
+        entry=_used(snapshot, resolution) if resolution is not None else None,
+        calibration=resolution.calibration if resolution is not None else None,
+        why=resolution.why if resolution is not None else None,
+        near=found.near,
+    )
 
 
-def _recorded(snapshot: Snapshot, found: Resolution) -> dict[str, Json] | None:
-    if snapshot.repo is None or snapshot.commit is None:
-        return None
-    stored = StoredEntry(entry=found.entry, path=found.path, oid=None, commit=snapshot.commit)
-    return recorded_json(recorded(snapshot.repo, stored))
+def _used(snapshot: Snapshot, found: Resolution) -> UsedEntry:
+    entry, put = found.entry, None
+    if snapshot.repo is not None and snapshot.commit is not None:
+        stored = StoredEntry(entry=entry, path=found.path, oid=None, commit=snapshot.commit)
+        put = recorded(snapshot.repo, stored)
+    return UsedEntry(
+        id=id_of(found.path),
+        path=found.path,
+        status=entry.status,
+        reason=entry.reason,
+        tolerance=entry.tolerance,
+        image_size=entry.calibration.intrinsics.image_size,
+        recorded=put,
+    )
 
 
 def _meant(snapshot: Snapshot, word: str | None) -> Question:
