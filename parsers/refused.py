@@ -11,6 +11,7 @@ them yields a K: lens profiles, calibrations of other sensors, and formats that 
     calcam_cal             CalCam in the first lines; Metashape exports it and describes it nowhere
     ladybug_cal            camera0_rotX=…  camera0_FocalLen=…  camera0_CameraCenterX=…
     image_pro_cal          [SPATIAL]  CalibName=…  UnitName=…  PixPerUnit=10,10
+    python_pickle          the bytes 80 04 95 …, or a .npy of Python objects
     sensor_cal             accel_bias = …  gyro_scale = …  mag_offset_x = …; ArgyllCMS: CAL, DEVICE_CLASS "DISPLAY"
 
 A row of :data:`REFUSED` is a format without ``read``: everything else, from ``identify`` to the documentation,
@@ -24,6 +25,7 @@ import re
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format, Sniff, Sure
+from calibrary.parsers.formats._npy import is_pickled
 
 __all__ = ["REFUSED"]
 
@@ -42,6 +44,7 @@ _OTHER_SENSOR = re.compile(
     r"acc(?:el\w*)?|gyro\w*|mag(?:net\w*)?|imu|barom\w*|"
     r"radian\w*|irradian\w*|radiometr\w*|darkcurrent|vignett\w*|wavelengths?|reflectance\w*"
 )
+_PICKLE = re.compile(rb"\x80(?:[\x04\x05](\x95)|[\x02-\x05])")
 _WORDS = re.compile(r"[^a-z]+")
 _LENS = re.compile(r"focal|principal|distort|\bf[xy]\b|\bc[xy]\b|fc\b|camera_matrix|intrinsic", re.IGNORECASE)
 
@@ -104,6 +107,16 @@ def _image_pro(content: Content) -> Sniff | None:
         line.upper().startswith(IMAGE_PRO_KEYS) for line in content.lines[1:]
     ):
         return Sniff(Sure.MAGIC, f"it begins with the section {section}")
+    return None
+
+
+def _pickle(content: Content) -> Sniff | None:
+    """The mark of protocol 2 or later, from 4 on with a frame after it, and the stop at the end."""
+    if is_pickled(content.data):
+        return Sniff(Sure.MAGIC, "it is a numpy file whose elements are pickled Python objects")
+    found = _PICKLE.match(content.data)
+    if found and content.data.endswith(b"."):
+        return Sniff(Sure.SHAPE if found[1] else Sure.WEAK, "it begins and ends as a Python pickle does")
     return None
 
 
@@ -206,6 +219,17 @@ REFUSED = (
         sniff=_image_pro,
         refuses="it states how many pixels make a unit of length on a specimen and how grey values scale, nothing "
         "about a lens or a focal length. Calibrate the camera from photographs of a board instead",
+    ),
+    Format(
+        name="python_pickle",
+        title="a Python pickle",
+        suffixes=(".pkl", ".pickle", ".p", ".npy"),
+        reference="https://docs.python.org/3/library/pickle.html",
+        sniff=_pickle,
+        refuses="opening one runs whatever program is in it. Where you trust the file, save its numbers as a .npz and "
+        "read that: c = numpy.load('camera.pkl', allow_pickle=True) and then "
+        "numpy.savez('camera.npz', mtx=c['mtx'], dist=c['dist'], image_size=(1920, 1080)), with the file's own keys "
+        "and image size",
     ),
     Format(
         name="sensor_cal",

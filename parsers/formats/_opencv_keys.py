@@ -15,12 +15,12 @@ __all__ = ["COEFFICIENTS", "FOREIGN_KEYS", "GRADE_KEY", "MATRIX", "METASHAPE_SPE
 
 # Keys are compared in lower case without "_", "-", "." and spaces.
 MATRIX_KEYS = (
-    "cameramatrix", "cameramat", "cammatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "kmatrix", "mtx",
-    "k", "m",
+    "cameramatrix", "cameramat", "cameramtx", "cammatrix", "cammtx", "intrinsicmatrix", "intrinsics", "intrinsic",
+    "kmatrix", "matrix", "mtx", "k", "m",
 )  # fmt: skip
 COEFFICIENT_KEYS = (
-    "distortioncoefficients", "distortioncoeffs", "distcoefficients", "distcoeffs", "distcoeff", "distortion",
-    "dist", "d",
+    "distortioncoefficients", "distortioncoeffs", "distortioncoeff", "distcoefficients", "distcoeffs", "distcoeff",
+    "distcoef", "distortions", "distortion", "dist", "d",
 )  # fmt: skip
 OWN_KEYS = frozenset({("cameramatrix", "distortioncoefficients"), ("m", "d")})
 """Of OpenCV's calibration and stereo samples, whose coefficients are Brown's unless they say otherwise."""
@@ -88,7 +88,7 @@ class Keys:
                 sides = [self.take(name) for name in (width, height)]
                 w, h = (side.number() for side in sides if side is not None)
                 return strict.image_size(w, h, source=self.tree.source)
-        both = self.take("imagesize")
+        both = self.take("imagesize") or self.take("imgsize")
         if both is None:
             return None
         values = storage.numbers(both)
@@ -98,7 +98,8 @@ class Keys:
 
     def quality(self) -> Quality | None:
         """The RMS reprojection error and the number of views, as OpenCV's samples write them."""
-        rms, views = self.take("avgreprojectionerror"), self.take("nframes") or self.take("nrofframes")
+        rms = self.take("avgreprojectionerror") or self._root_mean_square()
+        views = self.take("nframes") or self.take("nrofframes")
         if rms is None and views is None:
             return None
         for node in (rms, views):
@@ -108,6 +109,14 @@ class Keys:
             rms_px=rms.number() if rms is not None else None,
             views=views.whole() if views is not None else None,
         )
+
+    def _root_mean_square(self) -> Node | None:
+        """What cv2.calibrateCamera returns, under the names that OpenCV's Python tutorial made common."""
+        for simple in ("rms", "ret"):
+            value = self.tree[self.simple[simple]].value if simple in self.simple else None
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                return self.take(simple)
+        return None
 
     def date(self) -> str | None:
         """When the camera was calibrated, as the file writes it."""

@@ -11,8 +11,6 @@ Source: NEP 1, "A simple file format for NumPy arrays" (numpy.lib.format).
 from __future__ import annotations
 
 import io
-import re
-import struct
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,6 +21,7 @@ from calibrary.errors import ParseError
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._npy import MAGIC, array
 from calibrary.records import replace
 
 __all__ = ["FORMAT"]
@@ -36,15 +35,6 @@ ORIGIN = Option(
     name="origin",
     values=("corner", "centre"),
     meaning="whether cx and cy count from the top-left pixel's outer corner or, as OpenCV's, from its centre",
-)
-
-MAGIC = b"\x93NUMPY"
-LONGEST_HEADER = 4096
-# A Python literal: a pattern reads the three entries that every writer makes, and nothing is evaluated.
-_HEADER = re.compile(
-    r"\{\s*(?=[^}]*'descr':\s*'(?P<kind>[<>|]?(?:f[248]|[iu][1248]))')"
-    r"(?=[^}]*'fortran_order':\s*(?P<fortran>True|False))"
-    r"(?=[^}]*'shape':\s*\((?P<shape>[\d, ]*)\))[^{}]*\}\s*"
 )
 
 
@@ -101,36 +91,15 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
 
 
 def _array(data: bytes, source: str) -> NDArray[np.float64]:
-    """The (3, 3) array; the header is checked before anything is allocated by it.
+    """The (3, 3) array.
 
     Raises:
         ParseError: it is not such an array.
     """
-    if not data.startswith(MAGIC):
-        raise ParseError("it does not begin as a numpy file", source=source)
-    version, rest = data[6:8], data[8:]
-    width = {b"\1\0": 2, b"\2\0": 4, b"\3\0": 4}.get(version)
-    if width is None or len(rest) < width:
-        raise ParseError(
-            f"numpy file version {version.hex()} is not known, or the file is cut short", source=source
-        )
-    [length] = struct.unpack("<H" if width == 2 else "<I", rest[:width])
-    header, body = rest[width : width + length], rest[width + length :]
-    if length > LONGEST_HEADER or len(header) < length:
-        raise ParseError(
-            f"the numpy header of {length} bytes is too long, or the file is cut short", source=source
-        )
-    found = _HEADER.fullmatch(header.decode("latin-1"))
-    if found is None:
-        raise ParseError("the array's elements are not plain numbers, expected floats", source=source)
-    shape = tuple(int(side) for side in found["shape"].replace(",", " ").split())
-    if shape != (3, 3):
-        raise ParseError(f"the array has shape {shape}, expected (3, 3)", source=source)
-    kind = np.dtype(found["kind"])
-    if len(body) != 9 * kind.itemsize:
-        raise ParseError(f"{len(body)} bytes of numbers, expected {9 * kind.itemsize}", source=source)
-    rows = np.frombuffer(body, dtype=kind).astype(np.float64).reshape(3, 3)
-    return rows.T if found["fortran"] == "True" else rows
+    found = array(data, source=source)
+    if found.shape != (3, 3):
+        raise ParseError(f"the array has shape {found.shape}, expected (3, 3)", source=source)
+    return found
 
 
 def _looks_like_k(K: NDArray[np.float64]) -> bool:

@@ -63,7 +63,7 @@ from calibrary.parsers.formats._opencv_keys import (
 )
 from calibrary.records import Json
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "cameras", "tree_of"]
 
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
@@ -106,7 +106,11 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the file, in the order of their matrices."""
-    tree = storage.load(data, source=context.name)
+    return cameras(storage.load(data, source=context.name), context)
+
+
+def cameras(tree: Node, context: ReadContext) -> list[Calibration]:
+    """The cameras of a tree with OpenCV's keys, whatever container it came in."""
     keys = Keys(tree)
     if not keys.matrices:
         listed = ", ".join(strict.shown(key) for key in tree.keys()[:12])
@@ -125,6 +129,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 
 def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
+    """The tree in the syntax that the name's suffix asks for."""
+    return storage.dump(tree_of(calibrations, context), context.name)
+
+
+def tree_of(calibrations: Sequence[Calibration], context: WriteContext) -> dict[str, Json]:
     """OpenCV's own keys; matrices come last, so that a file cut short has none."""
     sizes = {item.intrinsics.image_size for item in calibrations}
     if len(sizes) > 1:
@@ -155,7 +164,7 @@ def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
             tree[_key("xi", "xi", label)] = item.distortion.xi
     for label, item in named:
         tree[_key("camera_matrix", "M", label)] = _matrix(item.intrinsics)
-    return storage.dump(tree, context.name)
+    return tree
 
 
 def _quality(calibrations: Sequence[Calibration]) -> dict[str, Json]:

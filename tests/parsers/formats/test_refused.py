@@ -61,12 +61,13 @@ CASES = [
         r"Image-Pro.*board",
     ),
     ("image_pro_cal", "[INTENSITY]\nImageClass=1\nName=Grey\nInputRange=0,255\n", r"Image-Pro.*board"),
+    ("python_pickle", "\x80\x04\x95\x0b\0\0\0\0\0\0\0}\x94\x8c\x03mtx\x94K\x01s.", "numpy.savez"),
     ("sensor_cal", "accel_bias = 0.01 0.02 -0.01\ngyro_bias = 0.001 0 0\n", "geometric calibration"),
     ("sensor_cal", "[MAG]\nmag_offset_x: 12\nmag_offset_y: -3\n", "geometric calibration"),
     ("sensor_cal", "dark_current 113\nradiance_gain 0.013\nirradiance_gain 0.2\n", "geometric calibration"),
     ("sensor_cal", 'CAL    \n\nDESCRIPTOR "Argyll"\nDEVICE_CLASS "DISPLAY"\n', "geometric calibration"),
 ]
-SAMPLES = {name: Sample(text.encode()) for name, text, _ in reversed(CASES)}
+SAMPLES = {name: Sample(text.encode("latin-1")) for name, text, _ in reversed(CASES)}
 
 
 def test_every_row_has_a_case() -> None:
@@ -75,11 +76,12 @@ def test_every_row_has_a_case() -> None:
 
 @pytest.mark.parametrize(("name", "text", "message"), CASES)
 def test_it_is_recognised_and_refused_with_what_to_do(name: str, text: str, message: str) -> None:
+    data = text.encode("latin-1")
     with pytest.raises(UnsupportedModelError, match=message):
-        parsers.decode(text.encode(), name="x.cal")
+        parsers.decode(data, name="x.cal")
     with pytest.raises(UnsupportedModelError, match=message):
-        parsers.decode(text.encode(), name="x.cal", format=name)
-    claim = format_named(name).sniff(Content(text.encode(), "x.cal"))
+        parsers.decode(data, name="x.cal", format=name)
+    claim = format_named(name).sniff(Content(data, "x.cal"))
     assert claim is not None
     assert claim.why
 

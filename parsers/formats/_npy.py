@@ -1,0 +1,95 @@
+"""An array of a ``.npy`` file, read without numpy's loader: no pickle, and nothing allocated by what a header says.
+
+Source: NEP 1, "A simple file format for NumPy arrays" (numpy.lib.format).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrary.errors import ParseError
+
+__all__ = ["MAGIC", "array", "is_numeric", "is_pickled", "text"]
+
+MAGIC = b"\x93NUMPY"
+LONGEST_HEADER = 4096
+# A Python literal: a pattern reads the three entries that every writer makes, and nothing is evaluated.
+_HEADER = re.compile(
+    r"\{\s*(?=[^}]*'descr':\s*'(?P<kind>[<>|]?(?:f[248]|[iu][1248]))')"
+    r"(?=[^}]*'fortran_order':\s*(?P<fortran>True|False))"
+    r"(?=[^}]*'shape':\s*\((?P<shape>[\d, ]*)\))[^{}]*\}\s*"
+)
+
+
+def array(data: bytes, *, source: str, place: str | None = None) -> NDArray[np.float64]:
+    """The array; the header is checked before anything is allocated by it.
+
+    Raises:
+        ParseError: it is no array of plain numbers, or the file is cut short.
+    """
+    if not data.startswith(MAGIC):
+        raise ParseError("it does not begin as a numpy file", source=source, place=place)
+    header, body = _parts(data, source, place)
+    found = _HEADER.fullmatch(header.decode("latin-1"))
+    if found is None:
+        raise ParseError(
+            "the array's elements are not plain numbers, expected floats", source=source, place=place
+        )
+    sides = found["shape"].replace(",", " ").split()
+    if len(sides) > 8 or any(len(side) > 12 for side in sides):
+        raise ParseError("the array's shape is no array's", source=source, place=place)
+    shape = tuple(int(side) for side in sides)
+    kind = np.dtype(found["kind"])
+    if len(body) != math.prod(shape) * kind.itemsize:
+        raise ParseError(
+            f"{len(body)} bytes of numbers, expected {math.prod(shape) * kind.itemsize} for the shape {shape}",
+            source=source,
+            place=place,
+        )
+    flat = np.frombuffer(body, dtype=kind).astype(np.float64)
+    return flat.reshape(shape, order="F" if found["fortran"] == "True" else "C")
+
+
+def is_numeric(data: bytes) -> bool:
+    """Whether it claims to be an array of plain numbers, which :func:`array` then checks."""
+    return (
+        data.startswith(MAGIC)
+        and re.search(rb"'descr': '[<>|]?[fiu][1248]'", data[:LONGEST_HEADER]) is not None
+    )
+
+
+def text(data: bytes) -> str | None:
+    """The text of an array of one string, None for every other."""
+    found = re.match(rb"\x93NUMPY[\x00-\xff]{4}\{'descr': '<U\d{1,4}'[^{}]*'shape': \(\), \} *\n", data)
+    return None if found is None else data[found.end() :].decode("utf-32-le", "replace").rstrip("\0")
+
+
+def is_pickled(data: bytes) -> bool:
+    """Whether it is a numpy file whose elements are Python objects."""
+    return data.startswith(MAGIC) and b"'descr': '|O'" in data[:LONGEST_HEADER]
+
+
+def _parts(data: bytes, source: str, place: str | None) -> tuple[bytes, bytes]:
+    """Header and numbers."""
+    version, rest = data[6:8], data[8:]
+    width = {b"\1\0": 2, b"\2\0": 4, b"\3\0": 4}.get(version)
+    if width is None or len(rest) < width:
+        raise ParseError(
+            f"numpy file version {version.hex()} is not known, or the file is cut short",
+            source=source,
+            place=place,
+        )
+    [length] = struct.unpack("<H" if width == 2 else "<I", rest[:width])
+    header = rest[width : width + length]
+    if length > LONGEST_HEADER or len(header) < length:
+        raise ParseError(
+            f"the numpy header of {length} bytes is too long, or the file is cut short",
+            source=source,
+            place=place,
+        )
+    return header, rest[width + length :]

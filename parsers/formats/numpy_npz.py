@@ -1,0 +1,156 @@
+"""A calibration as ``numpy.savez`` keeps it: a zip of arrays under the names that the script gave them.
+
+In the words of OpenCV's Python tutorial::
+
+    ret, mtx, dist, rvecs, tvecs = cv2.calibrateCamera(…)
+    np.savez("calibration.npz", mtx=mtx, dist=dist, rvecs=rvecs, tvecs=tvecs)
+
+No program stands behind the names, so all those are known that OpenCV's files have (``_opencv_keys``): camera_matrix
+and dist_coeffs, K and D, mtx and dist, each with left, right or a number for one of several. They are taken to be
+what ``cv2.calibrateCamera`` returned. Poses and other arrays of more than 64 numbers are left alone, and so is every
+array of Python objects: nothing is unpickled. Most files do not say how large the images are; ``image_size`` is width
+and height where it stands.
+
+Sources: numpy, ``numpy.savez`` and ``numpy.lib.format``; OpenCV, "Camera Calibration" of the Python tutorials.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from calibrary.calibration import Calibration
+from calibrary.errors import ParseError
+from calibrary.parsers.content import HEAD_BYTES, Content
+from calibrary.parsers.document import Node
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats import _npy, opencv_storage
+from calibrary.parsers.formats._file_storage import LONGEST_VECTOR
+from calibrary.parsers.formats._opencv_keys import MATRIX, simplified
+from calibrary.parsers.text import shown
+from calibrary.records import Json, replace
+
+__all__ = ["FORMAT"]
+
+ASSUMED = (
+    "the arrays are what OpenCV's functions return, so cx and cy count from the centre of the top-left pixel"
+)
+LOCAL_HEADER = b"PK\x03\x04"
+CENTRAL_HEADER = b"PK\x01\x02"
+MAX_MEMBERS = 1000
+LONGEST_MEMBER = LONGEST_VECTOR * 8 + 8192
+"""A vector and its header; a longer array is none of a camera's."""
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_NAME = re.compile(rb"PK[\x03\x01][\x04\x02][\x00-\xff]{24,42}?([A-Za-z][\w.-]{0,60})\.npy")
+
+
+def sniff(content: Content) -> Sniff | None:
+    """A zip with an array under a name of the camera matrix."""
+    data = content.data
+    if not data.startswith(LOCAL_HEADER):
+        return None
+    names = (match.decode() for match in _NAME.findall(data[:HEAD_BYTES] + data[-HEAD_BYTES:]))
+    found = next((name for name in names if MATRIX.fullmatch(simplified(name))), None)
+    return (
+        Sniff(Sure.MAGIC, f"it is a zip archive of numpy arrays with {found} among them") if found else None
+    )
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera, in the order of their matrices."""
+    return [
+        replace(item, provenance=replace(item.provenance, assumptions=(ASSUMED,)))
+        for item in opencv_storage.cameras(Node(_arrays(data, context.name), source=context.name), context)
+    ]
+
+
+def write(calibrations: Sequence[Calibration], context: WriteContext) -> bytes:
+    """OpenCV's own names, and the image size beside them."""
+    tree = opencv_storage.tree_of(calibrations, context)
+    size = [tree.pop("image_width"), tree.pop("image_height")]
+    arrays: dict[str, Json] = {"image_size": size, **tree}
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, value in arrays.items():
+            # A ZipInfo of its own has no date, so that the same camera is the same file.
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), _saved(value))
+    return buffer.getvalue()
+
+
+def _saved(value: Json) -> bytes:
+    node = Node(value, source="")
+    if "rows" in node:
+        shape = node["rows"].whole(), node["cols"].whole()
+        array = np.array(node["data"].numbers()).reshape(shape)
+    else:
+        array = np.array(value)
+    buffer = io.BytesIO()
+    np.save(buffer, array, allow_pickle=False)
+    return buffer.getvalue()
+
+
+def _arrays(data: bytes, source: str) -> dict[str, Json]:
+    """Every short array of numbers, as lists, by its name; texts of ours beside them."""
+    if not data.startswith(LOCAL_HEADER):
+        raise ParseError("it does not begin as a zip archive", source=source)
+    members = data.count(CENTRAL_HEADER)
+    if members > MAX_MEMBERS:
+        raise ParseError(f"the archive lists {members} arrays; at most {MAX_MEMBERS} are read", source=source)
+    found: dict[str, Json] = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            for item in archive.infolist():
+                name, dot, suffix = item.filename.rpartition(".")
+                if not dot or suffix != "npy" or item.file_size > LONGEST_MEMBER:
+                    continue
+                if name in found:
+                    raise ParseError("it is a duplicate key", source=source, place=shown(name))
+                if item.flag_bits & 1 or item.compress_type not in METHODS:
+                    raise ParseError(
+                        "the array is encrypted, or packed in an unusual way", source=source, place=name
+                    )
+                with archive.open(item) as file:
+                    value = _value(file.read(LONGEST_MEMBER + 1), source, name)
+                if value is not None:
+                    found[name] = value
+    except ParseError:
+        raise
+    except (
+        zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError
+    ) as error:  # fmt: skip
+        raise ParseError(f"the zip archive is damaged: {shown(str(error), 80)}", source=source) from None
+    return found
+
+
+def _value(data: bytes, source: str, name: str) -> Json:
+    """An array as lists or a number, None where it is text, objects or too long for a camera's."""
+    text = _npy.text(data)
+    if text is not None:
+        return text
+    if not _npy.is_numeric(data):
+        return None
+    array = _npy.array(data, source=source, place=name)
+    if array.size > LONGEST_VECTOR:
+        return None
+    value: Json = array.tolist()
+    return value
+
+
+FORMAT = Format(
+    name="numpy_npz",
+    title="OpenCV calibration as numpy arrays (.npz)",
+    suffixes=(".npz",),
+    reference="https://numpy.org/doc/stable/reference/generated/numpy.savez.html",
+    convention=opencv_storage.FORMAT.convention,
+    sniff=sniff,
+    read=read,
+    write=write,
+    capacity=opencv_storage.FORMAT.capacity,
+    states=opencv_storage.FORMAT.states,
+    options=opencv_storage.FORMAT.options,
+)
