@@ -37,6 +37,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "registry-change-1": "calibrary.registry.proposals:ChangeReport",
     "registry-sync-1": "calibrary.registry.sync:SyncReport",
     "registry-begun-1": "calibrary.registry.init:InitReport",
+    "catalogue-listing-1": "calibrary.catalogue:CatalogueListing",
     "resolution-1": "calibrary.jobs.exchange.resolve:ResolutionReport",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its
@@ -47,6 +48,7 @@ WRITTEN_BY_PEOPLE: Final[Mapping[str, str]] = {
     "registry-1": "calibrary.registry.configuration:Configuration",
     "entry-1": "calibrary.registry.entry:Entry",
     "lock-1": "calibrary.registry.locking:Lock",
+    "catalogue-1": "calibrary.catalogue:Maker",
 }
 """The documents that people write too: a field with a default may be left out."""
 

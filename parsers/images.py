@@ -6,6 +6,7 @@ import io
 from pathlib import Path
 
 from calibrary.calibration import Calibration
+from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import MissingTagError, ParseError
 from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.context import Scene
@@ -13,7 +14,6 @@ from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.files import display_name
 from calibrary.parsers.imagery import Source, read_metadata, read_source
-from calibrary.registry.catalogue import load_catalogue, match_image
 
 __all__ = ["decode_image", "image_evidence", "read_image"]
 

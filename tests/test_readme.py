@@ -19,13 +19,13 @@ import numpy as np
 import pytest
 
 import calibrary
+from calibrary.catalogue import load_catalogue
 from calibrary.cli.main import EPILOG, build_parser
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM
 from calibrary.jobs.extract.fallback import seed
 from calibrary.parsers import formats
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX
 from calibrary.policy import FLEET, SOURCE
-from calibrary.registry.catalogue import load_catalogue
 from calibrary.schemas import require
 from tests.house.project import ROOT
 from tests.imagery import (
@@ -180,7 +180,7 @@ def test_pip_install_gives_the_package_and_the_command(tmp_path: Path) -> None:
     done = subprocess.run([*pip, *flags, "."], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "env/bin/calibrary").is_file()
-    where = "import calibrary.registry.catalogue as home; print(home.__file__)"
+    where = "import calibrary.catalogue as home; print(home.__file__)"
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "env")}
     imported = subprocess.run(
         [sys.executable, "-c", where], env=environment, capture_output=True, text=True, check=True

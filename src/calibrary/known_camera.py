@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
+from typing import Annotated, Any, Final, TypeAlias
 
-from calibrary.calibration import ImageSize
+from calibrary.errors import InputError
+from calibrary.records import Json, Meta, Record
 
-__all__ = ["BANDS", "SUB_CAMERAS", "KnownCamera", "Projection", "normalise_sub_camera"]
+__all__ = ["BANDS", "SUB_CAMERAS", "KnownCamera", "Name", "Projection", "Text", "normalise_sub_camera"]
 
 VISIBLE: Final = frozenset({"rgb", "wide", "zoom", "medium-tele", "tele"})
 """Sub-cameras that take colour pictures; "rgb" is what a tag says when it does not say which of them."""
@@ -69,53 +69,127 @@ class Projection(StrEnum):
     FISHEYE = "fisheye"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KnownCamera:
-    """One camera of the catalogue: a body, sub-camera and lens at its native frame.
+CLAIMS: Final = ("native_size", "pitch_um", "sensor_width_mm", "focal_mm", "zoom_mm", "focal_35mm", "projection",
+    "fx_over_w", "spread", "exif_focal_trusted")  # fmt: skip
+"""The fields that are written beside their source, ``{value: 2.4, source: "data sheet"}``, and left out without one."""
+
+NEEDS: Final = {"spread": "fx_over_w", "zoom_mm": "focal_mm"}
+"""Fields that mean nothing without another."""
+
+Name: TypeAlias = Annotated[str, Meta(min_length=1, max_length=100, pattern=r"^\S(.*\S)?$")]
+Text: TypeAlias = Annotated[str, Meta(min_length=1, max_length=500)]
+Millimetres: TypeAlias = Annotated[float, Meta(gt=0, le=10_000)]
+Pixels: TypeAlias = Annotated[int, Meta(ge=1, le=100_000)]
+SubCamera: TypeAlias = Annotated[str, Meta(extra_json_schema={"enum": sorted(SUB_CAMERAS)})]
+Band: TypeAlias = Annotated[str, Meta(extra_json_schema={"enum": sorted(BANDS | {"rgb"})})]
+Once = Meta(extra_json_schema={"uniqueItems": True})
+
+
+class KnownCamera(Record):
+    """One camera of the catalogue: a body, sub-camera and lens at its native image size.
 
     Attributes:
-        make, models: as EXIF writes them; ``models`` holds every spelling that was seen.
-        other_makes: what EXIF Make says besides ``make``.
+        make: EXIF Make.
         title: what people call it.
-        sub_camera: "wide", "tele", "thermal", … where one Model has several; None where the Model is one
-            camera, or several that are alike.
+        models: every spelling of EXIF Model that was seen.
+        other_makes: what EXIF Make says besides ``make``.
+        sub_camera: only where one Model has several cameras; None where the Model is one camera, or several that
+            are alike.
         bands: the bands of a multispectral head that this entry describes alike.
-        lens: the lens, where it comes off.
-        native_size: (width, height) px of the full frame.
-        pitch_um: pixel pitch at the native size, None where no source gives one.
-        sensor_width_mm: where a source gives the width but none the frame, so that no pitch follows.
+        lens: only where the lens comes off.
+        native_size: width and height of the full frame in px.
+        pitch_um: pixel pitch at the native size in µm.
+        sensor_width_mm: only where no source gives the native size, so that no pitch follows.
         focal_mm: nominal focal length; of a zoom lens, the one that ``fx_over_w`` is of.
-        zoom_mm: (shortest, longest) focal length of a zoom lens.
-        focal_35mm: FocalLengthIn35mmFilm as this camera writes it.
-        projection: perspective or fisheye; of a fisheye, ``fx_over_w`` holds on the axis only.
-        fx_over_w: expected fx / W at the native size, None where unknown.
-        spread: relative half-width within which units and sources of this camera lie.
-        conflicts: what the sources disagree about, in words.
+        zoom_mm: shortest and longest focal length of a zoom lens.
+        focal_35mm: EXIF FocalLengthIn35mmFilm as this camera writes it.
+        projection: perspective where absent.
+        fx_over_w: expected fx / W at the native size; of a fisheye, on the axis.
+        spread: half-width, as a fraction, within which units and sources lie.
+        exif_focal_trusted: False where this camera is known to write a wrong FocalLength.
+        conflicts: what the sources disagree about, with the numbers.
         notes: what else to know.
         sources: where each number is from, by field name.
-        exif_focal_trusted: False where this camera is known to write a wrong EXIF FocalLength.
+
+    Raises:
+        InputError: a word is not in the vocabulary, something is named twice, or a field lacks one that it needs.
     """
 
-    make: str
-    models: tuple[str, ...]
-    other_makes: tuple[str, ...] = ()
-    title: str
-    sub_camera: str | None = None
-    bands: tuple[str, ...] = ()
-    lens: str | None = None
-    native_size: ImageSize | None = None
-    pitch_um: float | None = None
-    sensor_width_mm: float | None = None
-    focal_mm: float | None = None
-    zoom_mm: tuple[float, float] | None = None
-    focal_35mm: float | None = None
+    make: Name
+    title: Name
+    models: Annotated[tuple[Name, ...], Meta(min_length=1), Once]
+    other_makes: Annotated[tuple[Name, ...], Once] = ()
+    sub_camera: SubCamera | None = None
+    bands: Annotated[tuple[Band, ...], Once] = ()
+    lens: Name | None = None
+    native_size: tuple[Pixels, Pixels] | None = None
+    pitch_um: Annotated[float, Meta(gt=0.1, le=100)] | None = None
+    sensor_width_mm: Annotated[float, Meta(gt=0, le=200)] | None = None
+    focal_mm: Millimetres | None = None
+    zoom_mm: tuple[Millimetres, Millimetres] | None = None
+    focal_35mm: Millimetres | None = None
     projection: Projection = Projection.PERSPECTIVE
-    fx_over_w: float | None = None
-    spread: float | None = None
-    conflicts: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    sources: tuple[tuple[str, str], ...] = ()
+    fx_over_w: Annotated[float, Meta(gt=0.05, le=50)] | None = None
+    spread: Annotated[float, Meta(gt=0, le=0.5)] | None = None
     exif_focal_trusted: bool = True
+    conflicts: Annotated[tuple[Text, ...], Once] = ()
+    notes: Annotated[tuple[Text, ...], Once] = ()
+    sources: tuple[tuple[str, Text], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.sub_camera is not None and self.sub_camera not in SUB_CAMERAS:
+            raise InputError(f"{self.sub_camera!r:.60} is not a sub-camera", place="sub_camera")
+        if not BANDS | {"rgb"} >= {*self.bands}:
+            raise InputError("names a band that is not known", place="bands")
+        for name in ("models", "other_makes", "bands", "conflicts", "notes"):
+            if len({*(said := getattr(self, name))}) < len(said):
+                raise InputError("names something twice", place=name)
+        for name, needed in NEEDS.items():
+            if getattr(self, name) is not None and getattr(self, needed) is None:
+                raise InputError(f"is stated without {needed}", place=name)
+
+    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
+        del document["sources"]
+        claims = {name: document.pop(name) for name in CLAIMS}
+        stated: dict[str, Json] = {
+            name: {"value": claims[name], "source": source} for name, source in self.sources
+        }
+        return document | stated
+
+    @classmethod
+    def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
+        if "sources" in document:
+            raise InputError("is not a key", place="sources")
+        sources: list[Json] = []
+        for name, claim in document.items():
+            if name in CLAIMS:
+                if (
+                    not isinstance(claim, dict)
+                    or claim.keys() != {"value", "source"}
+                    or claim["value"] is None
+                ):
+                    raise InputError("is not a value with its source", place=name)
+                document[name] = claim["value"]
+                sources.append([name, claim["source"]])
+        return document | {"sources": sources}
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
+        members = schema["properties"]
+        text = members.pop("sources")["items"]["prefixItems"][1]
+        for name in CLAIMS:
+            value = dict(members[name])
+            described = {"description": value.pop("description")}
+            if isinstance(value.get("type"), list):
+                value["type"] = value["type"][0]
+            members[name] = {
+                "type": "object",
+                "required": ["value", "source"],
+                "additionalProperties": False,
+                "properties": {"value": value, "source": text},
+            } | described
+        schema["required"] = [name for name in schema["required"] if name not in {*CLAIMS, "sources"}]
+        return schema | {"dependentRequired": {name: [needed] for name, needed in NEEDS.items()}}
 
     def source(self, field: str) -> str | None:
         """Where one number is from, by its field's name."""

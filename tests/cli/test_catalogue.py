@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from calibrary.catalogue import load_catalogue
 from calibrary.cli.main import main
-from calibrary.registry.catalogue import load_catalogue
 from calibrary.schemas import load, require
 
 
@@ -76,8 +76,8 @@ def test_json_is_the_document_it_says_it_is(capsys: pytest.CaptureFixture[str], 
 def test_the_listing_has_every_word_of_a_catalogue_file_and_the_make() -> None:
     listing: Any = load("catalogue-listing-1")
     file: Any = load("catalogue-1")
-    words = file["$defs"]["camera"]["properties"].keys()
-    assert listing["$defs"]["camera"]["properties"].keys() == words | {"make"}
+    words = file["$defs"]["KnownCamera"]["properties"].keys()
+    assert listing["$defs"]["KnownCamera"]["properties"].keys() == words | {"make"}
 
 
 def test_an_unknown_model_is_said_and_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:

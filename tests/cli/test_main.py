@@ -152,7 +152,7 @@ def test_each_kind_of_error_has_its_exit_code(
     def failing(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("calibrary.registry.catalogue.load_catalogue", failing)
+    monkeypatch.setattr("calibrary.catalogue.load_catalogue", failing)
     assert main(["catalogue"]) == code
     assert capsys.readouterr().err == "calibrary: broken\n"
 
@@ -163,7 +163,7 @@ def test_a_bug_is_called_one_and_shows_no_traceback(
     def failing() -> None:
         raise ZeroDivisionError("by nought")
 
-    monkeypatch.setattr("calibrary.registry.catalogue.load_catalogue", failing)
+    monkeypatch.setattr("calibrary.catalogue.load_catalogue", failing)
     assert main(["catalogue"]) == 70
     told = capsys.readouterr().err
     assert "this is a bug: ZeroDivisionError: by nought" in told

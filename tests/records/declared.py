@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from msgspec import Meta, inspect
 
 from calibrary.calibration import Calibration, Grade
+from calibrary.catalogue import Maker
 from calibrary.distortion import Distortion
 from calibrary.errors import InputError
 from calibrary.jobs.extract.report import CameraDocument
+from calibrary.known_camera import CLAIMS, NEEDS, KnownCamera
 from calibrary.quality import Covariance, Quality
 from calibrary.records import Record, flat, replace
 from calibrary.registry.entry import Entry
@@ -57,7 +59,8 @@ def _of(type_: inspect.Type, path: str, limits: Mapping[str, Meta]) -> st.Search
     """Values of one field; ``path`` is where its bounds are looked up."""
     match type_:
         case inspect.Metadata():
-            return _of(type_.type, path, limits)
+            words = (type_.extra_json_schema or {}).get("enum")
+            return st.sampled_from(words) if words else _of(type_.type, path, limits)
         case inspect.UnionType():
             kinds = [one for one in type_.types if isinstance(one, inspect.StructType)]
             if kinds and issubclass(kinds[0].cls, Distortion):
@@ -117,6 +120,12 @@ def _scalar(type_: inspect.Type, bounds: Meta) -> st.SearchStrategy[Any]:
 ASCII = st.characters(min_codepoint=32, max_codepoint=126)
 
 
+def _parts(draw: st.DrawFn, kind: type[Record], limits: Mapping[str, Meta]) -> dict[str, Any]:
+    """A value of each field."""
+    info = cast("inspect.StructType", inspect.type_info(kind))
+    return {field.name: draw(_of(field.type, field.encode_name, limits)) for field in info.fields}
+
+
 @st.composite
 def _covariances(draw: st.DrawFn, _limits: Mapping[str, Meta]) -> Covariance:
     names = draw(st.lists(st.sampled_from(["fx", "fy", "cx", "cy", "k1"]), min_size=1, unique=True))
@@ -128,8 +137,7 @@ def _covariances(draw: st.DrawFn, _limits: Mapping[str, Meta]) -> Covariance:
 @st.composite
 def _entries(draw: st.DrawFn, _limits: Mapping[str, Meta]) -> Entry:
     """Entries: what ties their parts together is put right, all else is as it was drawn."""
-    info = cast("inspect.StructType", inspect.type_info(Entry))
-    parts = {field.name: draw(_of(field.type, field.encode_name, LIMITS)) for field in info.fields}
+    parts = _parts(draw, Entry, LIMITS)
     drawn: Calibration = parts["calibration"]
     camera = replace(
         drawn.camera,
@@ -150,8 +158,7 @@ def _entries(draw: st.DrawFn, _limits: Mapping[str, Meta]) -> Entry:
 
 @st.composite
 def _calibrations(draw: st.DrawFn, limits: Mapping[str, Meta]) -> Calibration:
-    info = cast("inspect.StructType", inspect.type_info(Calibration))
-    parts = {field.name: draw(_of(field.type, field.encode_name, limits)) for field in info.fields}
+    parts = _parts(draw, Calibration, limits)
     return Calibration(**parts | {"extras": _once(parts["extras"])})
 
 
@@ -172,6 +179,26 @@ def _reported(limits: Mapping[str, Meta]) -> st.SearchStrategy[CameraDocument]:
     )
 
 
+@st.composite
+def _known_cameras(draw: st.DrawFn, limits: Mapping[str, Meta]) -> KnownCamera:
+    """Every number beside its source, every name once, and no field without the one it needs."""
+    parts = _parts(draw, KnownCamera, limits)
+    parts |= {name: tuple(dict.fromkeys(value)) for name, value in parts.items() if isinstance(value, tuple)
+              and name not in CLAIMS}  # fmt: skip
+    parts |= {name: None for name, needed in NEEDS.items() if parts[needed] is None}
+    stated = {name for name in CLAIMS if parts[name] is not None}
+    sources = tuple((name, draw(WORDS)) for name in KnownCamera.__struct_fields__ if name in stated)
+    return KnownCamera(**parts | {"sources": sources})
+
+
+def _makers(limits: Mapping[str, Meta]) -> st.SearchStrategy[Maker]:
+    """All cameras of the make."""
+    cameras = st.lists(strategy_for(KnownCamera, limits), min_size=1, max_size=2)
+    return cameras.map(
+        lambda some: Maker(make=some[0].make, cameras=tuple(replace(one, make=some[0].make) for one in some))
+    )
+
+
 def _ranges(_limits: Mapping[str, Meta]) -> st.SearchStrategy[FirmwareRange]:
     return st.sampled_from([FirmwareRange(min="01.00.0128"), FirmwareRange(min="1.9", max="01.10")])
 
@@ -182,6 +209,8 @@ SPECIAL: dict[type[Record], Any] = {
     Calibration: _calibrations,
     FirmwareRange: _ranges,
     Quality: _qualities,
+    KnownCamera: _known_cameras,
+    Maker: _makers,
     CameraDocument: _reported,
 }
 """Records whose fields hang together, so that drawing each by itself would give hardly one."""

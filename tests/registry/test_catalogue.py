@@ -10,8 +10,9 @@ from importlib.resources import files
 import pytest
 
 from calibrary.calibration import ImageSize
+from calibrary.catalogue import MatchOutcome, load_catalogue
 from calibrary.known_camera import KnownCamera, Projection
-from calibrary.registry.catalogue import MatchOutcome, load_catalogue, to_json
+from calibrary.records import from_json, to_json
 from calibrary.schemas import require
 from calibrary.strictyaml import line_of, load_yaml
 
@@ -194,6 +195,7 @@ def test_the_arithmetic_in_a_source_gives_its_number(camera: KnownCamera) -> Non
 @pytest.mark.parametrize("camera", CATALOGUE.cameras, ids=lambda camera: camera.title)
 def test_every_number_has_a_source_and_its_claim_can_be_printed_and_read_back(camera: KnownCamera) -> None:
     record = to_json(camera)
+    assert from_json(KnownCamera, record) == camera
     make = record.pop("make")
     document = {"schema": "calibrary/catalogue-1", "make": make, "cameras": [record]}
     require(document, "catalogue-1")

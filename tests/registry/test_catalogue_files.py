@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from calibrary.catalogue import load_catalogue
 from calibrary.errors import InputError, ParseError
 from calibrary.known_camera import SUB_CAMERAS
-from calibrary.registry.catalogue import load_catalogue
 from calibrary.schemas import load
 
 OWN = """\
@@ -74,5 +74,22 @@ def test_a_catalogue_that_is_not_there_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_vocabulary_of_the_schema_is_the_one_of_the_code() -> None:
-    camera = load("catalogue-1")["$defs"]["camera"]["properties"]  # type: ignore[index,call-overload]
-    assert set(camera["sub_camera"]["enum"]) == SUB_CAMERAS  # type: ignore[index,call-overload,arg-type]
+    camera = load("catalogue-1")["$defs"]["KnownCamera"]["properties"]  # type: ignore[index,call-overload]
+    assert set(camera["sub_camera"]["enum"]) == SUB_CAMERAS | {None}  # type: ignore[index,call-overload,arg-type]
+
+
+@pytest.mark.parametrize(
+    ("member", "said"),
+    [
+        ('make: "Acme"', "'make' is not a valid key"),
+        ('models: ["M1", "M1"]', "duplicate key models"),
+        ('other_makes: ["A", "A"]', "expected no two items alike"),
+        ('spread: {value: 0.1, source: "x"}', "fx_over_w"),
+        ('sources: [["lens", "x"]]', "'sources' is not a valid key"),
+        ("focal_mm: null", "null, expected a map"),
+    ],
+)
+def test_what_no_single_field_says_is_refused_too(tmp_path: Path, member: str, said: str) -> None:
+    (tmp_path / "acme.yaml").write_text(f"{OWN}    {member}\n")
+    with pytest.raises(ParseError, match=said):
+        load_catalogue(tmp_path / "acme.yaml")

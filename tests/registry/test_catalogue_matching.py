@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibrary.calibration import ImageSize
+from calibrary.catalogue import Basis, Catalogue, MatchOutcome, load_catalogue
 from calibrary.errors import InputError
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
-from calibrary.registry.catalogue import Basis, Catalogue, MatchOutcome, load_catalogue
 
 CATALOGUE = load_catalogue()
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibrary.registry.catalogue import load_catalogue
+from calibrary.catalogue import load_catalogue
 from calibrary.registry.paths import match_key, scripts, slug
 
 SAFE = re.compile(r"[a-z0-9][a-z0-9._-]*(?:~[0-9a-f]{10})?")

@@ -40,17 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from calibrary.catalogue import CatalogueListing, load_catalogue
     from calibrary.cli.console import errors, out, plain
-    from calibrary.registry.catalogue import load_catalogue, to_json
 
     catalogue = load_catalogue()
     cameras = catalogue.search(arguments.model) if arguments.model else list(catalogue)
     if arguments.json:
-        document = {
-            "schema": "calibrary/catalogue-listing-1",
-            "cameras": [to_json(camera) for camera in cameras],
-        }
-        print_json(document)
+        print_json(CatalogueListing(cameras=tuple(cameras)))
     elif not cameras:
         complaint = f"calibrary: the catalogue has no camera like {arguments.model!r}"
         errors().say(plain(f"{complaint}; 'calibrary catalogue' lists them all"))

@@ -189,7 +189,9 @@ class _Builder:
         if not nullable:
             return made
         if "enum" in made:
-            return made | {"enum": [*made["enum"], None]}
+            made = made | {"enum": [*made["enum"], None]}
+            if "type" not in made:
+                return made
         if "type" in made:
             kinds = made["type"] if isinstance(made["type"], list) else [made["type"]]
             return made | {"type": [*kinds, "null"]}

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from calibrary.calibration import CameraKey, Grade
+from calibrary.catalogue import load_catalogue
 from calibrary.jobs.exchange.catalogue_entries import catalogue_entries
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.policy import FLEET
 from calibrary.records import replace
-from calibrary.registry.catalogue import load_catalogue
 from calibrary.registry.check import check
 from calibrary.registry.entry import Status
 from calibrary.registry.entry_yaml import entry_yaml

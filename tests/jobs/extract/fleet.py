@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from calibrary.catalogue import Catalogue
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras, judge
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.run import Request, run
 from calibrary.policy import FLEET, Policy
-from calibrary.registry.catalogue import Catalogue
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 

@@ -141,7 +141,7 @@ def _from_file(path: Path) -> Calibration:
 
 def _known(name: str) -> KnownCamera:
     """The one camera of the catalogue that bears a name, or has it as a part of one."""
-    from calibrary.registry.catalogue import load_catalogue
+    from calibrary.catalogue import load_catalogue
 
     found: Sequence[KnownCamera] = load_catalogue().search(name)
     wanted = name.strip().casefold()

@@ -88,11 +88,11 @@ def _of_flight(snapshot: Snapshot, folder: Path, remarks: Screen, *, recursive: 
     """The entries that the gate would take for these images."""
     from datetime import date
 
+    from calibrary.catalogue import load_catalogue
     from calibrary.cli.console import plain
     from calibrary.errors import InputError
     from calibrary.jobs.extract.gather import find_images, gather
     from calibrary.jobs.extract.knowledge import Knowledge
-    from calibrary.registry.catalogue import load_catalogue
 
     images = find_images(folder, recursive=recursive)
     if not images:

@@ -11,6 +11,7 @@ from pathlib import Path
 from calibrary.calib.frames import Setting, group_frames, the_one_setting
 from calibrary.calib.observations import Days
 from calibrary.calibration import CameraKey
+from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import InputError
 from calibrary.evidence.edits import edits
 from calibrary.evidence.frame import files_frame
@@ -21,7 +22,6 @@ from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.focus import focus_of
 from calibrary.parsers.imagery.taken import taken_on
 from calibrary.records import replace
-from calibrary.registry.catalogue import load_catalogue, match_image
 
 __all__ = ["FrameMetadata", "describe_frames", "find_frames"]
 

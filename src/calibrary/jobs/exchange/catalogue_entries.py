@@ -14,9 +14,9 @@ from importlib.metadata import version
 from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
+from calibrary.catalogue import load_catalogue
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.records import replace
-from calibrary.registry.catalogue import load_catalogue
 from calibrary.registry.entry import Alias, Entry, Sensor
 from calibrary.registry.paths import folder_of
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibrary.calibration import CameraKey
+from calibrary.catalogue import Catalogue, load_catalogue, match_image
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
-from calibrary.registry.catalogue import Catalogue, load_catalogue, match_image
 
 __all__ = ["Identified", "identified", "image_key"]
 

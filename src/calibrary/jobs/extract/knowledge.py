@@ -7,11 +7,11 @@ from datetime import date
 from pathlib import Path
 
 from calibrary.calibration import Calibration
+from calibrary.catalogue import Catalogue, load_catalogue
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.exchange.identity import identified
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
-from calibrary.registry.catalogue import Catalogue, load_catalogue
 from calibrary.registry.locking import locked
 from calibrary.registry.registry import open_snapshot, uncommitted
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution

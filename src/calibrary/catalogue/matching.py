@@ -15,10 +15,12 @@ from typing import Final
 
 from calibrary.calibration import ImageSize, same_aspect
 from calibrary.errors import InputError
+from calibrary.evidence.identity import stated_sub_camera
+from calibrary.evidence.metadata import ImageMetadata
 from calibrary.known_camera import SUB_CAMERAS, KnownCamera, normalise_sub_camera
 from calibrary.records import replace
 
-__all__ = ["Basis", "Catalogue", "Match", "MatchOutcome"]
+__all__ = ["Basis", "Catalogue", "Match", "MatchOutcome", "match_image"]
 
 FOCAL_TOLERANCE: Final = 0.05
 LARGEST_BINNING: Final = 8
@@ -142,6 +144,19 @@ class Catalogue:
         clues = _Clues(size=size, focal_mm=focal_mm, focal_35mm=focal_35mm, lens=lens)
         match = _decide(entries, tag if tag in SUB_CAMERAS else None, clues)
         return replace(match, siblings=tuple(camera for camera in entries if camera is not match.camera))
+
+
+def match_image(catalogue: Catalogue, metadata: ImageMetadata) -> Match:
+    """What the catalogue makes of everything an image says about its camera."""
+    return catalogue.find(
+        metadata.make,
+        metadata.model,
+        sub_camera=stated_sub_camera(metadata),
+        size=metadata.size,
+        focal_mm=metadata.focal_mm,
+        focal_35mm=metadata.focal_35mm,
+        lens=metadata.lens,
+    )
 
 
 def _decide(entries: Sequence[KnownCamera], tag: str | None, clues: _Clues) -> Match:
