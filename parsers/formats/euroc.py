@@ -1,4 +1,4 @@
-"""The ASL dataset format's ``sensor.yaml``, which came with the EuRoC recordings.
+"""The ASL dataset format's ``sensor.yaml``, which came with the EuRoC recordings, and Kimera-VIO's camera files.
 
 In the format's own words::
 
@@ -12,23 +12,29 @@ In the format's own words::
     distortion_model: radial-tangential                      # or equidistant
     distortion_coefficients: [-0.28, 0.07, 0.0002, 0.00002]  # k1, k2, p1, p2
 
-The numbers are Kalibr's, the names of the models are not.
+The numbers are Kalibr's, the names of the models are not. Kimera-VIO has ``camera_id`` in place of sensor_type, says
+radtan as well, and hands both lenses to OpenCV; its omni, a Scaramuzza polynomial under keys of its own, is refused.
 
-Source: ETH Zürich ASL, "The EuRoC MAV datasets", ``dataset_tools``.
+Sources: ETH Zürich ASL, "The EuRoC MAV datasets", ``dataset_tools``; Kimera-VIO, ``src/frontend/CameraParams.cpp``.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+
 from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.distortion import Distortion, KannalaBrandt
+from calibrary.distortion import Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
-from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _file_storage as storage
-from calibrary.parsers.formats._opencv_lens import lens
+from calibrary.parsers.formats._json_text import restored
+from calibrary.parsers.formats._opencv_lens import BrownWithoutK3, lens
+from calibrary.parsers.formats._yaml_text import flow, scalar
 
 __all__ = ["FORMAT"]
 
@@ -39,10 +45,18 @@ CONVENTION = Convention(
 )
 
 
+OWN_KEYS = ("resolution", "camera_model", "intrinsics", "distortion_model", "distortion_coefficients")
+LENSES = ("radial-tangential", "radtan", "equidistant", "none")
+PREFIX = "euroc/"
+
+
 def sniff(content: Content) -> Sniff | None:
-    """The keys sensor_type and camera_model."""
-    if {"sensor_type", "camera_model"} <= set(content.yaml_keys):
+    """The keys sensor_type and camera_model, or Kimera's camera_id with the same others."""
+    keys = set(content.yaml_keys)
+    if {"sensor_type", "camera_model"} <= keys:
         return Sniff(Sure.MAGIC, "the keys sensor_type and camera_model")
+    if {"camera_model", "intrinsics", "distortion_model", "distortion_coefficients", "resolution"} <= keys:
+        return Sniff(Sure.MAGIC, "the keys camera_model, intrinsics and distortion_coefficients")
     return None
 
 
@@ -51,16 +65,41 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     tree = storage.load(data, source=context.name)
     width, height = tree["resolution"].numbers(2)
     size = context.size(strict.image_size(width, height, source=context.name, place="resolution"))
+    distortion = _distortion(tree)
     fu, fv, cu, cv = tree["intrinsics"].numbers(4)
     return [
         Calibration(
             camera=CameraKey(image_size=size),
             intrinsics=CONVENTION.intrinsics(Native(fx=fu, fy=fv, cx=cu, cy=cv), size, source=context.name),
-            distortion=_distortion(tree),
+            distortion=distortion,
             grade=Grade.CALIBRATED,
             provenance=context.provenance(),
+            extras=tuple(
+                (PREFIX + key, json.dumps(node.value, ensure_ascii=False))
+                for key, node in tree.entries()
+                if key not in OWN_KEYS
+            ),
         )
     ]
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """EuRoC's own keys, the resolution last; T_BS and the rest go back where the file they came from had them."""
+    [calibration] = calibrations
+    K, distortion = calibration.intrinsics, calibration.distortion or NoDistortion()
+    native = CONVENTION.native(K)
+    extras = {key.removeprefix(PREFIX): text for key, text in calibration.extras if key.startswith(PREFIX)}
+    extras.setdefault("sensor_type", json.dumps("camera"))
+    rows = [f"{key}: {scalar(restored(text))}" for key, text in extras.items() if key.isidentifier()]
+    fisheye = isinstance(distortion, KannalaBrandt)
+    rows += [
+        "camera_model: pinhole",
+        f"intrinsics: {flow([native.fx, native.fy, native.cx, native.cy])}",
+        f"distortion_model: {'equidistant' if fisheye else 'radial-tangential'}",
+        f"distortion_coefficients: {flow(list(distortion.coefficients.values()) or [0.0] * 4)}",
+        f"resolution: [{K.image_size[0]}, {K.image_size[1]}]",
+    ]
+    return "".join(f"{row}\n" for row in rows).encode()
 
 
 def _distortion(tree: Node) -> Distortion:
@@ -69,7 +108,7 @@ def _distortion(tree: Node) -> Distortion:
     kind = tree["distortion_model"]
     if kind.text() == "none":
         return lens(())
-    if kind.text() not in {"radial-tangential", "equidistant"}:
+    if kind.text() not in LENSES:
         _refuse(kind, "radial-tangential or equidistant")
     values = tree["distortion_coefficients"].numbers(4)
     if kind.text() == "equidistant":
@@ -87,10 +126,12 @@ def _refuse(node: Node, wanted: str) -> None:
 
 FORMAT = Format(
     name="euroc",
-    title="EuRoC/ASL sensor.yaml",
+    title="EuRoC/ASL sensor.yaml and Kimera-VIO camera",
     suffixes=(".yaml",),
     reference="https://projects.asl.ethz.ch/datasets/doku.php?id=kmavvisualinertialdatasets",
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    write=write,
+    capacity=Capacity(models=(NoDistortion, BrownWithoutK3, KannalaBrandt)),
 )

@@ -54,7 +54,9 @@ _TIGHT = re.compile(r"^([ \t]*+[A-Za-z_][\w.]*+):(?=[^\s:])", re.MULTILINE)
 
 
 def sniff(content: Content) -> Sniff | None:
-    """The key Camera.fx or Camera1.fx."""
+    """The key Camera.fx or Camera1.fx; OpenVSLAM, which has Camera.model as well, is another format."""
+    if "Camera.model" in content.yaml_keys:
+        return None
     found = next((key for key in content.yaml_keys if key in {"Camera.fx", "Camera1.fx"}), None)
     return Sniff(Sure.MAGIC, f"the key {found}") if found else None
 
@@ -64,12 +66,6 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     text = short_text(data, source=context.name, max_bytes=MAX_BYTES)
     # OpenCV needs no space after the colon; the directive's own colon stays.
     tree = storage.load(_TIGHT.sub(r"\1: ", text).encode(), source=context.name)
-    if "Camera.model" in tree:
-        raise UnsupportedModelError(
-            "Camera.model is OpenVSLAM's key, whose settings look like ORB-SLAM's but have models of their own; "
-            "write K and the coefficients into an OpenCV file",
-            source=context.name,
-        )
     named = [name for name in CAMERAS if f"{name}.fx" in tree]
     sides = [name for name in SIDES if f"{name}.K" in tree]
     if not named:

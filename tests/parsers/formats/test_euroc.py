@@ -11,7 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnknownFormatError, UnsupportedModelError
-from tests.parsers.samples import Sample
+from tests.parsers.cameras import camera
 
 FILE = """# General sensor definitions.
 sensor_type: camera
@@ -44,7 +44,9 @@ def rays() -> NDArray[np.float64]:
     return np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
 
 
-SAMPLES = {"euroc": Sample(FILE.encode())}
+KIMERA = FILE.replace("sensor_type: camera\ncomment: front, 5 mm", "camera_id: left_cam").replace(
+    "radial-tangential", "radtan"
+)
 
 
 def test_radial_tangential_is_opencvs_first_four() -> None:
@@ -52,6 +54,24 @@ def test_radial_tangential_is_opencvs_first_four() -> None:
     expected = cv2.projectPoints(rays(), np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
     np.testing.assert_allclose(read(FILE).project(rays()) - 0.5, expected, rtol=0, atol=1e-9)
     assert read(FILE).intrinsics.image_size == (752, 480)
+
+
+def test_kimeras_files_are_the_same_without_a_sensor_type() -> None:
+    assert read(KIMERA).distortion == read(FILE).distortion
+    assert read(KIMERA).intrinsics == read(FILE).intrinsics
+    omni = KIMERA.replace("pinhole", "omni").replace("[433.2, 432.9, 371.6, 238.3]", "[]")
+    with pytest.raises(UnsupportedModelError, match="omni"):
+        read(omni)
+
+
+def test_what_is_written_has_eurocs_keys_and_keeps_the_pose() -> None:
+    data, verdict = parsers.encode([camera(NoDistortion())], "euroc", name="sensor.yaml")
+    assert "sensor_type: " in data.decode()
+    assert "distortion_coefficients: [0.0, 0.0, 0.0, 0.0]\n" in data.decode()
+    assert verdict.dropped == ()
+    again, _ = parsers.encode([read(FILE)], "euroc", name="sensor.yaml")
+    assert read(again.decode()).extras == read(FILE).extras
+    assert "T_BS: " in again.decode()
 
 
 def test_equidistant_is_opencvs_fisheye() -> None:

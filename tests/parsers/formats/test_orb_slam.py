@@ -134,10 +134,9 @@ def test_rectified_images_have_no_distortion() -> None:
         assert read(text)[0].distortion == NoDistortion()
 
 
-@pytest.mark.parametrize("extra", ['Camera.type: "Fisheye624"\n', 'Camera.model: "fisheye"\n'])
-def test_another_model_is_refused_by_name(extra: str) -> None:
-    with pytest.raises(UnsupportedModelError, match=r"Fisheye624|OpenVSLAM"):
-        read(OLD + extra)
+def test_another_model_is_refused_by_name() -> None:
+    with pytest.raises(UnsupportedModelError, match="Fisheye624"):
+        read(OLD + 'Camera.type: "Fisheye624"\n')
 
 
 @pytest.mark.parametrize(
