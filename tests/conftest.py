@@ -1,11 +1,21 @@
-"""What all tests share: how hypothesis runs."""
+"""What all tests share: how hypothesis runs, and where bytecode is kept."""
 
 from __future__ import annotations
 
 import os
+import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+if sys.dont_write_bytecode:
+    # Some hundred tests start a Python, and each of them would compile numpy and the package anew. The sources stay
+    # as clean as PYTHONDONTWRITEBYTECODE asks: bytecode goes where everything else that is built goes.
+    sys.dont_write_bytecode = False
+    sys.pycache_prefix = str(Path(__file__).parents[1] / "build" / "bytecode")
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # The same examples in every run, so that a change is judged by what it changed; HYPOTHESIS_PROFILE=explore
 # looks for new ones. A machine busy with something else is no failure: hangs are caught by the suite's own time.

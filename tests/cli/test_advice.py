@@ -6,6 +6,7 @@ import ast
 import re
 import shlex
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -28,18 +29,23 @@ UNQUOTED = re.compile(
 )
 
 
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def said_in_code() -> Iterator[tuple[str, str]]:
     """Every string of the sources, its formatted values as a word, with where it is."""
     for path in SOURCES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            where = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
+        name = path.relative_to(ROOT)
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.JoinedStr):
                 parts = (p.value if isinstance(p, ast.Constant) else "VALUE" for p in node.values)
-                yield where, "".join(map(str, parts))
+                yield f"{name}:{node.lineno}", "".join(map(str, parts))
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                yield where, node.value
+                yield f"{name}:{node.lineno}", node.value
 
 
+@cache
 def advised() -> list[tuple[str, str]]:
     texts = [*said_in_code(), *((path.name, path.read_text(encoding="utf-8")) for path in DOCUMENTS)]
     found = {
@@ -108,12 +114,8 @@ def test_messages_speak_in_flags_not_in_arguments_of_functions() -> None:
     for path in SOURCES:
         if not {"api", "interop"}.isdisjoint(path.parts):
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if (
-                {"api", "interop"}.isdisjoint(path.parts)
-                and isinstance(node, ast.Raise)
-                and isinstance(node.exc, ast.Call)
-            ):
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
                 for part in node.exc.args:
                     texts = [c.value for c in ast.walk(part) if isinstance(c, ast.Constant)]
                     found += [
