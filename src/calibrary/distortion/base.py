@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator
-from typing import ClassVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.records import Record, force_setattr
+
+Columns: TypeAlias = Sequence[FloatArray]
 
 BLOCK_ROWS = 8_192
 """Rows worked on at a time: a dozen columns of this length stay in a processor's second-level cache."""
@@ -82,25 +84,45 @@ class Distortion(Record, tag_field="model"):
 
 def perspective(rays: FloatArray) -> FloatArray:
     """(N, 3) directions to (N, 2) x/z, y/z; NaN for what is not in front of the camera."""
-    xy = np.empty((len(rays), 2))
-    with np.errstate(all="ignore"):
-        for rows in blocks(len(rays)):
-            x, y, z = rays[rows].T.copy()
-            z[~(z > 0)] = math.nan
-            xy[rows, 0], xy[rows, 1] = finite_pair(x / z, y / z)
-    return xy
+
+    def divided(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
+        z[~(z > 0)] = math.nan
+        return finite_pair(x / z, y / z)
+
+    return by_columns(divided, rays, 3, 2)
 
 
 def unit_rays(xy: FloatArray) -> FloatArray:
     """(N, 2) x/z, y/z to (N, 3) unit directions."""
-    rays = np.empty((len(xy), 3))
+
+    def scaled(x: FloatArray, y: FloatArray) -> Columns:
+        x, y = finite_pair(x, y)
+        # hypot does not overflow where the sum of squares would.
+        depth = 1.0 / np.hypot(np.hypot(x, y), 1.0)
+        return x * depth, y * depth, depth
+
+    return by_columns(scaled, xy, 2, 3)
+
+
+def by_columns(function: Callable[..., Columns], values: ArrayLike, columns: int, into: int) -> FloatArray:
+    """What a function of columns gives for (N, columns) rows, as (N, into) rows; a block of rows at a time.
+
+    Args:
+        function: takes ``columns`` arrays, which it may change, and returns ``into``.
+        values: the rows.
+        columns: how many numbers a row has.
+        into: how many it has afterwards.
+
+    Raises:
+        InputError: the rows have another shape or are not numbers.
+    """
+    given = as_rows(values, columns)
+    out = np.empty((len(given), into))
     with np.errstate(all="ignore"):
-        for rows in blocks(len(xy)):
-            x, y = finite_pair(*xy[rows].T.copy())
-            # hypot does not overflow where the sum of squares would.
-            depth = 1.0 / np.hypot(np.hypot(x, y), 1.0)
-            rays[rows, 0], rays[rows, 1], rays[rows, 2] = x * depth, y * depth, depth
-    return rays
+        for rows in blocks(len(given)):
+            for at, column in enumerate(function(*given[rows].T.copy())):
+                out[rows, at] = column
+    return out
 
 
 def finite_pair(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

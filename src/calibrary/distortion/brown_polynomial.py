@@ -6,14 +6,13 @@ names the terms it has. This class is what they compute with and no model of its
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.opencv import OpenCVDistortion
-from calibrary.distortion.polynomial import Jacobian, PolynomialMap
+from calibrary.distortion.polynomial import Jacobian, PolynomialMap, trimmed
 from calibrary.errors import InputError
 
 __all__ = ["BrownMap", "BrownPolynomial"]
@@ -84,6 +83,11 @@ class BrownMap(PolynomialMap):
     the family without an affinity.
     """
 
+    # The affinity is the same at every radius.
+    POWERS: ClassVar[dict[str, int]] = PolynomialMap.POWERS | {
+        "r8": 8, "r10": 10, "t2": 2, "t4": 4, "b1": 0, "b2": 0,
+    }  # fmt: skip
+
     r8: float = 0.0
     r10: float = 0.0
     t2: float = 0.0
@@ -94,10 +98,7 @@ class BrownMap(PolynomialMap):
     @property
     def numerator(self) -> list[float]:
         """1 + k1·s + … + r10·s⁵, constant term first, without trailing zeros."""
-        terms = [1.0, self.k1, self.k2, self.k3, self.r8, self.r10]
-        while len(terms) > 1 and terms[-1] == 0.0:
-            terms.pop()
-        return terms
+        return trimmed([1.0, self.k1, self.k2, self.k3, self.r8, self.r10])
 
     @property
     def has_growth(self) -> bool:
@@ -113,22 +114,6 @@ class BrownMap(PolynomialMap):
     def has_prism(self) -> bool:
         """Whether the limit must be searched for, as with a prism: no closed form holds."""
         return bool(self.s1 or self.s2 or self.s3 or self.s4 or self.has_growth or self.has_affinity)
-
-    @property
-    def octave(self) -> int:
-        """As for the map it extends; the affinity is the same at every radius."""
-        strongest = (
-            math.floor(-math.log2(abs(c)) / power) - 1
-            for name, power in _POWERS.items()
-            if power and (c := getattr(self, name))
-        )
-        return min(strongest, default=0)
-
-    def in_octave(self, octave: int) -> PolynomialMap:
-        """The same map with both radii counted in units of 2**octave."""
-        return BrownMap(
-            **{name: math.ldexp(getattr(self, name), power * octave) for name, power in _POWERS.items()}
-        )
 
     def image(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(x, y) to (x', y')."""
@@ -166,10 +151,3 @@ class BrownMap(PolynomialMap):
         """The tangential terms before they grow."""
         across = 2.0 * (self.p2 * x + self.p1 * y)
         return x * across + self.p2 * r2, y * across + self.p1 * r2
-
-
-_POWERS = {
-    "k1": 2, "k2": 4, "k3": 6, "r8": 8, "r10": 10, "p1": 1, "p2": 1, "t2": 2, "t4": 4,
-    "s1": 1, "s2": 3, "s3": 1, "s4": 3, "b1": 0, "b2": 0,
-}  # fmt: skip
-"""How the share of each coefficient in the image point grows with r, relative to the point itself."""

@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
+from calibrary.distortion.base import Columns, Distortion, by_columns, finite_pair
 from calibrary.distortion.none import NoDistortion
-from calibrary.distortion.omnidirectional import Omnidirectional
+from calibrary.distortion.omnidirectional import Omnidirectional, unit
 
 __all__ = ["Division"]
 
@@ -35,38 +35,32 @@ class Division(Omnidirectional):
 
     def distort_rays(self, rays: FloatArray) -> FloatArray:
         """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
-        rays = as_rows(rays, 3)
-        out = np.empty((len(rays), 2))
-        with np.errstate(all="ignore"):
-            for rows in blocks(len(rays)):
-                x, y, z = rays[rows].T.copy()
-                # hypot does not overflow where the sum of squares would.
-                shrink = 1.0 / np.hypot(np.hypot(x, y), z)
-                x, y, z = x * shrink, y * shrink, z * shrink
-                r2 = x * x + y * y
-                inside = z * z - 4.0 * self.k * r2
-                inside[~((inside > 0) & ((z > 0) | (self.k < 0)))] = math.nan
-                reach = np.sqrt(inside)
-                # z + reach; behind the camera, where that cancels, by the product of the two roots.
-                divisor = np.where(z < 0, -4.0 * self.k * r2 / (reach - z), z + reach)
-                out[rows, 0], out[rows, 1] = finite_pair(2.0 * x / divisor, 2.0 * y / divisor)
-        return out
+
+        def image(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
+            x, y, z = unit(x, y, z)
+            r2 = x * x + y * y
+            inside = z * z - 4.0 * self.k * r2
+            inside[~((inside > 0) & ((z > 0) | (self.k < 0)))] = math.nan
+            reach = np.sqrt(inside)
+            # z + reach; behind the camera, where that cancels, by the product of the two roots.
+            divisor = np.where(z < 0, -4.0 * self.k * r2 / (reach - z), z + reach)
+            return finite_pair(2.0 * x / divisor, 2.0 * y / divisor)
+
+        return by_columns(image, rays, 3, 2)
 
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
         """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from r' = 1/√k on."""
-        xy = as_rows(xy, 2)
-        out = np.empty((len(xy), 3))
-        with np.errstate(all="ignore"):
-            for rows in blocks(len(xy)):
-                x, y = xy[rows].T.copy()
-                r = np.hypot(x, y)
-                bend = self.k * r * r
-                bend[~(bend < 1.0)] = math.nan
-                z = 1.0 + bend
-                shrink = 1.0 / np.hypot(r, z)
-                out[rows, 0], out[rows, 1] = finite_pair(x * shrink, y * shrink)
-                out[rows, 2] = z * shrink + 0.0 * out[rows, 0]
-        return out
+
+        def direction(x: FloatArray, y: FloatArray) -> Columns:
+            r = np.hypot(x, y)
+            bend = self.k * r * r
+            bend[~(bend < 1.0)] = math.nan
+            z = 1.0 + bend
+            shrink = 1.0 / np.hypot(r, z)
+            x, y = finite_pair(x * shrink, y * shrink)
+            return x, y, z * shrink + 0.0 * x
+
+        return by_columns(direction, xy, 2, 3)
 
     def max_angle_rad(self) -> float:
         """Where the two solutions meet; straight back for a barrel, 90° for a pinhole."""

@@ -15,10 +15,10 @@ from typing import ClassVar
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
+from calibrary.distortion.base import Columns, Distortion, as_rows, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional
 from calibrary.distortion.opencv import OpenCVDistortion
-from calibrary.distortion.polynomial import PolynomialMap
+from calibrary.distortion.polynomial import PolynomialMap, trimmed
 
 __all__ = ["EquidistantDistortion", "PlanarPolynomial", "only"]
 
@@ -79,7 +79,7 @@ class EquidistantDistortion(Omnidirectional):
 
     def distort_rays(self, rays: FloatArray) -> FloatArray:
         """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
-        point = _equidistant(as_rows(rays, 3))
+        point = _equidistant(rays)
         for stage in self._stages():
             point = stage.distort(point)
         return point
@@ -99,35 +99,34 @@ def only(distortion: Distortion, *names: str) -> bool:
 
 def _equidistant(rays: FloatArray) -> FloatArray:
     """(N, 3) directions to (N, 2): at θ from the axis; NaN straight back, which would be a whole circle."""
-    out = np.empty((len(rays), 2))
-    with np.errstate(all="ignore"):
-        for rows in blocks(len(rays)):
-            x, y, z = rays[rows].T.copy()
-            r = np.hypot(x, y)
-            stretch = np.arctan2(r, z) / r
-            stretch[(r == 0) & (z > 0)] = 0.0
-            out[rows, 0], out[rows, 1] = finite_pair(x * stretch, y * stretch)
-    return out
+
+    def image(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
+        r = np.hypot(x, y)
+        stretch = np.arctan2(r, z) / r
+        stretch[(r == 0) & (z > 0)] = 0.0
+        return finite_pair(x * stretch, y * stretch)
+
+    return by_columns(image, rays, 3, 2)
 
 
 def _directions(points: FloatArray) -> FloatArray:
     """The inverse of :func:`_equidistant`; NaN from 180° on."""
-    out = np.empty((len(points), 3))
-    with np.errstate(all="ignore"):
-        for rows in blocks(len(points)):
-            u, v = points[rows].T.copy()
-            theta = np.hypot(u, v)
-            theta[~(theta < math.pi)] = math.nan
-            # sin θ / θ without a division by zero on the axis; numpy's sinc counts in π.
-            stretch = np.sinc(theta / math.pi)
-            out[rows, 0], out[rows, 1] = finite_pair(u * stretch, v * stretch)
-            out[rows, 2] = np.cos(theta)
-    return out
+
+    def direction(u: FloatArray, v: FloatArray) -> Columns:
+        theta = np.hypot(u, v)
+        theta[~(theta < math.pi)] = math.nan
+        # sin θ / θ without a division by zero on the axis; numpy's sinc counts in π.
+        stretch = np.sinc(theta / math.pi)
+        return *finite_pair(u * stretch, v * stretch), np.cos(theta)
+
+    return by_columns(direction, points, 2, 3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Map(PolynomialMap):
     """OpenCV's map with three more radial terms in its numerator; nothing else about it changes."""
+
+    POWERS: ClassVar[dict[str, int]] = PolynomialMap.POWERS | {"r8": 8, "r10": 10, "r12": 12}
 
     r8: float = 0.0
     r10: float = 0.0
@@ -136,30 +135,4 @@ class _Map(PolynomialMap):
     @property
     def numerator(self) -> list[float]:
         """1 + k1·s + … + r12·s⁶, constant term first, without trailing zeros."""
-        terms = [1.0, self.k1, self.k2, self.k3, self.r8, self.r10, self.r12]
-        while len(terms) > 1 and terms[-1] == 0.0:
-            terms.pop()
-        return terms
-
-    @property
-    def octave(self) -> int:
-        """As for the map it extends."""
-        strongest = (
-            math.floor(-math.log2(abs(c)) / power) - 1
-            for name, power in _POWERS.items()
-            if (c := getattr(self, name))
-        )
-        return min(strongest, default=0)
-
-    def in_octave(self, octave: int) -> PolynomialMap:
-        """The same map with both radii counted in units of 2**octave."""
-        return _Map(
-            **{name: math.ldexp(getattr(self, name), power * octave) for name, power in _POWERS.items()}
-        )
-
-
-_POWERS = {
-    "k1": 2, "k2": 4, "k3": 6, "r8": 8, "r10": 10, "r12": 12, "p1": 1, "p2": 1,
-    "s1": 1, "s2": 3, "s3": 1, "s4": 3,
-}  # fmt: skip
-"""How the share of each coefficient in the image point grows with r, relative to the point itself."""
+        return trimmed([1.0, self.k1, self.k2, self.k3, self.r8, self.r10, self.r12])

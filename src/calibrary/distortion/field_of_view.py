@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
+from calibrary.distortion.base import Columns, Distortion, by_columns, finite_pair
 from calibrary.distortion.none import NoDistortion
 from calibrary.errors import InputError
 
@@ -79,14 +79,14 @@ class FieldOfView(Distortion):
 
     def _radially(self, xy: FloatArray, radius: Callable[[FloatArray], FloatArray]) -> FloatArray:
         """Every point moved along its own radius; the model with ω = 0 moves none."""
-        out = np.array(as_rows(xy, 2))
-        with np.errstate(all="ignore"):
-            for rows in blocks(len(out)):
-                x, y = finite_pair(*np.array(out[rows].T, order="C"))
-                if abs(self.omega) > STRAIGHT:
-                    r = np.hypot(x, y)
-                    scale = radius(r) / r
-                    scale[r == 0] = 0.0
-                    x, y = finite_pair(x * scale, y * scale)
-                out[rows, 0], out[rows, 1] = x, y
-        return out
+
+        def moved(x: FloatArray, y: FloatArray) -> Columns:
+            x, y = finite_pair(x, y)
+            if abs(self.omega) <= STRAIGHT:
+                return x, y
+            r = np.hypot(x, y)
+            scale = radius(r) / r
+            scale[r == 0] = 0.0
+            return finite_pair(x * scale, y * scale)
+
+        return by_columns(moved, xy, 2, 2)

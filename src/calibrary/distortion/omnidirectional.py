@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Callable
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
+from calibrary.distortion.base import Columns, Distortion, as_rows, by_columns, finite_pair, perspective
 
-__all__ = ["Omnidirectional", "divided", "lifted", "lowered", "undivided", "widest", "widest_lifted"]
+__all__ = ["Omnidirectional", "divided", "lifted", "lowered", "undivided", "unit", "widest", "widest_lifted"]
 
 
 class Omnidirectional(Distortion):
@@ -49,14 +50,14 @@ class Omnidirectional(Distortion):
 
     def undistort(self, xy: FloatArray) -> FloatArray:
         """Distorted to undistorted (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
-        rays = self.undistort_to_rays(xy)
-        out = np.empty((len(rays), 2))
-        with np.errstate(all="ignore"):
-            for rows in blocks(len(rays)):
-                x, y, z = rays[rows].T.copy()
-                z[~(z > 0)] = math.nan
-                out[rows, 0], out[rows, 1] = finite_pair(x / z, y / z)
-        return out
+        return perspective(self.undistort_to_rays(xy))
+
+
+def unit(x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The columns of directions, made one long."""
+    # hypot does not overflow where the sum of squares would.
+    shrink = 1.0 / np.hypot(np.hypot(x, y), z)
+    return x * shrink, y * shrink, z * shrink
 
 
 def lifted(rays: FloatArray, xi: float) -> FloatArray:
@@ -64,34 +65,25 @@ def lifted(rays: FloatArray, xi: float) -> FloatArray:
 
     With |P| = 1: (x, y, z + xi). From outside the sphere, xi > 1, only the part in front of its outline is seen.
     """
-    rays = as_rows(rays, 3)
-    out = np.full_like(rays, math.nan)
-    if xi <= -1:
-        return out
-    with np.errstate(all="ignore"):
-        for rows in blocks(len(rays)):
-            x, y, z = rays[rows].T.copy()
-            # hypot does not overflow where the sum of squares would.
-            shrink = 1.0 / np.hypot(np.hypot(x, y), z)
-            x, y, z = x * shrink, y * shrink, z * shrink
-            z[~(1.0 + xi * z > 0)] = math.nan
-            out[rows, 0], out[rows, 1], out[rows, 2] = x, y, z + xi
-    return out
+
+    def moved(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
+        x, y, z = unit(x, y, z)
+        z[~(1.0 + xi * z > 0)] = math.nan
+        return x, y, z + xi
+
+    return by_columns(moved if xi > -1 else _unseen(3), rays, 3, 3)
 
 
 def lowered(rays: FloatArray, xi: float) -> FloatArray:
     """The inverse of :func:`lifted`: (N, 3) unit directions to the unit directions they come from."""
-    out = np.full_like(rays, math.nan)
-    if xi <= -1:
-        return out
-    with np.errstate(all="ignore"):
-        for rows in blocks(len(rays)):
-            x, y, z = rays[rows].T.copy()
-            inside = 1.0 - xi * xi * (x * x + y * y)
-            inside[~(inside > 0)] = math.nan
-            reach = xi * z + np.sqrt(inside)
-            out[rows, 0], out[rows, 1], out[rows, 2] = reach * x, reach * y, reach * z - xi
-    return out
+
+    def moved(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
+        inside = 1.0 - xi * xi * (x * x + y * y)
+        inside[~(inside > 0)] = math.nan
+        reach = xi * z + np.sqrt(inside)
+        return reach * x, reach * y, reach * z - xi
+
+    return by_columns(moved if xi > -1 else _unseen(3), rays, 3, 3)
 
 
 def widest_lifted(angle: float, xi: float) -> float:
@@ -109,20 +101,15 @@ def divided(rays: FloatArray, alpha: float, beta: float) -> FloatArray:
     NaN from where the divisor vanishes or the image turns back: its slope over the angle has the sign of
     (1 − alpha)·d + alpha·z.
     """
-    rays = as_rows(rays, 3)
-    out = np.full((len(rays), 2), math.nan)
-    if beta < 0:
-        return out
-    with np.errstate(all="ignore"):
-        for rows in blocks(len(rays)):
-            x, y, z = rays[rows].T.copy()
-            shrink = 1.0 / np.hypot(np.hypot(x, y), z)
-            x, y, z = x * shrink, y * shrink, z * shrink
-            d = np.sqrt(beta * (x * x + y * y) + z * z)
-            divisor = alpha * d + (1.0 - alpha) * z
-            divisor[~((divisor > 0) & ((1.0 - alpha) * d + alpha * z > 0))] = math.nan
-            out[rows, 0], out[rows, 1] = finite_pair(x / divisor, y / divisor)
-    return out
+
+    def quotient(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
+        x, y, z = unit(x, y, z)
+        d = np.sqrt(beta * (x * x + y * y) + z * z)
+        divisor = alpha * d + (1.0 - alpha) * z
+        divisor[~((divisor > 0) & ((1.0 - alpha) * d + alpha * z > 0))] = math.nan
+        return finite_pair(x / divisor, y / divisor)
+
+    return by_columns(quotient if beta >= 0 else _unseen(2), rays, 3, 2)
 
 
 def undivided(xy: FloatArray, alpha: float, beta: float) -> FloatArray:
@@ -131,23 +118,20 @@ def undivided(xy: FloatArray, alpha: float, beta: float) -> FloatArray:
     Where the divisor is 1, depth solves (2·alpha − 1)·z² + 2·(1 − alpha)·z = 1 − alpha²·beta·r². Of the two ways
     to write its root the one is taken in which nothing cancels.
     """
-    xy = as_rows(xy, 2)
-    out = np.full((len(xy), 3), math.nan)
-    if beta < 0:
-        return out
-    with np.errstate(all="ignore"):
-        for rows in blocks(len(xy)):
-            x, y = finite_pair(*np.array(xy[rows].T, order="C"))
-            r2 = x * x + y * y
-            slope = np.sqrt(1.0 - (2.0 * alpha - 1.0) * beta * r2)
-            if 0 <= alpha <= 1:
-                z = (1.0 - alpha * alpha * beta * r2) / (1.0 - alpha + alpha * slope)
-            else:
-                z = (1.0 - alpha - alpha * slope) / (1.0 - 2.0 * alpha)
-            z[~(slope > 0)] = math.nan
-            shrink = 1.0 / np.sqrt(r2 + z * z)
-            out[rows, 0], out[rows, 1], out[rows, 2] = x * shrink, y * shrink, z * shrink
-    return out
+
+    def direction(x: FloatArray, y: FloatArray) -> Columns:
+        x, y = finite_pair(x, y)
+        r2 = x * x + y * y
+        slope = np.sqrt(1.0 - (2.0 * alpha - 1.0) * beta * r2)
+        if 0 <= alpha <= 1:
+            z = (1.0 - alpha * alpha * beta * r2) / (1.0 - alpha + alpha * slope)
+        else:
+            z = (1.0 - alpha - alpha * slope) / (1.0 - 2.0 * alpha)
+        z[~(slope > 0)] = math.nan
+        shrink = 1.0 / np.sqrt(r2 + z * z)
+        return x * shrink, y * shrink, z * shrink
+
+    return by_columns(direction if beta >= 0 else _unseen(3), xy, 2, 3)
 
 
 def widest(alpha: float, beta: float) -> float:
@@ -159,3 +143,8 @@ def widest(alpha: float, beta: float) -> float:
     bounds += [(alpha - 1.0) / alpha] if alpha > 0 else []
     cosine = max(-1.0, *bounds)
     return math.atan2(math.sqrt(1.0 - cosine * cosine), math.sqrt(beta) * cosine)
+
+
+def _unseen(columns: int) -> Callable[..., Columns]:
+    """No direction has an image: the parameters do not make a camera."""
+    return lambda first, *_rest: [np.full_like(first, math.nan)] * columns

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Distortion, as_rows, blocks, finite_pair
+from calibrary.distortion.base import Columns, Distortion, as_rows, blocks, by_columns, finite_pair
 from calibrary.distortion.inversion import Inversion
 from calibrary.distortion.polynomial import PolynomialMap
 from calibrary.distortion.valid_field import monotonic_radius
@@ -36,19 +36,16 @@ class OpenCVDistortion(Distortion):
 
     def distort(self, xy: FloatArray) -> FloatArray:
         """Undistorted to distorted; NaN from :meth:`valid_radius` on."""
-        xy = as_rows(xy, 2)
-        out = np.empty_like(xy)
         lens, sensor, radius = self._lens(), self._sensor(), self.valid_radius()
-        with np.errstate(all="ignore"):
-            for rows in blocks(len(xy)):
-                x, y = xy[rows].T.copy()
-                u, v = lens.image(x, y)
-                if sensor is not None:
-                    u, v = _through(sensor, u, v)
-                unseen = ~(x * x + y * y < radius * radius)
-                u[unseen] = np.nan
-                out[rows, 0], out[rows, 1] = finite_pair(u, v)
-        return out
+
+        def image(x: FloatArray, y: FloatArray) -> Columns:
+            u, v = lens.image(x, y)
+            if sensor is not None:
+                u, v = _through(sensor, u, v)
+            u[~(x * x + y * y < radius * radius)] = np.nan
+            return finite_pair(u, v)
+
+        return by_columns(image, xy, 2, 2)
 
     def undistort(self, xy: FloatArray) -> FloatArray:
         """Distorted to undistorted, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""

@@ -14,25 +14,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, Self, TypeAlias
 
 from calibrary.arrays import FloatArray
 
-__all__ = ["Jacobian", "PolynomialMap"]
+__all__ = ["Jacobian", "PolynomialMap", "trimmed"]
 
 Jacobian: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y."""
-
-POWERS = {
-    "k1": 2, "k2": 4, "p1": 1, "p2": 1, "k3": 6, "k4": 2,
-    "k5": 4, "k6": 6, "s1": 1, "s2": 3, "s3": 1, "s4": 3,
-}  # fmt: skip
-"""How the share of each coefficient in the image point grows with r, relative to the point itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolynomialMap:
     """The coefficients of the formula above; what a model has not got is zero."""
+
+    POWERS: ClassVar[dict[str, int]] = {
+        "k1": 2, "k2": 4, "p1": 1, "p2": 1, "k3": 6, "k4": 2,
+        "k5": 4, "k6": 6, "s1": 1, "s2": 3, "s3": 1, "s4": 3,
+    }  # fmt: skip
+    """How the share of each coefficient in the image point grows with r, relative to the point itself."""
 
     k1: float = 0.0
     k2: float = 0.0
@@ -50,12 +50,12 @@ class PolynomialMap:
     @property
     def numerator(self) -> list[float]:
         """N, constant term first, without trailing zeros."""
-        return _trimmed([1.0, self.k1, self.k2, self.k3])
+        return trimmed([1.0, self.k1, self.k2, self.k3])
 
     @property
     def denominator(self) -> list[float]:
         """D, constant term first, without trailing zeros."""
-        return _trimmed([1.0, self.k4, self.k5, self.k6])
+        return trimmed([1.0, self.k4, self.k5, self.k6])
 
     @property
     def is_radial(self) -> bool:
@@ -77,16 +77,16 @@ class PolynomialMap:
         return min(
             (
                 math.floor(-math.log2(abs(c)) / power) - 1
-                for name, power in POWERS.items()
-                if (c := getattr(self, name))
+                for name, power in self.POWERS.items()
+                if power and (c := getattr(self, name))
             ),
             default=0,
         )
 
-    def in_octave(self, octave: int) -> PolynomialMap:
+    def in_octave(self, octave: int) -> Self:
         """The same map with undistorted and distorted radii counted in units of 2**octave."""
-        return PolynomialMap(
-            **{name: math.ldexp(getattr(self, name), power * octave) for name, power in POWERS.items()}
+        return type(self)(
+            **{name: math.ldexp(getattr(self, name), power * octave) for name, power in self.POWERS.items()}
         )
 
     def radial(self, r: FloatArray) -> FloatArray:
@@ -170,7 +170,8 @@ def _derivative(coefficients: Sequence[float]) -> list[float]:
     return [power * c for power, c in enumerate(coefficients)][1:] or [0.0]
 
 
-def _trimmed(coefficients: list[float]) -> list[float]:
+def trimmed(coefficients: list[float]) -> list[float]:
+    """The same list, its trailing zeros removed; the first coefficient stays."""
     while len(coefficients) > 1 and coefficients[-1] == 0.0:
         coefficients.pop()
     return coefficients

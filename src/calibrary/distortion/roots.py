@@ -1,8 +1,9 @@
-"""The positive roots of a polynomial: where a radial model stops growing or runs to infinity."""
+"""Where a radial model stops growing or runs to infinity, and its inverse up to there."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
@@ -10,10 +11,15 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 
-__all__ = ["first_positive_root", "positive_roots"]
+__all__ = ["first_positive_root", "inverse_of_rising", "positive_roots"]
 
 NEGLIGIBLE = 1e-200
 """Less than this, where the largest coefficient is about one, moves no root that can be computed with."""
+
+SETTLED = 1e-9
+"""A Newton step this short, relative to the solution, leaves an error of its square: nothing in float64."""
+
+SOLVER_STEPS = 60
 
 REAL = 1e-7
 """A double root comes out as a pair this close to the real axis: sqrt(machine epsilon), with room."""
@@ -49,6 +55,43 @@ def positive_roots(coefficients: ArrayLike) -> list[float]:
 def first_positive_root(coefficients: ArrayLike) -> float:
     """The smallest of :func:`positive_roots`, ``inf`` when there is none."""
     return min(positive_roots(coefficients), default=math.inf)
+
+
+def inverse_of_rising(
+    wanted: FloatArray,
+    nodes: FloatArray,
+    image: FloatArray,
+    miss_and_step: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
+) -> FloatArray:
+    """Where a rising function takes the values ``wanted``; NaN where that is not below its last node.
+
+    Newton's method from a tabulated start. A step that would leave the bracket halves it instead, so the
+    solution next to a limit, where the slope vanishes, is found as surely as any other.
+
+    Args:
+        wanted: (N,) values.
+        nodes: (M,) arguments from 0 up to the limit.
+        image: (M,) the function there, not falling.
+        miss_and_step: from arguments and wanted values to the function less the values, and Newton's step.
+    """
+    found: FloatArray = np.interp(wanted, image, nodes)
+    found[~(wanted < image[-1])] = math.nan
+    low, high = np.zeros_like(found), np.full_like(found, nodes[-1])
+    moving = np.flatnonzero(found > 0)
+    for _ in range(SOLVER_STEPS):
+        at = found[moving]
+        miss, step = miss_and_step(at, wanted[moving])
+        low[moving] = np.where(miss <= 0, at, low[moving])
+        high[moving] = np.where(miss >= 0, at, high[moving])
+        to = at - step
+        inside = (to >= low[moving]) & (to <= high[moving])
+        to = np.where(inside, to, 0.5 * (low[moving] + high[moving]))
+        found[moving] = to
+        moving = moving[~(np.abs(to - at) <= SETTLED * at)]
+        if len(moving) == 0:
+            break
+    found[~(found < nodes[-1])] = math.nan
+    return found
 
 
 def _polished(coefficients: FloatArray, root: float) -> float:

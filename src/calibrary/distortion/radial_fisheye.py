@@ -1,0 +1,90 @@
+"""Fisheyes whose image radius is a function of the angle from the axis and of nothing else."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from functools import partial
+
+import numpy as np
+
+from calibrary.arrays import FloatArray
+from calibrary.distortion.base import Columns, by_columns, finite_pair
+from calibrary.distortion.omnidirectional import Omnidirectional
+from calibrary.distortion.roots import inverse_of_rising
+
+__all__ = ["RadialFisheye"]
+
+TABLE_NODES = 1024
+
+
+class RadialFisheye(Omnidirectional):
+    """A model that puts a ray at θ from the axis at the image radius θd(θ), which rises up to a limiting angle."""
+
+    @abstractmethod
+    def _image(self, theta: FloatArray) -> FloatArray:
+        """θd of θ."""
+
+    @abstractmethod
+    def _slope(self, theta: FloatArray) -> FloatArray:
+        """dθd/dθ."""
+
+    def distort_rays(self, rays: FloatArray) -> FloatArray:
+        """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on, and straight back."""
+        return by_columns(partial(self._distorted, self.max_angle_rad()), rays, 3, 2)
+
+    def distort(self, xy: FloatArray) -> FloatArray:
+        """Undistorted (x/z, y/z), so less than 90° off the axis, to distorted; NaN from :meth:`valid_radius` on."""
+        limit = self.max_angle_rad()
+        return by_columns(lambda x, y: self._distorted(limit, x, y, np.ones_like(x)), xy, 2, 2)
+
+    def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
+        """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from the image of :meth:`max_angle_rad` on."""
+        angles = self._angles()
+
+        def direction(x: FloatArray, y: FloatArray) -> Columns:
+            theta, x, y = self._polar(x, y, angles)
+            sine = np.sin(theta)
+            return x * sine, y * sine, np.cos(theta)
+
+        return by_columns(direction, xy, 2, 3)
+
+    def undistort(self, xy: FloatArray) -> FloatArray:
+        """Distorted to undistorted (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
+        angles = self._angles()
+
+        def undistorted(x: FloatArray, y: FloatArray) -> Columns:
+            theta, x, y = self._polar(x, y, angles)
+            theta[theta >= math.pi / 2] = math.nan
+            tangent = np.tan(theta)
+            return x * tangent, y * tangent
+
+        return by_columns(undistorted, xy, 2, 2)
+
+    def _distorted(self, limit: float, x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
+        r = np.hypot(x, y)
+        theta = np.arctan2(r, z)
+        stretch = self._image(theta) / r
+        # On the axis itself the image is the principal point; straight back it would be a whole circle.
+        stretch[(r == 0) & (z > 0)] = 0.0
+        stretch[~(theta < limit)] = math.nan
+        return finite_pair(x * stretch, y * stretch)
+
+    def _angles(self) -> tuple[FloatArray, FloatArray]:
+        """Angles up to the limit and where they are seen, the start of the inverse."""
+        theta = np.linspace(0.0, self.max_angle_rad(), TABLE_NODES)
+        with np.errstate(all="ignore"):
+            return theta, np.maximum.accumulate(self._image(theta))
+
+    def _polar(
+        self, x: FloatArray, y: FloatArray, angles: tuple[FloatArray, FloatArray]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """θ of every distorted point, and the unit vector towards it in the image."""
+        rho = np.hypot(x, y)
+        theta = inverse_of_rising(rho, *angles, self._miss_and_step)
+        rho[rho == 0] = 1.0
+        return theta, x / rho, y / rho
+
+    def _miss_and_step(self, theta: FloatArray, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
+        miss = self._image(theta) - rho
+        return miss, miss / self._slope(theta)
