@@ -19,7 +19,8 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
     ``parsers.text``, ``parsers.document`` or ``parsers.xml``, never through bare ``float``, and the loaders are
     told the format's own ``max_bytes``, so that no file takes over two seconds; where real files may be longer,
     through ``context.at_most``, by which the caller can raise it. It raises ``InputError`` kinds
-    only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no counterpart here. What
+    only: ``ParseError`` for what is broken, ``UnsupportedModelError`` for what has no counterpart here; the
+    framework adds the file's name, so that only errors about a companion state their ``source``. What
     is odd but readable goes to ``notes``, what was assumed to ``provenance.assumptions``, what the
     file says beyond that to ``extras`` under ``"<name>/<key>"``.
 5.  ``write(calibrations, context) -> bytes``, if any, stands beside ``CAPACITY``: which models (preferred

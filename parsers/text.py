@@ -26,7 +26,7 @@ _MARKS = (
 )
 
 
-def decode(data: bytes, *, source: str, errors: str = "strict") -> str:
+def decode(data: bytes, *, source: str | None = None, errors: str = "strict") -> str:
     """Text of a file whose encoding is not declared: UTF-16 with its mark, UTF-8, else Latin-1.
 
     Numbers and keys are ASCII in every format; only labels can come out wrong, and Latin-1 loses no byte of
@@ -54,7 +54,7 @@ def decode(data: bytes, *, source: str, errors: str = "strict") -> str:
     return text
 
 
-def lines(text: str, *, source: str) -> tuple[str, ...]:
+def lines(text: str, *, source: str | None = None) -> tuple[str, ...]:
     """The lines of a line-based format, without their ends (LF, CR LF or CR).
 
     Such a format has no closing bracket, so a missing newline at the end is the only sign of a file that was

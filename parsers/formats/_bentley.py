@@ -56,7 +56,7 @@ def perspective_camera(element: _Element, context: ReadContext) -> PerspectiveCa
     x, y = fields.principal_point(size, pitch)
     native = Native(fx=focal, fy=focal * aspect, cx=x, cy=y)
     return PerspectiveCamera(
-        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(native, size),
         distortion=fields.distortion(),
         assumptions=(SQUARE_PIXELS,) if aspect != 1 else (),
     )

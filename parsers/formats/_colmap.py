@@ -65,12 +65,10 @@ def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade
     """
     twice = _repeated(camera.number for camera in found)
     if twice is not None:
-        raise ParseError(f"there are two cameras {twice}", source=context.name)
+        raise ParseError(f"there are two cameras {twice}")
     without = [f"camera {item.number} is {item.model}" for item in found if isinstance(item.model, str)]
     if without and len(without) == len(found):
-        raise UnsupportedModelError(
-            f"{without[0]}, which has no K; cut perspective views from its images", source=context.name
-        )
+        raise UnsupportedModelError(f"{without[0]}, which has no K; cut perspective views from its images")
     left_out = (f"left out, for want of a K: {', '.join(without[:20])}",) if without else ()
     several = len(found) > 1
     return [
@@ -101,7 +99,7 @@ def _calibration(
     try:
         intrinsics, distortion = _k_and_lens(model, item.parameters, size)
     except InputError as error:
-        raise ParseError(error.message, source=context.name, place=item.place) from None
+        raise ParseError(error.message, place=item.place) from None
     calibration = Calibration(
         camera=CameraKey(image_size=size, sub_camera=str(item.number) if several else None),
         intrinsics=intrinsics,

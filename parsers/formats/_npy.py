@@ -26,29 +26,26 @@ _HEADER = re.compile(
 )
 
 
-def array(data: bytes, *, source: str, place: str | None = None) -> NDArray[np.float64]:
+def array(data: bytes, *, place: str | None = None) -> NDArray[np.float64]:
     """The array; the header is checked before anything is allocated by it.
 
     Raises:
         ParseError: it is no array of plain numbers, or the file is cut short.
     """
     if not data.startswith(MAGIC):
-        raise ParseError("it does not begin as a numpy file", source=source, place=place)
-    header, body = _parts(data, source, place)
+        raise ParseError("it does not begin as a numpy file", place=place)
+    header, body = _parts(data, place)
     found = _HEADER.fullmatch(header.decode("latin-1"))
     if found is None:
-        raise ParseError(
-            "the array's elements are not plain numbers, expected floats", source=source, place=place
-        )
+        raise ParseError("the array's elements are not plain numbers, expected floats", place=place)
     sides = found["shape"].replace(",", " ").split()
     if len(sides) > 8 or any(len(side) > 12 for side in sides):
-        raise ParseError("the array's shape is no array's", source=source, place=place)
+        raise ParseError("the array's shape is no array's", place=place)
     shape = tuple(int(side) for side in sides)
     kind = np.dtype(found["kind"])
     if len(body) != math.prod(shape) * kind.itemsize:
         raise ParseError(
             f"{len(body)} bytes of numbers, expected {math.prod(shape) * kind.itemsize} for the shape {shape}",
-            source=source,
             place=place,
         )
     flat = np.frombuffer(body, dtype=kind).astype(np.float64)
@@ -74,14 +71,13 @@ def is_pickled(data: bytes) -> bool:
     return data.startswith(MAGIC) and b"'descr': '|O'" in data[:LONGEST_HEADER]
 
 
-def _parts(data: bytes, source: str, place: str | None) -> tuple[bytes, bytes]:
+def _parts(data: bytes, place: str | None) -> tuple[bytes, bytes]:
     """Header and numbers."""
     version, rest = data[6:8], data[8:]
     width = {b"\1\0": 2, b"\2\0": 4, b"\3\0": 4}.get(version)
     if width is None or len(rest) < width:
         raise ParseError(
             f"numpy file version {version.hex()} is not known, or the file is cut short",
-            source=source,
             place=place,
         )
     [length] = struct.unpack("<H" if width == 2 else "<I", rest[:width])
@@ -89,7 +85,6 @@ def _parts(data: bytes, source: str, place: str | None) -> tuple[bytes, bytes]:
     if length > LONGEST_HEADER or len(header) < length:
         raise ParseError(
             f"the numpy header of {length} bytes is too long, or the file is cut short",
-            source=source,
             place=place,
         )
     return header, rest[width + length :]

@@ -48,7 +48,7 @@ def camera(
     settled = context.size(size)
     return Calibration(
         camera=CameraKey(image_size=settled, sub_camera=name),
-        intrinsics=convention.intrinsics(native, settled, source=context.name),
+        intrinsics=convention.intrinsics(native, settled),
         distortion=distortion,
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=tag or name, assumptions=tuple(assumptions)),

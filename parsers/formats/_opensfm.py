@@ -85,7 +85,7 @@ def cameras(found: Sequence[Named], context: ReadContext, *, adjusted: bool) -> 
         UnsupportedModelError: none has a K.
     """
     if len(found) > MAX_CAMERAS:
-        raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=context.name)
+        raise ParseError(f"there are over {MAX_CAMERAS} cameras")
     kinds = [_projection(node) for _, node, _ in found]
     without = [
         f"{strict.shown(name)} is {kind}"
@@ -95,8 +95,7 @@ def cameras(found: Sequence[Named], context: ReadContext, *, adjusted: bool) -> 
     if without and len(without) == len(found):
         raise UnsupportedModelError(
             f"camera {without[0]}, which has no counterpart here; expected one of "
-            f"{', '.join(item.name for item in PROJECTIONS)}",
-            source=context.name,
+            f"{', '.join(item.name for item in PROJECTIONS)}"
         )
     note = (f"left out, for want of a counterpart: {', '.join(without[:20])}",) if without else ()
     several = len(found) > 1

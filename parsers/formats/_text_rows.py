@@ -11,7 +11,7 @@ MAX_BYTES = 1024 * 1024
 """A thousand times the length of one camera."""
 
 
-def text_of(data: bytes, *, source: str, most: int = MAX_BYTES) -> str:
+def text_of(data: bytes, *, source: str | None = None, most: int = MAX_BYTES) -> str:
     """The file as text.
 
     Raises:
@@ -22,7 +22,7 @@ def text_of(data: bytes, *, source: str, most: int = MAX_BYTES) -> str:
     return strict.decode(data, source=source)
 
 
-def rows_of(data: bytes, *, source: str, most: int = MAX_BYTES) -> tuple[str, ...]:
+def rows_of(data: bytes, *, source: str | None = None, most: int = MAX_BYTES) -> tuple[str, ...]:
     """The file's lines, the last of which must be ended.
 
     Raises:

@@ -114,13 +114,12 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    fields = _Fields(parse_xml(data, source=context.name, max_bytes=MAX_BYTES), context.name)
+    fields = _Fields(parse_xml(data, source=context.name, max_bytes=MAX_BYTES))
     projection = fields.text("projection")
     if projection not in {"frame", "fisheye"}:
         raise UnsupportedModelError(
             f"the projection is {strict.shown(projection)}, which has no counterpart here; "
-            "expected frame or fisheye",
-            source=context.name,
+            "expected frame or fisheye"
         )
     size = context.size(fields.size())
     intrinsics, notes = _intrinsics(fields, size, context)
@@ -172,8 +171,7 @@ def _intrinsics(fields: _Fields, size: ImageSize, context: ReadContext) -> tuple
     if offset_style and absolute_style:
         raise ParseError(
             f"it contains <{offset_style[0]}> and <{absolute_style[0]}>, which belong to two layouts; "
-            "expected f, b1, b2 or fx, fy, skew",
-            source=context.name,
+            "expected f, b1, b2 or fx, fy, skew"
         )
     if absolute_style:
         fx, fy, skew = fields.number("fx"), fields.number("fy"), fields.number("skew", 0.0)
@@ -188,14 +186,14 @@ def _intrinsics(fields: _Fields, size: ImageSize, context: ReadContext) -> tuple
         centre = (fields.number("cx", 0.0), fields.number("cy", 0.0))
     native = Native(fx=fx, fy=fy, cx=centre[0], cy=centre[1], skew=skew)
     convention = OLD_CONVENTION if absolute else CONVENTION
-    K = convention.intrinsics(native, size, source=context.name)
+    K = convention.intrinsics(native, size)
     if asked is None:
-        _refuse_the_other_count(K, absolute_style=bool(absolute_style), source=context.name)
+        _refuse_the_other_count(K, absolute_style=bool(absolute_style))
     notes = ("PhotoScan's older layout: cx and cy were read as counted from the image's corner",)
     return K, notes if absolute else ()
 
 
-def _refuse_the_other_count(K: Intrinsics, *, absolute_style: bool, source: str) -> None:
+def _refuse_the_other_count(K: Intrinsics, *, absolute_style: bool) -> None:
     """Files put together by hand mix the two layouts up, and the K they give is wrong by half an image."""
     width, height = K.image_size
     drift = max(abs(K.cx - width / 2) / width, abs(K.cy - height / 2) / height)
@@ -205,7 +203,6 @@ def _refuse_the_other_count(K: Intrinsics, *, absolute_style: bool, source: str)
             f"cx and cy, counted from {expected} as this layout does, put the principal point {drift:.0%} of "
             "a side off the middle; say which count is meant with --set principal_point=offset or "
             "principal_point=absolute",
-            source=source,
             place="cx, cy",
         )
 
@@ -226,7 +223,6 @@ def _fisheye(fields: _Fields) -> Distortion:
             raise UnsupportedModelError(
                 f"a fisheye with {name} ≠ 0 has no counterpart here; adjust the camera in Metashape with p3 "
                 "and p4 fixed at zero and save it again",
-                source=fields.source,
                 place=name,
             )
     lens = MetashapeFisheye(**{name: fields.number(name, 0.0) for name in MetashapeFisheye.names()})
@@ -236,17 +232,14 @@ def _fisheye(fields: _Fields) -> Distortion:
 class _Fields:
     """The children of <calibration> by name."""
 
-    def __init__(self, root: _Element, source: str) -> None:
+    def __init__(self, root: _Element) -> None:
         if root.tag != "calibration":
-            raise ParseError(
-                f"the XML root is <{strict.shown(str(root.tag))}>, expected <calibration>", source=source
-            )
-        self.source = source
+            raise ParseError(f"the XML root is <{strict.shown(str(root.tag))}>, expected <calibration>")
         self.elements: dict[str, _Element] = {}
         for element in root:
             name = str(element.tag)
             if name in self.elements:
-                raise ParseError("it is a duplicate key", source=source, place=name)
+                raise ParseError("it is a duplicate key", place=name)
             self.elements[name] = element
 
     def __contains__(self, name: str) -> bool:
@@ -254,19 +247,19 @@ class _Fields:
 
     def text(self, name: str) -> str:
         if name not in self.elements:
-            raise ParseError(f"there is no <{name}>", source=self.source)
+            raise ParseError(f"there is no <{name}>")
         return (self.elements[name].text or "").strip()
 
     def number(self, name: str, default: float | None = None) -> float:
         """A number; the default where there is one and the element is absent."""
         if default is not None and name not in self.elements:
             return default
-        return strict.number(self.text(name), source=self.source, place=name)
+        return strict.number(self.text(name), place=name)
 
     def size(self) -> ImageSize | None:
         if "width" not in self.elements and "height" not in self.elements:
             return None
-        return strict.image_size(self.number("width"), self.number("height"), source=self.source)
+        return strict.image_size(self.number("width"), self.number("height"))
 
     def extras(self) -> tuple[tuple[str, str], ...]:
         """What is not part of the camera: text, or XML where it is more than text."""

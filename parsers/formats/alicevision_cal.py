@@ -25,7 +25,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -57,15 +57,14 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    rows = strict.lines(short_text(data, source=context.name, max_bytes=LONGEST), source=context.name)
-    width, height, f, cx, cy, k1, k2, k3 = strict.numbers(" ".join(rows), count=COUNT, source=context.name)
-    size = context.size(strict.image_size(width, height, source=context.name))
-    K = CONVENTION.intrinsics(Native(fx=f, fy=f, cx=cx, cy=cy), size, source=context.name)
+    rows = strict.lines(text_of(data, most=LONGEST))
+    width, height, f, cx, cy, k1, k2, k3 = strict.numbers(" ".join(rows), count=COUNT)
+    size = context.size(strict.image_size(width, height))
+    K = CONVENTION.intrinsics(Native(fx=f, fy=f, cx=cx, cy=cy), size)
     if not (0 <= K.cx <= width and 0 <= K.cy <= height):
         raise ParseError(
             f"the principal point ({cx:g}, {cy:g}) lies outside the {size[0]}×{size[1]} image, so these are not the "
-            "eight numbers W H f ppx ppy k1 k2 k3",
-            source=context.name,
+            "eight numbers W H f ppx ppy k1 k2 k3"
         )
     lens: Distortion = NoDistortion()
     if k1 or k2 or k3:

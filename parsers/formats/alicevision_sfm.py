@@ -93,7 +93,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     version = _version(document["version"])
     intrinsics = _items(document["intrinsics"])
     if len(intrinsics) > MAX_CAMERAS:
-        raise ParseError(f"there are over {MAX_CAMERAS} intrinsics", source=context.name)
+        raise ParseError(f"there are over {MAX_CAMERAS} intrinsics")
     posed = bool(_items(document["poses"])) if "poses" in document else False
     makers = _makers(document)
     return [
@@ -130,7 +130,7 @@ def _calibration(
     make, model = makers.get(name, (None, None))
     return Calibration(
         camera=CameraKey(make=make, model=model, image_size=size, sub_camera=name if several else None),
-        intrinsics=CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size),
         distortion=_lens(item, version),
         grade=_grade(item, posed=posed),
         provenance=context.provenance(
@@ -181,7 +181,6 @@ def _side(size: ImageSize, context: ReadContext, place: str | None) -> int:
             f"the image is {width}×{height}, and AliceVision writes the mm of an upright one by its longer side but "
             "reads them by its width; say which is meant with --set focal_side=longer or "
             "focal_side=width",
-            source=context.name,
             place=place,
         )
     return max(size) if asked == "longer" else width

@@ -25,7 +25,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -57,10 +57,10 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    values = _numbers(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name)
+    values = _numbers(text_of(data, most=MAX_BYTES))
     width, height, cx, cy, fx, fy, k1, k2, p1, p2, k3, sixth, iterations = values
-    size = context.size(strict.image_size(width, height, source=context.name))
-    K = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name)
+    size = context.size(strict.image_size(width, height))
+    K = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size)
     ignored = (f"the sixth coefficient, {sixth:g}, is read by no program",) if sixth else ()
     return [
         Calibration(
@@ -88,16 +88,16 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return f"{HEADING}\n{' '.join(row)}\n".encode()
 
 
-def _numbers(text: str, source: str) -> tuple[float, ...]:
+def _numbers(text: str) -> tuple[float, ...]:
     """The thirteen numbers of the line after the heading."""
     rows = [line for raw in text.splitlines() if (line := raw.strip())]
     if not rows or not rows[0].startswith(FAMILY):
-        raise ParseError(f"the first line is not {HEADING}", source=source)
+        raise ParseError(f"the first line is not {HEADING}")
     if rows[0] != HEADING:
-        raise ParseError(f"its revision is {strict.shown(rows[0])}, expected {HEADING}", source=source)
+        raise ParseError(f"its revision is {strict.shown(rows[0])}, expected {HEADING}")
     if len(rows) == 1:
-        raise ParseError("there is no line of numbers after the heading", source=source)
-    return strict.numbers(rows[1], count=COUNT, source=source, place="second line")
+        raise ParseError("there is no line of numbers after the heading")
+    return strict.numbers(rows[1], count=COUNT, place="second line")
 
 
 def _lens(k1: float, k2: float, p1: float, p2: float, k3: float) -> Distortion:

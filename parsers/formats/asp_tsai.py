@@ -86,7 +86,6 @@ _ALPHA = re.compile(r"Alpha\s*:\s*(\S+)", re.IGNORECASE)
 class _Rows:
     """A file taken apart."""
 
-    source: str
     values: dict[str, tuple[float, ...]] = field(default_factory=dict)
     lens: str | None = None
 
@@ -99,9 +98,9 @@ class _Rows:
     def numbers(self, name: str, count: int | None = None) -> tuple[float, ...]:
         """A row's numbers."""
         if name not in self.values:
-            raise ParseError(f"there is no {name}", source=self.source)
+            raise ParseError(f"there is no {name}")
         values = self.values[name]
-        strict.check_count(len(values), count, source=self.source, place=name)
+        strict.check_count(len(values), count, place=name)
         return values
 
 
@@ -118,12 +117,12 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file; its size comes from the caller."""
-    rows = _taken_apart(data, context.name)
+    rows = _taken_apart(data)
     _check_axes(rows)
     size = context.size(None)
     pitch = rows.number("pitch", 1.0)
     if not pitch > 0:
-        raise ParseError(f"the pitch is {pitch:g}, expected the size of a pixel", source=context.name)
+        raise ParseError(f"the pitch is {pitch:g}, expected the size of a pixel")
     fu, fv, cu, cv = (rows.number(name) for name in ("fu", "fv", "cu", "cv"))
     notes: tuple[str, ...] = (ORIGIN_NOTE,)
     lens = (rows.lens or "TSAI").upper()
@@ -136,7 +135,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+            intrinsics=CONVENTION.intrinsics(native, size),
             distortion=_distortion(lens, rows, fu, fv),
             grade=Grade.ADJUSTED,
             provenance=context.provenance(),
@@ -182,36 +181,35 @@ def _lens_rows(distortion: Distortion) -> tuple[str, dict[str, float]]:
     return "TSAI", {name: brown.coefficients[name] for name in ("k1", "k2", "k3", "p1", "p2")}
 
 
-def _taken_apart(data: bytes, source: str) -> _Rows:
+def _taken_apart(data: bytes) -> _Rows:
     """The rows by name, checked to be a pinhole camera's."""
-    lines = rows_of(data, source=source)
+    lines = rows_of(data)
     filled = [(index, line.strip()) for index, line in enumerate(lines, start=1) if line.strip()]
-    rows = _Rows(source)
+    rows = _Rows()
     version = 1
     if filled and (found := _VERSION.fullmatch(filled[0][1])):
         version = int(found.group(1))
         filled = filled[1:]
         if version >= FIRST_VERSION_WITH_TYPE:
             if not filled:
-                raise ParseError("there is nothing after the version", source=source)
+                raise ParseError("there is nothing after the version")
             if filled[0][1] != "PINHOLE":
                 raise UnsupportedModelError(
                     f"the camera is {strict.shown(filled[0][1])}, expected PINHOLE",
-                    source=source,
                     place="line 2",
                 )
             filled = filled[1:]
     for index, line in filled:
-        _take(rows, line, source=source, place=f"line {index}")
+        _take(rows, line, place=f"line {index}")
     for name in BEFORE_THE_LENS:
         rows.numbers(name)
     if version >= FIRST_VERSION_WITH_PITCH and ("pitch" not in rows.values or rows.lens is None):
         missing = "pitch" if "pitch" not in rows.values else "name of a lens model"
-        raise ParseError(f"there is no {missing}, which version {version} has", source=source)
+        raise ParseError(f"there is no {missing}, which version {version} has")
     return rows
 
 
-def _take(rows: _Rows, line: str, *, source: str, place: str) -> None:
+def _take(rows: _Rows, line: str, *, place: str) -> None:
     """One line into the rows."""
     vector, alpha = _VECTOR.fullmatch(line), _ALPHA.fullmatch(line)
     if found := _ROW.fullmatch(line):
@@ -225,10 +223,10 @@ def _take(rows: _Rows, line: str, *, source: str, place: str) -> None:
         rows.lens = line
         return
     else:
-        raise ParseError(f"{strict.shown(line)} is not 'name = value'", source=source, place=place)
+        raise ParseError(f"{strict.shown(line)} is not 'name = value'", place=place)
     if name in rows.values:
-        raise ParseError(f"{name} is a duplicate key", source=source, place=place)
-    rows.values[name] = strict.numbers(text, source=source, place=place)
+        raise ParseError(f"{name} is a duplicate key", place=place)
+    rows.values[name] = strict.numbers(text, place=place)
 
 
 def _check_axes(rows: _Rows) -> None:
@@ -239,7 +237,6 @@ def _check_axes(rows: _Rows) -> None:
     if not is_rotation:
         raise UnsupportedModelError(
             "u_direction, v_direction and w_direction are not a rotation, so the image is mirrored or sheared",
-            source=rows.source,
             place="u_direction",
         )
 
@@ -260,13 +257,11 @@ def _distortion(lens: str, rows: _Rows, fu: float, fv: float) -> Distortion:
         raise UnsupportedModelError(
             f"the lens model {strict.shown(rows.lens or lens)} has no counterpart here; convert the camera with "
             "convert_pinhole_model --output-type TsaiLensDistortion",
-            source=rows.source,
         )
     if fu != fv:
         raise UnsupportedModelError(
             f"{lens} with fu = {fu:g} and fv = {fv:g} has no counterpart here: its circles are ellipses on the "
             "sensor; convert the camera with convert_pinhole_model --output-type TsaiLensDistortion",
-            source=rows.source,
         )
     return _photometrix(rows, fu) if lens == "PHOTOMETRIX" else _brown_conrady(rows, fu)
 
@@ -278,9 +273,7 @@ def _adjustable(rows: _Rows) -> Distortion:
     while radial and not radial[-1]:
         radial = radial[:-1]
     if len(radial) > 5:
-        raise UnsupportedModelError(
-            f"{len(radial)} radial terms have no counterpart here, expected up to 5", source=rows.source
-        )
+        raise UnsupportedModelError(f"{len(radial)} radial terms have no counterpart here, expected up to 5")
     k = dict(zip(("k1", "k2", "k3", "k4", "k5"), (*radial, 0.0, 0.0, 0.0, 0.0, 0.0), strict=False))
     wide = OffCentreBrown(**k, p1=p1, p2=p2)
     return next((same for kind in (NoDistortion, BrownConrady) if (same := exact(wide, kind))), wide)

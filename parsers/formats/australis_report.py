@@ -93,8 +93,8 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the adjustment, in order."""
-    rows = rows_of(data, source=context.name)
-    cameras, facts = _tables(rows, context.name)
+    rows = rows_of(data)
+    cameras, facts = _tables(rows)
     several, date = len(cameras) > 1, _date(rows)
     return [_calibration(camera, facts, context, several=several, date=date) for camera in cameras]
 
@@ -148,10 +148,10 @@ def _date(rows: Sequence[str]) -> str | None:
     return second if _DATE.fullmatch(second) else None
 
 
-def _tables(rows: Sequence[str], source: str) -> tuple[list[_Camera], dict[str, float]]:
+def _tables(rows: Sequence[str]) -> tuple[list[_Camera], dict[str, float]]:
     """Every camera's table, and the facts about the whole adjustment."""
     if not any(row.strip().startswith(TITLE) for row in rows):
-        raise ParseError(f"there is no line '{TITLE}'", source=source)
+        raise ParseError(f"there is no line '{TITLE}'")
     cameras: list[_Camera] = []
     facts: dict[str, float] = {}
     for index, row in enumerate(rows, start=1):
@@ -160,29 +160,29 @@ def _tables(rows: Sequence[str], source: str) -> tuple[list[_Camera], dict[str, 
             parts = re.split(r"\s{2,}", found.group(2))
             cameras.append(_Camera(parts[0] or f"camera {found.group(1)}", place))
         elif found := _FACT.match(line):
-            facts[found.group(1)] = strict.number(found.group(2), source=source, place=place)
+            facts[found.group(1)] = strict.number(found.group(2), place=place)
         elif cameras:
-            _take(cameras[-1], line, source=source, place=place)
+            _take(cameras[-1], line, place=place)
     if not cameras:
-        raise ParseError("there is no 'Results for Camera'", source=source)
+        raise ParseError("there is no 'Results for Camera'")
     return cameras, facts
 
 
-def _take(camera: _Camera, line: str, *, source: str, place: str) -> None:
+def _take(camera: _Camera, line: str, *, place: str) -> None:
     """One line of a camera's table; what is neither a parameter nor a side is passed over."""
     if found := _SIDE.fullmatch(line):
         axis, count, pixel = found.groups()
         camera.sides[axis] = (
-            strict.number(count, source=source, place=place),
-            strict.number(pixel, source=source, place=place),
+            strict.number(count, place=place),
+            strict.number(pixel, place=place),
         )
         return
     key, _, rest = line.partition(" ")
     if key not in PARAMETERS:
         return
     if key in camera.values:
-        raise ParseError(f"{key} is a duplicate key in one table", source=source, place=place)
-    numbers = strict.numbers(rest.removesuffix("(mm)"), count=COLUMNS, source=source, place=place)
+        raise ParseError(f"{key} is a duplicate key in one table", place=place)
+    numbers = strict.numbers(rest.removesuffix("(mm)"), count=COLUMNS, place=place)
     camera.values[key], camera.errors[key] = numbers[2], numbers[4]
 
 
@@ -192,16 +192,14 @@ def _calibration(
     missing = [key for key in PARAMETERS if key not in camera.values]
     missing += [f"{axis} size" for axis in "HV" if axis not in camera.sides]
     if missing:
-        raise ParseError(f"its table lacks {', '.join(missing)}", source=context.name, place=camera.place)
+        raise ParseError(f"its table lacks {', '.join(missing)}", place=camera.place)
     (columns, pitch_x), (rows, pitch_y) = camera.sides["H"], camera.sides["V"]
     if not (pitch_x > 0 and pitch_y > 0):
-        raise ParseError("the pixel size is not positive", source=context.name, place=camera.place)
-    size = context.size(strict.image_size(columns, rows, source=context.name, place=camera.place))
+        raise ParseError("the pixel size is not positive", place=camera.place)
+    size = context.size(strict.image_size(columns, rows, place=camera.place))
     values = camera.values
     native = Native(fx=values["C"], fy=values["C"], cx=values["XP"], cy=values["YP"])
-    K = CONVENTION.intrinsics(
-        native, size, sensor_mm=(size[0] * pitch_x, size[1] * pitch_y), source=context.name
-    )
+    K = CONVENTION.intrinsics(native, size, sensor_mm=(size[0] * pitch_x, size[1] * pitch_y))
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=camera.name if several else None),
         intrinsics=K,

@@ -77,18 +77,17 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 def _camera(name: str | None, node: Node, resolution: Node, context: ReadContext) -> Calibration:
     width, height = resolution.numbers(2)
-    size = context.size(strict.image_size(width, height, source=context.name, place=resolution.place))
+    size = context.size(strict.image_size(width, height, place=resolution.place))
     kind, numbers = node["camera_type"], node["intrinsics"]
     if kind.text() not in LENSES:
         raise UnsupportedModelError(
             f"the camera type is {strict.shown(kind.text())}, which has no counterpart here; "
             f"expected {', '.join(LENSES)}",
-            source=context.name,
             place=kind.place,
         )
     distortion = LENSES[kind.text()](numbers)
     fx, fy, cx, cy = (numbers[key].number() for key in ("fx", "fy", "cx", "cy"))
-    K = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name)
+    K = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size)
     notes = []
     if isinstance(distortion, DoubleSphere) and distortion.xi:
         near = K.fx / (1 + distortion.xi)

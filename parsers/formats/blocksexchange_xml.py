@@ -69,8 +69,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if not 0 < len(groups) <= MAX_PHOTOGROUPS:
         raise ParseError(
             f"the XML root is <{strict.shown(str(root.tag))}> with {len(groups)} <Photogroup>, "
-            f"expected from 1 to {MAX_PHOTOGROUPS}",
-            source=context.name,
+            f"expected from 1 to {MAX_PHOTOGROUPS}"
         )
     found: list[Calibration] = []
     refused: list[UnsupportedModelError] = []

@@ -34,7 +34,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._opencv_lens import BrownWithoutK3
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -65,14 +65,13 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file; its size comes from the caller."""
-    values = _values(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name)
-    _check_matrix(values, context.name)
+    values = _values(text_of(data, most=MAX_BYTES))
+    _check_matrix(values)
     skew = values["K12"]
     if SKEW in values:
         if skew and abs(values[SKEW] * values["K11"] - skew) > 1e-6 * values["K11"]:
             raise ParseError(
                 f"K12 is {skew:g} and alpha_c·K11 is {values[SKEW] * values['K11']:g}; expected the same skew",
-                source=context.name,
                 place=SKEW,
             )
         skew = skew or values[SKEW] * values["K11"]
@@ -81,7 +80,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+            intrinsics=CONVENTION.intrinsics(native, size),
             distortion=_lens(values),
             grade=Grade.CALIBRATED,
             provenance=context.provenance(),
@@ -102,35 +101,32 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return "".join(f"{row}\n" for row in rows).encode()
 
 
-def _values(text: str, source: str) -> dict[str, float]:
+def _values(text: str) -> dict[str, float]:
     """The numbers by name, all of K and at least four coefficients."""
     values: dict[str, float] = {}
-    for index, row in enumerate(strict.lines(text, source=source), start=1):
+    for index, row in enumerate(strict.lines(text), start=1):
         line = row.partition("%")[0].strip()
         if not line:
             continue
         found = _LINE.fullmatch(line)
         if found is None:
             raise ParseError(
-                f"{strict.shown(line)} is not a line such as K11 = 1104.7",
-                source=source,
-                place=f"line {index}",
+                f"{strict.shown(line)} is not a line such as K11 = 1104.7", place=f"line {index}"
             )
         name = found[1]
         if name in values:
-            raise ParseError(f"{name} is a duplicate key", source=source, place=f"line {index}")
-        values[name] = strict.number(found[2], source=source, place=name)
+            raise ParseError(f"{name} is a duplicate key", place=f"line {index}")
+        values[name] = strict.number(found[2], place=name)
     missing = [name for name in (*MATRIX, *COEFFICIENTS) if name not in values]
     if missing:
-        raise ParseError(f"there is no {', '.join(missing)}", source=source)
+        raise ParseError(f"there is no {', '.join(missing)}")
     return values
 
 
-def _check_matrix(values: dict[str, float], source: str) -> None:
+def _check_matrix(values: dict[str, float]) -> None:
     if values["K21"] or values["K31"] or values["K32"] or values["K33"] != 1:
         raise ParseError(
-            "the nine elements are not an intrinsic matrix, expected K21, K31, K32 = 0 and K33 = 1",
-            source=source,
+            "the nine elements are not an intrinsic matrix, expected K21, K31, K32 = 0 and K33 = 1"
         )
 
 

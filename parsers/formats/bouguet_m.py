@@ -34,7 +34,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -71,17 +71,17 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the script."""
-    values = _values(data, context.name)
-    fx, fy = _vector(values, "fc", 2, context.name)
-    cx, cy = _vector(values, "cc", 2, context.name)
-    [alpha] = _vector(values, "alpha_c", 1, context.name) if "alpha_c" in values else (0.0,)
-    distortion = _lens(_vector(values, "kc", (4, 5, 6), context.name), context)
-    size = context.size(_size(values, context.name))
+    values = _values(data)
+    fx, fy = _vector(values, "fc", 2)
+    cx, cy = _vector(values, "cc", 2)
+    [alpha] = _vector(values, "alpha_c", 1) if "alpha_c" in values else (0.0,)
+    distortion = _lens(_vector(values, "kc", (4, 5, 6)), context)
+    size = context.size(_size(values))
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=fx * alpha)
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+            intrinsics=CONVENTION.intrinsics(native, size),
             distortion=distortion,
             grade=Grade.CALIBRATED,
             quality=_quality(values),
@@ -90,9 +90,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
-def _values(data: bytes, source: str) -> dict[str, str]:
+def _values(data: bytes) -> dict[str, str]:
     """What the script assigns to the names that matter; a closing semicolon proves each complete."""
-    script = short_text(data, source=source, max_bytes=MAX_BYTES)
+    script = text_of(data, most=MAX_BYTES)
     text = "\n".join(row.partition("%")[0] for row in script.splitlines())
     values: dict[str, str] = {}
     for found in _ASSIGNMENT.finditer(text):
@@ -100,38 +100,31 @@ def _values(data: bytes, source: str) -> dict[str, str]:
         if name not in WANTED:
             continue
         if name in values:
-            raise ParseError("it is assigned twice", source=source, place=name)
+            raise ParseError("it is assigned twice", place=name)
         values[name] = _BETWEEN.sub(" ", found[2].strip("[]")).strip()
     return values
 
 
-def _vector(
-    values: dict[str, str], name: str, count: int | tuple[int, ...], source: str
-) -> tuple[float, ...]:
+def _vector(values: dict[str, str], name: str, count: int | tuple[int, ...]) -> tuple[float, ...]:
     if name not in values:
-        raise ParseError(f"it does not assign {name}, or the file is cut short there", source=source)
-    return strict.numbers(values[name], count=count, source=source, place=name)
+        raise ParseError(f"it does not assign {name}, or the file is cut short there")
+    return strict.numbers(values[name], count=count, place=name)
 
 
 def _lens(kc: tuple[float, ...], context: ReadContext) -> Distortion:
     if len(kc) == 6:
         if kc[5]:
-            raise ParseError(
-                f"a sixth coefficient, {kc[5]:g}, is none of the toolbox's", source=context.name, place="kc"
-            )
+            raise ParseError(f"a sixth coefficient, {kc[5]:g}, is none of the toolbox's", place="kc")
         kc = kc[:5]
     asked = context.option(DISTORTION.name)
     if asked == "fisheye":
         if len(kc) != 4:
-            raise ParseError(
-                f"{len(kc)} coefficients of a fisheye, expected 4", source=context.name, place="kc"
-            )
+            raise ParseError(f"{len(kc)} coefficients of a fisheye, expected 4", place="kc")
         return KannalaBrandt(k1=kc[0], k2=kc[1], k3=kc[2], k4=kc[3])
     if len(kc) == 4 and asked is None:
         raise ParseError(
             "four coefficients are k1 k2 p1 p2 of an old version or k1 k2 k3 k4 of a fisheye calibration; say which "
             "with --set distortion=brown or distortion=fisheye",
-            source=context.name,
             place="kc",
         )
     if not any(kc):
@@ -139,11 +132,11 @@ def _lens(kc: tuple[float, ...], context: ReadContext) -> Distortion:
     return BrownConrady(**dict(zip(("k1", "k2", "p1", "p2", "k3"), kc, strict=False)))
 
 
-def _size(values: dict[str, str], source: str) -> ImageSize | None:
+def _size(values: dict[str, str]) -> ImageSize | None:
     if "nx" not in values and "ny" not in values:
         return None
-    [width], [height] = (_vector(values, name, 1, source) for name in ("nx", "ny"))
-    return strict.image_size(width, height, source=source, place="nx, ny")
+    [width], [height] = (_vector(values, name, 1) for name in ("nx", "ny"))
+    return strict.image_size(width, height, place="nx, ny")
 
 
 def _quality(values: dict[str, str]) -> Quality | None:

@@ -61,7 +61,6 @@ def _camera(name: str | None, model: Node, names: dict[int, str], context: ReadC
     if kind != OPENCV:
         raise UnsupportedModelError(
             f"the model is {strict.shown(kind)}, which has no counterpart here; calibrate again with {OPENCV}",
-            source=context.name,
             place=model.place,
         )
     body = model["ptr_wrapper"]["data"]
@@ -71,7 +70,7 @@ def _camera(name: str | None, model: Node, names: dict[int, str], context: ReadC
     size = context.size(_size(body))
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=name),
-        intrinsics=CONVENTION.intrinsics(Native(fx=f, fy=f * ar, cx=cx, cy=cy), size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(Native(fx=f, fy=f * ar, cx=cx, cy=cy), size),
         distortion=smallest_lens(values),
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=model.place),

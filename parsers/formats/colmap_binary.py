@@ -64,7 +64,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in order."""
-    return cameras(list(_cameras(data, context.name)), context, grade=Grade.ADJUSTED)
+    return cameras(list(_cameras(data)), context, grade=Grade.ADJUSTED)
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -78,40 +78,39 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return b"".join(parts)
 
 
-def _cameras(data: bytes, source: str) -> Iterator[StoredCamera]:
+def _cameras(data: bytes) -> Iterator[StoredCamera]:
     if len(data) < COUNT.size:
-        raise ParseError(f"{len(data)} bytes, expected a number of cameras in the first 8", source=source)
+        raise ParseError(f"{len(data)} bytes, expected a number of cameras in the first 8")
     (count,) = COUNT.unpack_from(data)
     if not 0 < count <= MAX_CAMERAS:
-        raise ParseError(f"it states {count} cameras, expected 1 to {MAX_CAMERAS}", source=source)
+        raise ParseError(f"it states {count} cameras, expected 1 to {MAX_CAMERAS}")
     at = COUNT.size
     for index in range(count):
         place = f"camera {index + 1} of {count}"
-        _check(data, at + HEAD.size, source=source, place=place)
+        _check(data, at + HEAD.size, place=place)
         number, model, width, height = HEAD.unpack_from(data, at)
         parameters = _parameters(model)
         if parameters is None:
             raise UnsupportedModelError(
                 f"COLMAP's model {model} is not known here, so the rest cannot be read; write the "
                 "reconstruction as text (colmap model_converter --output_type TXT)",
-                source=source,
                 place=place,
             )
         at += HEAD.size
-        _check(data, at + 8 * parameters, source=source, place=place)
+        _check(data, at + 8 * parameters, place=place)
         numbers = struct.unpack_from(f"<{parameters}d", data, at)
         at += 8 * parameters
         if not all(map(math.isfinite, numbers)):
-            raise ParseError("a parameter is not finite", source=source, place=place)
+            raise ParseError("a parameter is not finite", place=place)
         yield StoredCamera(
             number=number,
             model=model_numbered(model) or PANORAMAS[model][0],
-            image_size=strict.image_size(width, height, source=source, place=place),
+            image_size=strict.image_size(width, height, place=place),
             parameters=numbers,
             place=place,
         )
     if at != len(data):
-        raise ParseError(f"{len(data) - at} bytes follow the last camera", source=source)
+        raise ParseError(f"{len(data) - at} bytes follow the last camera")
 
 
 def _parameters(number: int) -> int | None:
@@ -122,9 +121,9 @@ def _parameters(number: int) -> int | None:
     return PANORAMAS[number][1] if number in PANORAMAS else None
 
 
-def _check(data: bytes, end: int, *, source: str, place: str) -> None:
+def _check(data: bytes, end: int, *, place: str) -> None:
     if end > len(data):
-        raise ParseError("the file ends inside it", source=source, place=place)
+        raise ParseError("the file ends inside it", place=place)
 
 
 FORMAT = Format(

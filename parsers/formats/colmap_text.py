@@ -62,10 +62,10 @@ def sniff(content: Content) -> Sniff | None:
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in the order of the lines."""
     if len(data) > MAX_BYTES:
-        raise ParseError(f"{len(data)} bytes of cameras; at most {MAX_BYTES} are read", source=context.name)
+        raise ParseError(f"{len(data)} bytes of cameras; at most {MAX_BYTES} are read")
     found: list[StoredCamera] = []
     announced = 0
-    rows = strict.lines(strict.decode(data, source=context.name), source=context.name)
+    rows = strict.lines(strict.decode(data))
     for index, row in enumerate(rows, start=1):
         text = row.strip()
         if text.startswith("#"):
@@ -73,12 +73,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             announced = int(count[1]) if count else announced
         elif text:
             if len(found) == MAX_CAMERAS:
-                raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=context.name)
-            found.append(_camera(text.split(), source=context.name, place=f"line {index}"))
+                raise ParseError(f"there are over {MAX_CAMERAS} cameras")
+            found.append(_camera(text.split(), place=f"line {index}"))
     if len(found) < announced:
         raise ParseError(
-            f"{len(found)} cameras where the heading counts {announced}; the file is cut short, or correct it",
-            source=context.name,
+            f"{len(found)} cameras where the heading counts {announced}; the file is cut short, or correct it"
         )
     return cameras(found, context, grade=Grade.ADJUSTED)
 
@@ -93,36 +92,32 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode()
 
 
-def _camera(words: list[str], *, source: str, place: str) -> StoredCamera:
+def _camera(words: list[str], *, place: str) -> StoredCamera:
     """One line's camera."""
     if len(words) < 5:
         raise ParseError(
             f"{len(words)} words, expected a number, a model, a width, a height and the parameters",
-            source=source,
             place=place,
         )
-    number, width, height = (strict.whole(words[i], source=source, place=place) for i in (0, 2, 3))
+    number, width, height = (strict.whole(words[i], place=place) for i in (0, 2, 3))
     name = words[1]
     model = model_named(name)
     if model is None and name not in _PANORAMAS:
         raise UnsupportedModelError(
             f"COLMAP has no model {strict.shown(name)} that is known here, expected one of "
             f"{', '.join(item.name for item in COLMAP_MODELS)}",
-            source=source,
             place=place,
         )
     count = model.count if model is not None else _PANORAMAS[name]
     if number < 0:
-        raise ParseError(f"camera {number}, expected a number from 0", source=source, place=place)
+        raise ParseError(f"camera {number}, expected a number from 0", place=place)
     if len(words) - 4 != count:
-        raise ParseError(
-            f"{name} with {len(words) - 4} parameters, expected {count}", source=source, place=place
-        )
+        raise ParseError(f"{name} with {len(words) - 4} parameters, expected {count}", place=place)
     return StoredCamera(
         number=number,
         model=model or name,
-        image_size=strict.image_size(width, height, source=source, place=place),
-        parameters=tuple(strict.number(word, source=source, place=place) for word in words[4:]),
+        image_size=strict.image_size(width, height, place=place),
+        parameters=tuple(strict.number(word, place=place) for word in words[4:]),
         place=place,
     )
 

@@ -45,7 +45,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
     root = parse_xml(data, source=context.name, max_bytes=MAX_BYTES)
     if root.tag != ROOT:
-        raise ParseError(f"the XML root is <{shown(str(root.tag))}>, expected <{ROOT}>", source=context.name)
+        raise ParseError(f"the XML root is <{shown(str(root.tag))}>, expected <{ROOT}>")
     try:
         camera = perspective_camera(root, context)
     except InputError as error:

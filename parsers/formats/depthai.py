@@ -103,7 +103,7 @@ def _camera(model: str | None, name: str | None, node: Node, context: ReadContex
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     return Calibration(
         camera=CameraKey(make="Luxonis" if model else None, model=model, sub_camera=name, image_size=size),
-        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(native, size),
         distortion=_distortion(node),
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=node.place),

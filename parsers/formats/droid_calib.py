@@ -54,10 +54,10 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera."""
-    rows = [row for row in rows_of(data, source=context.name, most=MOST) if row.strip()]
+    rows = [row for row in rows_of(data, most=MOST) if row.strip()]
     if len(rows) != 1:
-        raise ParseError(f"{len(rows)} lines of numbers, expected one", source=context.name)
-    fx, fy, cx, cy, *rest = strict.numbers(rows[0], count=LENGTHS, source=context.name)
+        raise ParseError(f"{len(rows)} lines of numbers, expected one")
+    fx, fy, cx, cy, *rest = strict.numbers(rows[0], count=LENGTHS)
     return [camera(context, CONVENTION, Native(fx=fx, fy=fy, cx=cx, cy=cy), None, lens(rest))]
 
 

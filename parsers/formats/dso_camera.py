@@ -27,7 +27,7 @@ from calibrary.parsers.convention import Convention, Native, Origin, Unit
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._one_camera import camera, fisheye, refuse_model
 from calibrary.parsers.formats._opencv_lens import lens
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -63,20 +63,18 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The camera of the first two lines."""
-    text = short_text(data, source=context.name, max_bytes=MAX_BYTES)
+    text = text_of(data, most=MAX_BYTES)
     # The last two lines are of the camera that DSO is to make; where they are there, nothing is missing above.
     rows = [row for line in text.splitlines() if (row := line.split())]
     if len(rows) < 3:
-        raise ParseError(
-            f"{len(rows)} lines, expected the camera, its image size and what to make", source=context.name
-        )
+        raise ParseError(f"{len(rows)} lines, expected the camera, its image size and what to make")
     model, values = _camera(rows[0], context.name)
-    size = strict.numbers(" ".join(rows[1]), count=2, source=context.name, place="line 2")
+    size = strict.numbers(" ".join(rows[1]), count=2, place="line 2")
     fx, fy, cx, cy, *rest = values
     convention = RELATIVE if cx < 1 and cy < 1 else CONVENTION
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy)
-    image_size = strict.image_size(*size, source=context.name, place="line 2")
-    return [camera(context, convention, native, image_size, _lens(model, rest, context.name), tag=model)]
+    image_size = strict.image_size(*size, place="line 2")
+    return [camera(context, convention, native, image_size, _lens(model, rest), tag=model)]
 
 
 def _numeric(row: list[str]) -> int:
@@ -99,7 +97,7 @@ def _camera(row: list[str], source: str) -> tuple[str, tuple[float, ...]]:
     return model.lower(), strict.numbers(" ".join(row), count=counts, source=source, place="line 1")
 
 
-def _lens(model: str, values: list[float], source: str) -> Distortion:
+def _lens(model: str, values: list[float]) -> Distortion:
     if model == "fov":
         return FieldOfView(omega=values[0]) if values[0] else NoDistortion()
     if model == "radtan":
@@ -107,9 +105,7 @@ def _lens(model: str, values: list[float], source: str) -> Distortion:
     if model != "pinhole":
         return fisheye(values)
     if any(values):
-        raise ParseError(
-            "a Pinhole has no distortion, but there are numbers after K", source=source, place="line 1"
-        )
+        raise ParseError("a Pinhole has no distortion, but there are numbers after K", place="line 1")
     return NoDistortion()
 
 

@@ -64,13 +64,13 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
     tree = storage.load(data, source=context.name)
     width, height = tree["resolution"].numbers(2)
-    size = context.size(strict.image_size(width, height, source=context.name, place="resolution"))
+    size = context.size(strict.image_size(width, height, place="resolution"))
     distortion = _distortion(tree)
     fu, fv, cu, cv = tree["intrinsics"].numbers(4)
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(Native(fx=fu, fy=fv, cx=cu, cy=cv), size, source=context.name),
+            intrinsics=CONVENTION.intrinsics(Native(fx=fu, fy=fv, cx=cu, cy=cv), size),
             distortion=distortion,
             grade=Grade.CALIBRATED,
             provenance=context.provenance(),

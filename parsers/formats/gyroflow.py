@@ -59,9 +59,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             "this is not a camera matrix, expected [[fx, s, cx], [0, fy, cy], [0, 0, 1]]"
         )
     (fx, skew, cx), (_, fy, cy), _last = rows
-    intrinsics: Intrinsics = CONVENTION.intrinsics(
-        Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew), size, source=context.name
-    )
+    intrinsics: Intrinsics = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew), size)
     k1, k2, k3, k4 = params["distortion_coeffs"].numbers(4)
     rms = params.get("RMS_error")
     views = document.get("num_images")

@@ -73,7 +73,6 @@ _ROW = re.compile(r"\$(\w{1,60})\s*:\s*(.*)")
 class _Rows:
     """What stands under each key of a block, lines joined."""
 
-    source: str
     place: str
     values: dict[str, list[str]] = field(default_factory=dict)
 
@@ -81,12 +80,12 @@ class _Rows:
         if key not in self.values:
             if default is not None:
                 return default
-            raise ParseError(f"there is no ${key}", source=self.source, place=self.place)
+            raise ParseError(f"there is no ${key}", place=self.place)
         return " ".join(self.values[key]).strip()
 
     def numbers(self, key: str, count: int) -> tuple[float, ...]:
         place = f"{self.place}, ${key}"
-        return strict.numbers(self.text(key), count=count, source=self.source, place=place)
+        return strict.numbers(self.text(key), count=count, place=place)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -100,28 +99,28 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in order."""
-    rows = rows_of(data, source=context.name, most=context.at_most(MAX_BYTES))
-    cameras = list(_cameras(rows, context.name))
+    rows = rows_of(data, most=context.at_most(MAX_BYTES))
+    cameras = list(_cameras(rows))
     if not cameras:
-        raise ParseError(f"there is no {' or '.join(BLOCKS)}", source=context.name)
+        raise ParseError(f"there is no {' or '.join(BLOCKS)}")
     several = len(cameras) > 1
     return [_calibration(camera, context, several=several) for camera in cameras]
 
 
-def _cameras(rows: tuple[str, ...], source: str) -> Iterator[_Rows]:
+def _cameras(rows: tuple[str, ...]) -> Iterator[_Rows]:
     """Every camera's keys, those of its active calibration set among them."""
     index = 0
     while index < len(rows):
         if rows[index].strip() in BLOCKS:
-            camera, sets, index = _block(rows, index + 1, source)
+            camera, sets, index = _block(rows, index + 1)
             yield _with_active_set(camera, sets)
         else:
             index += 1
 
 
-def _block(rows: tuple[str, ...], start: int, source: str) -> tuple[_Rows, list[_Rows], int]:
+def _block(rows: tuple[str, ...], start: int) -> tuple[_Rows, list[_Rows], int]:
     """A camera's own keys, its calibration sets, and the line after its end."""
-    camera = current = _Rows(source, f"line {start}")
+    camera = current = _Rows(f"line {start}")
     sets: list[_Rows] = []
     key = ""
     for index in range(start, len(rows)):
@@ -133,16 +132,16 @@ def _block(rows: tuple[str, ...], start: int, source: str) -> tuple[_Rows, list[
         if line == END:
             current, key = camera, ""
         elif line.startswith(SET):
-            current, key = _Rows(source, f"line {index + 1}"), ""
+            current, key = _Rows(f"line {index + 1}"), ""
             sets.append(current)
         elif found := _ROW.fullmatch(line):
             key = found.group(1)
             if key in current.values:
-                raise ParseError(f"${key} is a duplicate key", source=source, place=f"line {index + 1}")
+                raise ParseError(f"${key} is a duplicate key", place=f"line {index + 1}")
             current.values[key] = [found.group(2)]
         elif key and not line.startswith("$"):
             current.values[key].append(line)
-    raise ParseError(f"there is no {END}", source=source, place=camera.place)
+    raise ParseError(f"there is no {END}", place=camera.place)
 
 
 def _with_active_set(camera: _Rows, sets: list[_Rows]) -> _Rows:
@@ -153,12 +152,11 @@ def _with_active_set(camera: _Rows, sets: list[_Rows]) -> _Rows:
     if len(sets) > 1 and len(chosen) != 1:
         raise ParseError(
             f"$ACTIVE_CALIBRATION is {strict.shown(active)}, which is none of its {len(sets)} calibration sets",
-            source=camera.source,
             place=camera.place,
         )
     [used] = chosen or sets
     own = {key: value for key, value in used.values.items() if key != "ID"}
-    return _Rows(camera.source, camera.place, camera.values | own)
+    return _Rows(camera.place, camera.values | own)
 
 
 def _calibration(camera: _Rows, context: ReadContext, *, several: bool) -> Calibration:
@@ -167,24 +165,21 @@ def _calibration(camera: _Rows, context: ReadContext, *, several: bool) -> Calib
         raise UnsupportedModelError(
             f"the camera's $KIND is {strict.shown(kind)}, expected CCDFrame: a film or line camera has no K of its "
             "own",
-            source=context.name,
             place=camera.place,
         )
     reference = camera.text("PIXEL_REFERENCE")
     if reference != "CenterTopLeft":
         raise UnsupportedModelError(
-            f"$PIXEL_REFERENCE is {strict.shown(reference)}; only CenterTopLeft is known",
-            source=context.name,
-            place=camera.place,
+            f"$PIXEL_REFERENCE is {strict.shown(reference)}; only CenterTopLeft is known", place=camera.place
         )
     columns, rows = camera.numbers("CCD_COLUMNS", 1) + camera.numbers("CCD_ROWS", 1)
-    size = context.size(strict.image_size(columns, rows, source=context.name, place=camera.place))
+    size = context.size(strict.image_size(columns, rows, place=camera.place))
     native = _native(camera, columns)
     name = camera.text("ID", "") or camera.text("TYPE", "") or camera.place
     known = _has_lens(camera)
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=name if several else None),
-        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(native, size),
         distortion=NoDistortion() if known is False else None,
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=name, date=camera.text("DATE", "")),
@@ -204,7 +199,6 @@ def _native(camera: _Rows, columns: float) -> Native:
         raise UnsupportedModelError(
             "$CCD_INTERIOR_ORIENTATION turns or mirrors the image against the camera "
             f"({a11:g} {a12:g} / {a21:g} {a22:g}), which K has no place for; export the project for upright images",
-            source=camera.source,
             place=camera.place,
         )
     return Native(
@@ -219,7 +213,7 @@ def _native(camera: _Rows, columns: float) -> Native:
 def _has_lens(camera: _Rows) -> bool | None:
     """Whether it has lens terms; None where it says nothing of a lens."""
     terms = [
-        strict.numbers(camera.text(key), source=camera.source, place=f"{camera.place}, ${key}")
+        strict.numbers(camera.text(key), place=f"{camera.place}, ${key}")
         for key in LENS[1:]
         if key in camera.values
     ]

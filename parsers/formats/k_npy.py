@@ -43,7 +43,7 @@ def sniff(content: Content) -> Sniff | None:
     if not content.data.startswith(MAGIC):
         return None
     try:
-        K = _array(content.data, content.name)
+        K = _array(content.data)
     except ParseError:
         return None
     if not _looks_like_k(K):
@@ -53,15 +53,12 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one K; how it came about is not known, so it is given the lowest grade that may reach a solver."""
-    K = _array(data, context.name)
+    K = _array(data)
     if not np.isfinite(K).all():
-        raise ParseError(
-            "the matrix contains NaN or infinity, expected nine finite numbers", source=context.name
-        )
+        raise ParseError("the matrix contains NaN or infinity, expected nine finite numbers")
     if not _looks_like_k(K):
         raise ParseError(
-            f"{K.tolist()} is not an intrinsic matrix, expected fx s cx / 0 fy cy / 0 0 1 with fx and fy in px",
-            source=context.name,
+            f"{K.tolist()} is not an intrinsic matrix, expected fx s cx / 0 fy cy / 0 0 1 with fx and fy in px"
         )
     size = context.size(None)
     origin, sentence = Origin.CORNER, "cx and cy count from the pixel corner"
@@ -73,7 +70,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=replace(CONVENTION, origin=origin).intrinsics(native, size, source=context.name),
+            intrinsics=replace(CONVENTION, origin=origin).intrinsics(native, size),
             grade=Grade.DERIVED,
             provenance=context.provenance(
                 assumptions=(sentence, "a bare matrix does not say how it came about; taken as derived")
@@ -90,15 +87,15 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return buffer.getvalue()
 
 
-def _array(data: bytes, source: str) -> NDArray[np.float64]:
+def _array(data: bytes) -> NDArray[np.float64]:
     """The (3, 3) array.
 
     Raises:
         ParseError: it is not such an array.
     """
-    found = array(data, source=source)
+    found = array(data)
     if found.shape != (3, 3):
-        raise ParseError(f"the array has shape {found.shape}, expected (3, 3)", source=source)
+        raise ParseError(f"the array has shape {found.shape}, expected (3, 3)")
     return found
 
 

@@ -108,19 +108,18 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
 def _camera(name: str | None, node: Node, context: ReadContext, *, several: bool) -> Calibration:
     # The last key first: a file cut short before it has no camera model that could be unknown.
     width, height = node["resolution"].numbers(2)
-    size = context.size(strict.image_size(width, height, source=context.name, place=node["resolution"].place))
+    size = context.size(strict.image_size(width, height, place=node["resolution"].place))
     model = node["camera_model"].text()
     if model not in SHAPES:
         raise UnsupportedModelError(
             f"the camera model is {strict.shown(model)}, which has no counterpart here; "
             f"expected {', '.join(SHAPES)}",
-            source=context.name,
             place=node["camera_model"].place,
         )
     names = SHAPES[model]
     *special, fu, fv, pu, pv = node["intrinsics"].numbers(len(names) + 4)
     distortion = _distortion(model, dict(zip(names, special, strict=True)), node)
-    K = CONVENTION.intrinsics(Native(fx=fu, fy=fv, cx=pu, cy=pv), size, source=context.name)
+    K = CONVENTION.intrinsics(Native(fx=fu, fy=fv, cx=pu, cy=pv), size)
     notes: tuple[str, ...] = ()
     if isinstance(distortion, Unified | DoubleSphere) and distortion.xi:
         near = K.fx / (1 + distortion.xi)

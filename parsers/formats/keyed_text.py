@@ -44,7 +44,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, YAxis
 from calibrary.parsers.format import STATED, Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import replace
 
 __all__ = ["FORMAT"]
@@ -156,7 +156,6 @@ class _Entry:
 class _Sheet:
     """A sheet taken apart: the entries by meaning, and the lines whose key is not known."""
 
-    source: str
     entries: dict[str, _Entry] = field(default_factory=dict)
     rest: list[tuple[str, str]] = field(default_factory=list)
 
@@ -164,10 +163,10 @@ class _Sheet:
         return name in self.entries
 
     def error(self, message: str, place: str | None = None) -> ParseError:
-        return ParseError(message, source=self.source, place=place)
+        return ParseError(message, place=place)
 
     def unsupported(self, message: str, place: str) -> UnsupportedModelError:
-        return UnsupportedModelError(message, source=self.source, place=place)
+        return UnsupportedModelError(message, place=place)
 
     def text(self, name: str) -> str | None:
         return self.entries[name].text if name in self.entries else None
@@ -198,7 +197,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the sheet."""
-    sheet = _taken_apart(data, context.name)
+    sheet = _taken_apart(data)
     focals = _focals(sheet)
     size = context.size(_size(sheet))
     K, metric, assumptions = _intrinsics(sheet, focals, size, context)
@@ -257,10 +256,10 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return f"# Camera calibration: one key to a line, its unit in its name.\n{body}".encode()
 
 
-def _taken_apart(data: bytes, source: str) -> _Sheet:
-    sheet = _Sheet(source)
-    text = short_text(data, source=source, max_bytes=MAX_BYTES)
-    for number, raw in enumerate(strict.lines(text, source=source), start=1):
+def _taken_apart(data: bytes) -> _Sheet:
+    sheet = _Sheet()
+    text = text_of(data, most=MAX_BYTES)
+    for number, raw in enumerate(strict.lines(text), start=1):
         row = raw.strip()
         if _APART.fullmatch(row):
             continue
@@ -295,7 +294,7 @@ def _entry(sheet: _Sheet, name: str, entry: _Entry) -> _Entry:
             raise sheet.error(f"it is stated in {unit} and in {stated}", entry.key)
         unit = stated
     texts = (found[1], found[3])
-    numbers = tuple(strict.number(part, source=sheet.source, place=entry.key) for part in texts if part)
+    numbers = tuple(strict.number(part, place=entry.key) for part in texts if part)
     return replace(entry, numbers=numbers, unit=unit)
 
 
@@ -321,7 +320,7 @@ def _size(sheet: _Sheet) -> ImageSize | None:
     stated = [sheet.entries["size"].numbers] if "size" in sheet else []
     if "width" in sheet:
         stated.append((*sheet.entries["width"].numbers, *sheet.entries["height"].numbers))
-    sizes = [strict.image_size(*sides, source=sheet.source, place="image size") for sides in stated]
+    sizes = [strict.image_size(*sides, place="image size") for sides in stated]
     if len(set(sizes)) > 1:
         raise sheet.error("it states two image sizes: " + " and ".join(f"{w}×{h}" for w, h in sizes))
     return sizes[0] if sizes else None
@@ -367,7 +366,7 @@ def _intrinsics(
         CONVENTION, origin=ORIGINS[origin or "corner"], y_axis=YAxis.UP if y_axis == "up" else YAxis.DOWN
     )
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew[0] if skew else 0.0)
-    K = convention.intrinsics(native, size, source=sheet.source)
+    K = convention.intrinsics(native, size)
     if origin is None:
         assumptions += ("the principal point counts from the outer corner of the top-left pixel, y down",)
         if max(abs(K.cx / size[0] - 0.5), abs(K.cy / size[1] - 0.5)) > FARTHEST:

@@ -32,7 +32,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._opencv_lens import lens
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -67,7 +67,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the file, named by its number."""
-    table = _Table(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name)
+    table = _Table(text_of(data, most=MAX_BYTES))
     rectified = context.option(IMAGES.name) == "rectified"
     raw = [match[1] for name in table.values if (match := _RAW.fullmatch(name))]
     if raw:
@@ -78,7 +78,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     else:
         numbers = [match[1] for name in table.values if (match := _PROJECTION.fullmatch(name))]
         if not numbers:
-            raise ParseError("there is neither a K_00 nor a P0", source=context.name)
+            raise ParseError("there is neither a K_00 nor a P0")
         if context.option(IMAGES.name) == "raw":
             raise InputError(
                 "the file knows the rectified images only; the raw ones are in calib_cam_to_cam.txt",
@@ -91,21 +91,19 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 class _Table:
     """The file's lines by name; only those that are asked for need be numbers."""
 
-    def __init__(self, text: str, source: str) -> None:
-        self.source = source
+    def __init__(self, text: str) -> None:
         self.values: dict[str, str] = {}
-        for number, line in enumerate(_ended(text, source), start=1):
+        for number, line in enumerate(_ended(text), start=1):
             match = _LINE.fullmatch(line.strip())
             if match is None:
                 if line.strip():
                     raise ParseError(
                         f"{strict.shown(line.strip())}, expected a name, a colon and numbers",
-                        source=source,
                         place=f"line {number}",
                     )
                 continue
             if match[1] in self.values:
-                raise ParseError("it is a duplicate key", source=source, place=match[1])
+                raise ParseError("it is a duplicate key", place=match[1])
             self.values[match[1]] = match[2]
 
     @property
@@ -115,25 +113,25 @@ class _Table:
 
     def numbers(self, name: str, count: int) -> tuple[float, ...]:
         if name not in self.values:
-            raise ParseError(f"there is no {name}", source=self.source)
-        return strict.numbers(self.values[name], count=count, source=self.source, place=name)
+            raise ParseError(f"there is no {name}")
+        return strict.numbers(self.values[name], count=count, place=name)
 
     def size(self, name: str) -> ImageSize:
         width, height = self.numbers(name, 2)
-        return strict.image_size(width, height, source=self.source, place=name)
+        return strict.image_size(width, height, place=name)
 
 
-def _ended(text: str, source: str) -> Iterator[str]:
+def _ended(text: str) -> Iterator[str]:
     """Devkit files end with their last number; when that is a line nothing is read from, no harm is done."""
     last = text.rpartition("\n")[2]
     harmless = last.startswith(("R", "T", "calib_time", "corner_dist"))
-    yield from strict.lines(text + "\n" if harmless else text, source=source)
+    yield from strict.lines(text + "\n" if harmless else text)
 
 
 def _raw(number: str, table: _Table, context: ReadContext) -> Calibration:
     fx, skew, cx, below, fy, cy, *last = table.numbers(f"K_{number}", 9)
     if below != 0 or last != [0, 0, 1]:
-        raise ParseError("this is not a camera matrix", source=context.name, place=f"K_{number}")
+        raise ParseError("this is not a camera matrix", place=f"K_{number}")
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     distortion = lens(table.numbers(f"D_{number}", 5))
     notes = [NOTE]
@@ -146,9 +144,7 @@ def _raw(number: str, table: _Table, context: ReadContext) -> Calibration:
 def _rectified(name: str, number: str, table: _Table, context: ReadContext) -> Calibration:
     fx, skew, cx, _, below, fy, cy, _, *last = table.numbers(name, 12)
     if below != 0 or last[:3] != [0, 0, 1]:
-        raise ParseError(
-            "this is not a projection matrix of a rectified camera", source=context.name, place=name
-        )
+        raise ParseError("this is not a projection matrix of a rectified camera", place=name)
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     stated = table.size(f"S_rect_{number}") if name.startswith("P_rect") else None
     size = context.size(stated)
@@ -168,7 +164,7 @@ def _camera(
 ) -> Calibration:
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=number),
-        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(native, size),
         distortion=distortion,
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=tag, date=date),

@@ -48,28 +48,23 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every sensor of the document in the archive."""
-    return metashape_document.read(_document(data, context.name), context)
+    return metashape_document.read(_document(data), context)
 
 
-def _document(data: bytes, source: str) -> bytes:
+def _document(data: bytes) -> bytes:
     """The bytes of doc.xml."""
     members = data.count(CENTRAL_HEADER)
     if members > MAX_MEMBERS:
-        raise ParseError(
-            f"the archive lists {members} files; at most {MAX_MEMBERS} are looked at", source=source
-        )
+        raise ParseError(f"the archive lists {members} files; at most {MAX_MEMBERS} are looked at")
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             found = [item for item in archive.infolist() if item.filename == DOCUMENT]
             if len(found) != 1:
-                raise ParseError(
-                    f"the archive contains {len(found)} files {DOCUMENT}, expected one", source=source
-                )
+                raise ParseError(f"the archive contains {len(found)} files {DOCUMENT}, expected one")
             [item] = found
             if item.flag_bits & ENCRYPTED or item.compress_type not in METHODS:
                 raise ParseError(
-                    f"{DOCUMENT} is encrypted or packed by method {item.compress_type}, expected stored or deflated",
-                    source=source,
+                    f"{DOCUMENT} is encrypted or packed by method {item.compress_type}, expected stored or deflated"
                 )
             with archive.open(item) as file:
                 document = file.read(MAX_BYTES + 1)
@@ -78,11 +73,9 @@ def _document(data: bytes, source: str) -> bytes:
     except (
         zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError
     ) as error:  # fmt: skip
-        raise ParseError(f"the zip archive is damaged: {shown(str(error), 80)}", source=source) from None
+        raise ParseError(f"the zip archive is damaged: {shown(str(error), 80)}") from None
     if len(document) > MAX_BYTES:
-        raise ParseError(
-            f"{DOCUMENT} is longer than {MAX_BYTES} bytes unpacked", source=source, place=DOCUMENT
-        )
+        raise ParseError(f"{DOCUMENT} is longer than {MAX_BYTES} bytes unpacked", place=DOCUMENT)
     return document
 
 

@@ -78,7 +78,7 @@ def sniff(content: Content) -> Sniff | None:
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every sensor that has a calibration, in the file's order."""
     root = parse_xml(data, source=context.name, max_bytes=context.at_most(MAX_BYTES))
-    sensors, tool = _sensors(root, context.name), _tool(root)
+    sensors, tool = _sensors(root), _tool(root)
     found: list[Calibration] = []
     left_out: list[str] = []
     refused: UnsupportedModelError | None = None
@@ -97,8 +97,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         raise refused
     if not found:
         raise ParseError(
-            f"none of its {len(sensors)} sensors has a calibration; align the photos and export them again",
-            source=context.name,
+            f"none of its {len(sensors)} sensors has a calibration; align the photos and export them again"
         )
     return [replace(item, notes=(*item.notes, *left_out)) for item in found]
 
@@ -218,12 +217,11 @@ def _tool(root: _Element) -> str | None:
     return f"Agisoft Metashape or PhotoScan, document version {version}" if version else None
 
 
-def _sensors(root: _Element, source: str) -> list[_Sensor]:
+def _sensors(root: _Element) -> list[_Sensor]:
     """Every sensor with its chunk, in document order."""
     if root.tag not in ROOTS:
         raise ParseError(
-            f"the XML root is <{strict.shown(str(root.tag))}>, expected one of {', '.join(ROOTS)}",
-            source=source,
+            f"the XML root is <{strict.shown(str(root.tag))}>, expected one of {', '.join(ROOTS)}"
         )
     chunks = [root] if root.tag == "chunk" else list(root.iter("chunk"))
     if root.tag == "sensor":
@@ -236,11 +234,10 @@ def _sensors(root: _Element, source: str) -> list[_Sensor]:
         ]
     if not placed:
         raise ParseError(
-            "it contains no <sensor>; of a project in several files, read the chunk.zip in its .files folder",
-            source=source,
+            "it contains no <sensor>; of a project in several files, read the chunk.zip in its .files folder"
         )
     if len(placed) > MAX_SENSORS:
-        raise ParseError(f"it contains {len(placed)} sensors; at most {MAX_SENSORS} are read", source=source)
+        raise ParseError(f"it contains {len(placed)} sensors; at most {MAX_SENSORS} are read")
     labels = Counter(_label(sensor) for sensor, _ in placed)
     return [
         _Sensor(

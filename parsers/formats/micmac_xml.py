@@ -84,26 +84,20 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    fields = _Fields(
-        _camera(parse_xml(data, source=context.name, max_bytes=MAX_BYTES), context.name), context.name
-    )
+    fields = _Fields(_camera(parse_xml(data, source=context.name, max_bytes=MAX_BYTES)))
     fields.refuse_other_frames()
     convention = fields.text("KnownConv") if "KnownConv" in fields else M2C
     if convention not in MODELS:
-        raise UnsupportedModelError(
-            f"KnownConv is {strict.shown(convention)}, expected {M2C} or {C2M}", source=context.name
-        )
+        raise UnsupportedModelError(f"KnownConv is {strict.shown(convention)}, expected {M2C} or {C2M}")
     focal, (x, y) = fields.numbers("F", 1)[0], fields.numbers("PP", 2)
     if focal == 0:
-        raise ParseError(
-            "F is 0: this is a template, to be filled in by Tapas", source=context.name, place="F"
-        )
+        raise ParseError("F is 0: this is a template, to be filled in by Tapas", place="F")
     size = context.size(fields.size())
     native = Native(fx=float(focal), fy=float(focal), cx=float(x), cy=float(y))
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+            intrinsics=CONVENTION.intrinsics(native, size),
             distortion=_distortion(fields, MODELS[convention], focal, (x, y)),
             grade=Grade.ADJUSTED,
             provenance=context.provenance(assumptions=(ORIGIN_NOTE,)),
@@ -136,13 +130,12 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     ).encode()
 
 
-def _camera(root: _Element, source: str) -> _Element:
+def _camera(root: _Element) -> _Element:
     """The element of the one camera."""
     found = [root] if root.tag == CAMERA else root.findall(CAMERA) if root.tag == ROOTS[0] else []
     if len(found) != 1:
         raise ParseError(
-            f"the XML root is <{strict.shown(str(root.tag))}> with {len(found)} <{CAMERA}>, expected one",
-            source=source,
+            f"the XML root is <{strict.shown(str(root.tag))}> with {len(found)} <{CAMERA}>, expected one"
         )
     return found[0]
 
@@ -219,9 +212,8 @@ class _Terms:
 class _Fields:
     """The children of a camera, or of a part of one, by name."""
 
-    def __init__(self, element: _Element, source: str) -> None:
+    def __init__(self, element: _Element) -> None:
         self.element = element
-        self.source = source
 
     def __contains__(self, name: str) -> bool:
         return self.element.find(name) is not None
@@ -229,9 +221,7 @@ class _Fields:
     def one(self, name: str) -> _Element:
         found = self.element.findall(name)
         if len(found) != 1:
-            raise ParseError(
-                f"<{name}> occurs {len(found)} times, expected once", source=self.source, place=name
-            )
+            raise ParseError(f"<{name}> occurs {len(found)} times, expected once", place=name)
         return found[0]
 
     def text(self, name: str) -> str:
@@ -239,7 +229,7 @@ class _Fields:
 
     def numbers(self, name: str, count: int) -> tuple[Decimal, ...]:
         """Numbers with all their digits."""
-        return _decimals(self.text(name), count, self.source, name)
+        return _decimals(self.text(name), count, name)
 
     def optional(self, name: str) -> Decimal:
         return self.numbers(name, 1)[0] if name in self else Decimal(0)
@@ -248,7 +238,7 @@ class _Fields:
         if "SzIm" not in self:
             return None
         width, height = self.numbers("SzIm", 2)
-        return strict.image_size(float(width), float(height), source=self.source, place="SzIm")
+        return strict.image_size(float(width), float(height), place="SzIm")
 
     def refuse_other_frames(self) -> None:
         """A scanned film counts in its fiducial marks; a rotated or cropped image in those of its original."""
@@ -257,11 +247,10 @@ class _Fields:
                 raise UnsupportedModelError(
                     f"it counts in another frame than the image's, by <{name}>; resample the images and "
                     "calibrate those",
-                    source=self.source,
                 )
         if "OrIntGlob" not in self:
             return
-        affinity = [_Fields(item, self.source) for item in self.one("OrIntGlob").findall("Affinite")]
+        affinity = [_Fields(item) for item in self.one("OrIntGlob").findall("Affinite")]
         identity = {"I00": "0 0", "V10": "1 0", "V01": "0 1"}
         if len(affinity) != 1 or any(
             affinity[0].numbers(name, 2) != tuple(map(Decimal, wanted.split()))
@@ -270,7 +259,6 @@ class _Fields:
             raise UnsupportedModelError(
                 "<OrIntGlob> is not the identity: the numbers belong to a turned or cropped image; calibrate the "
                 "images as they are",
-                source=self.source,
                 place="OrIntGlob",
             )
 
@@ -284,20 +272,18 @@ class _Fields:
         ]
         nothing = _Terms(self.numbers("PP", 2))
         if "CalibDistortion" not in self:
-            raise ParseError("there is no <CalibDistortion>", source=self.source)
+            raise ParseError("there is no <CalibDistortion>")
         if not models:
             return nothing
         if len(models) > 1:
             names = ", ".join(strict.shown(str(model.tag)) for model in models)
-            raise UnsupportedModelError(
-                f"it applies several distortions in a row, {names}", source=self.source
-            )
+            raise UnsupportedModelError(f"it applies several distortions in a row, {names}")
         [model] = models
-        part = _Fields(model, self.source)
+        part = _Fields(model)
         if model.tag == "ModRad":
             return part.radial()
         if model.tag == "ModPhgrStd":
-            terms = _Fields(part.one("RadialePart"), self.source).radial()
+            terms = _Fields(part.one("RadialePart")).radial()
             terms.p1, terms.p2 = part.optional("P1"), part.optional("P2")
             terms.b1, terms.b2 = part.optional("b1"), part.optional("b2")
             return terms
@@ -305,23 +291,18 @@ class _Fields:
         raise UnsupportedModelError(
             f"the distortion {strict.shown(str(kind))} has no counterpart here; run Tapas with Fraser or "
             "RadialExtended",
-            source=self.source,
             place="CalibDistortion",
         )
 
     def radial(self) -> _Terms:
         """The centre and the radial terms."""
         terms = _Terms(self.numbers("CDist", 2))
-        radial = [
-            _decimals(item.text or "", 1, self.source, "CoeffDist")[0]
-            for item in self.element.findall("CoeffDist")
-        ]
+        radial = [_decimals(item.text or "", 1, "CoeffDist")[0] for item in self.element.findall("CoeffDist")]
         while radial and radial[-1] == 0:
             radial.pop()
         if len(radial) > RADIAL_TERMS:
             raise UnsupportedModelError(
                 f"it has {len(radial)} radial terms, and only {RADIAL_TERMS} have a counterpart here",
-                source=self.source,
                 place="CoeffDist",
             )
         terms.radial = tuple(radial)
@@ -336,9 +317,9 @@ class _Fields:
         )
 
 
-def _decimals(text: str, count: int, source: str, place: str) -> tuple[Decimal, ...]:
+def _decimals(text: str, count: int, place: str) -> tuple[Decimal, ...]:
     """Numbers that are plain and finite as doubles, with all their digits."""
-    strict.numbers(text, count=count, source=source, place=place)
+    strict.numbers(text, count=count, place=place)
     return tuple(_DECIMAL.create_decimal(part) for part in text.split())
 
 

@@ -38,7 +38,7 @@ from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
 from calibrary.parsers.formats._opencv_lens import lens
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import Json
 
 __all__ = ["FORMAT"]
@@ -91,7 +91,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    text = short_text(data, source=context.name, max_bytes=MAX_BYTES)
+    text = text_of(data, most=MAX_BYTES)
     spans = _Dictionary(text, context.name).read()
     tree = Node({key: value for key, (value, _) in spans.items()}, source=context.name)
     model = tree["lensmodel"].text()
@@ -99,13 +99,12 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         raise UnsupportedModelError(
             f"the lens model is {strict.shown(model, 60)}, which has no counterpart here; make it one of "
             f"{', '.join(MODELS)} with mrcal-convert-lensmodel, which says by how much the two differ",
-            source=context.name,
             place="lensmodel",
         )
     fx, fy, cx, cy, *coefficients = tree["intrinsics"].numbers(4 + MODELS[model])
     width, height = tree["imagersize"].numbers(2)
-    size = context.size(strict.image_size(width, height, source=context.name, place="imagersize"))
-    intrinsics = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name)
+    size = context.size(strict.image_size(width, height, place="imagersize"))
+    intrinsics = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size)
     distortion = lens(coefficients)
     made = _GENERATED.match(text)
     extras = [

@@ -65,7 +65,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in the order of their matrices."""
     return [
         replace(item, provenance=replace(item.provenance, assumptions=(ASSUMED,)))
-        for item in opencv_storage.cameras(Node(_arrays(data, context.name), source=context.name), context)
+        for item in opencv_storage.cameras(Node(_arrays(data), source=context.name), context)
     ]
 
 
@@ -94,13 +94,13 @@ def _saved(value: Json) -> bytes:
     return buffer.getvalue()
 
 
-def _arrays(data: bytes, source: str) -> dict[str, Json]:
+def _arrays(data: bytes) -> dict[str, Json]:
     """Every short array of numbers, as lists, by its name; texts of ours beside them."""
     if not data.startswith(LOCAL_HEADER):
-        raise ParseError("it does not begin as a zip archive", source=source)
+        raise ParseError("it does not begin as a zip archive")
     members = data.count(CENTRAL_HEADER)
     if members > MAX_MEMBERS:
-        raise ParseError(f"the archive lists {members} arrays; at most {MAX_MEMBERS} are read", source=source)
+        raise ParseError(f"the archive lists {members} arrays; at most {MAX_MEMBERS} are read")
     found: dict[str, Json] = {}
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -109,13 +109,11 @@ def _arrays(data: bytes, source: str) -> dict[str, Json]:
                 if not dot or suffix != "npy" or item.file_size > LONGEST_MEMBER:
                     continue
                 if name in found:
-                    raise ParseError("it is a duplicate key", source=source, place=shown(name))
+                    raise ParseError("it is a duplicate key", place=shown(name))
                 if item.flag_bits & 1 or item.compress_type not in METHODS:
-                    raise ParseError(
-                        "the array is encrypted, or packed in an unusual way", source=source, place=name
-                    )
+                    raise ParseError("the array is encrypted, or packed in an unusual way", place=name)
                 with archive.open(item) as file:
-                    value = _value(file.read(LONGEST_MEMBER + 1), source, name)
+                    value = _value(file.read(LONGEST_MEMBER + 1), name)
                 if value is not None:
                     found[name] = value
     except ParseError:
@@ -123,18 +121,18 @@ def _arrays(data: bytes, source: str) -> dict[str, Json]:
     except (
         zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError
     ) as error:  # fmt: skip
-        raise ParseError(f"the zip archive is damaged: {shown(str(error), 80)}", source=source) from None
+        raise ParseError(f"the zip archive is damaged: {shown(str(error), 80)}") from None
     return found
 
 
-def _value(data: bytes, source: str, name: str) -> Json:
+def _value(data: bytes, name: str) -> Json:
     """An array as lists or a number, None where it is text, objects or too long for a camera's."""
     text = _npy.text(data)
     if text is not None:
         return text
     if not _npy.is_numeric(data):
         return None
-    array = _npy.array(data, source=source, place=name)
+    array = _npy.array(data, place=name)
     if array.size > LONGEST_VECTOR:
         return None
     value: Json = array.tolist()

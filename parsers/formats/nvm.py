@@ -84,10 +84,10 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera that differs, in the order of the images; its name is that of its first image."""
-    rows = _rows(data, context.name)
-    heading = _heading(*next(rows, ("", 1)), source=context.name)
+    rows = _rows(data)
+    heading = _heading(*next(rows, ("", 1)))
     cameras: dict[tuple[float, float], _Camera] = {}
-    for name, focal, radial in _images(rows, heading, context.name):
+    for name, focal, radial in _images(rows, heading):
         # With FixedK the image's own focal length is only a copy of it.
         key = (0.0 if heading.fixed else focal, radial)
         cameras.setdefault(key, _Camera(focal, radial)).names.append(name)
@@ -103,9 +103,7 @@ def _calibration(camera: _Camera, heading: _Heading, context: ReadContext, *, se
     assumptions = () if heading.fixed else ("the principal point is in the middle of the image",)
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=camera.names[0] if several else None),
-        intrinsics=convention.intrinsics(
-            heading.fixed or Native(fx=f, fy=f, cx=0.0, cy=0.0), size, source=context.name
-        ),
+        intrinsics=convention.intrinsics(heading.fixed or Native(fx=f, fy=f, cx=0.0, cy=0.0), size),
         distortion=distortion,
         grade=Grade.ADJUSTED,
         quality=Quality(views=len(camera.names)),
@@ -114,29 +112,26 @@ def _calibration(camera: _Camera, heading: _Heading, context: ReadContext, *, se
     )
 
 
-def _heading(text: str, _index: int, *, source: str) -> _Heading:
+def _heading(text: str, _index: int) -> _Heading:
     words = text.split()
     rotation = ROTATIONS.get(words[0]) if words else None
     if rotation is None or (len(words) > 1 and words[1] != "FixedK"):
         raise ParseError(
-            f"the first line is {strict.shown(text)}, expected {' or '.join(ROTATIONS)}, and FixedK or nothing",
-            source=source,
+            f"the first line is {strict.shown(text)}, expected {' or '.join(ROTATIONS)}, and FixedK or nothing"
         )
     if len(words) == 1:
         return _Heading(rotation)
-    numbers = strict.numbers(" ".join(words[2:]), count=(4, 5), source=source, place="FixedK")
+    numbers = strict.numbers(" ".join(words[2:]), count=(4, 5), place="FixedK")
     fx, cx, fy, cy = numbers[:4]
     return _Heading(rotation, Native(fx=fx, fy=fy, cx=cx, cy=cy))
 
 
-def _images(
-    rows: Iterator[tuple[str, int]], heading: _Heading, source: str
-) -> Iterator[tuple[str, float, float]]:
+def _images(rows: Iterator[tuple[str, int]], heading: _Heading) -> Iterator[tuple[str, float, float]]:
     """Name, focal length and radial coefficient of every image of the first model."""
     text, index = next(rows, ("", 0))
-    count = strict.whole(text, source=source, place=f"line {index}")
+    count = strict.whole(text, place=f"line {index}")
     if not 0 < count <= MAX_IMAGES:
-        raise ParseError(f"{count} cameras, expected 1 to {MAX_IMAGES}", source=source, place=f"line {index}")
+        raise ParseError(f"{count} cameras, expected 1 to {MAX_IMAGES}", place=f"line {index}")
     numbers_each = heading.rotation + 6
     for done in range(count):
         text, index = next(rows, ("", 0))
@@ -145,27 +140,24 @@ def _images(
             raise ParseError(
                 f"camera {done + 1} of {count} has {max(len(parts) - 1, 0)} numbers, expected a name and "
                 f"{numbers_each}",
-                source=source,
                 place=f"line {index}",
             )
-        numbers = strict.numbers(" ".join(parts[1:]), source=source, place=f"line {index}")
+        numbers = strict.numbers(" ".join(parts[1:]), place=f"line {index}")
         if not numbers[0] > 0:
-            raise ParseError(
-                f"the focal length is {numbers[0]:g}, expected more", source=source, place=f"line {index}"
-            )
+            raise ParseError(f"the focal length is {numbers[0]:g}, expected more", place=f"line {index}")
         yield parts[0].replace('"', " "), numbers[0], numbers[-2]
 
 
-def _rows(data: bytes, source: str) -> Iterator[tuple[str, int]]:
+def _rows(data: bytes) -> Iterator[tuple[str, int]]:
     """The lines that are not empty, with their numbers."""
     for index, row in enumerate(io.BytesIO(data), start=1):
         if not row.strip():
             continue
         if not row.endswith(b"\n"):
-            raise ParseError("the last line is not ended, so the file may be cut short", source=source)
+            raise ParseError("the last line is not ended, so the file may be cut short")
         if len(row) > LONGEST_LINE:
-            raise ParseError(f"a line of {len(row)} bytes", source=source, place=f"line {index}")
-        yield strict.decode(row, source=source).strip(), index
+            raise ParseError(f"a line of {len(row)} bytes", place=f"line {index}")
+        yield strict.decode(row).strip(), index
 
 
 FORMAT = Format(

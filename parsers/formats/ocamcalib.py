@@ -30,7 +30,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Direction, Native, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -62,20 +62,20 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
-    direct, inverse, centre, affine, size = _rows(data, context.name)
-    coefficients = _counted(direct, "direct mapping function", context.name)
-    lens, f = _lens(coefficients, context.name)
-    row, column = strict.numbers(centre, count=2, source=context.name, place="center")
-    c, d, e = strict.numbers(affine, count=3, source=context.name, place="affine parameters")
-    height, width = strict.numbers(size, count=2, source=context.name, place="image size")
-    image_size = context.size(strict.image_size(width, height, source=context.name, place="image size"))
-    fx, skew, fy, turn = _upper_triangle(f, c, d, e, context.name)
+    direct, inverse, centre, affine, size = _rows(data)
+    coefficients = _counted(direct, "direct mapping function")
+    lens, f = _lens(coefficients)
+    row, column = strict.numbers(centre, count=2, place="center")
+    c, d, e = strict.numbers(affine, count=3, place="affine parameters")
+    height, width = strict.numbers(size, count=2, place="image size")
+    image_size = context.size(strict.image_size(width, height, place="image size"))
+    fx, skew, fy, turn = _upper_triangle(f, c, d, e)
     native = Native(fx=fx, fy=fy, cx=column, cy=row, skew=skew)
     turned = f"the camera's frame is turned about its axis by {math.degrees(turn):.4f}° against OCamCalib's"
     return [
         Calibration(
             camera=CameraKey(image_size=image_size),
-            intrinsics=CONVENTION.intrinsics(native, image_size, source=context.name),
+            intrinsics=CONVENTION.intrinsics(native, image_size),
             distortion=lens,
             grade=Grade.CALIBRATED,
             provenance=context.provenance(),
@@ -85,53 +85,48 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
-def _rows(data: bytes, source: str) -> tuple[str, str, str, str, str]:
+def _rows(data: bytes) -> tuple[str, str, str, str, str]:
     """The five rows of numbers."""
-    text = short_text(data, source=source, max_bytes=MAX_BYTES)
+    text = text_of(data, most=MAX_BYTES)
     if not text.lstrip().startswith("#"):
-        raise ParseError(f"it does not begin with {HEADING}", source=source)
-    rows = [
-        row for raw in strict.lines(text, source=source) if (row := raw.strip()) and not row.startswith("#")
-    ]
+        raise ParseError(f"it does not begin with {HEADING}")
+    rows = [row for raw in strict.lines(text) if (row := raw.strip()) and not row.startswith("#")]
     if len(rows) != 5:
-        raise ParseError(f"{len(rows)} rows of numbers, expected 5", source=source)
+        raise ParseError(f"{len(rows)} rows of numbers, expected 5")
     return rows[0], rows[1], rows[2], rows[3], rows[4]
 
 
-def _counted(row: str, place: str, source: str) -> tuple[float, ...]:
+def _counted(row: str, place: str) -> tuple[float, ...]:
     """The numbers of a row that begins with their count."""
     count, *rest = row.split()
-    promised = strict.whole(count, source=source, place=place)
+    promised = strict.whole(count, place=place)
     if not 1 <= promised <= MOST:
-        raise ParseError(f"{promised} coefficients, expected 1 to {MOST}", source=source, place=place)
-    return strict.numbers(" ".join(rest), count=promised, source=source, place=place)
+        raise ParseError(f"{promised} coefficients, expected 1 to {MOST}", place=place)
+    return strict.numbers(" ".join(rest), count=promised, place=place)
 
 
-def _lens(a: tuple[float, ...], source: str) -> tuple[Distortion, float]:
+def _lens(a: tuple[float, ...]) -> tuple[Distortion, float]:
     """The lens and its focal length in px."""
     a0, a1, a2, a3, a4 = (*a, 0.0, 0.0, 0.0, 0.0)[:MOST_READ]
     place = "direct mapping function"
     if not a0 < 0:
-        raise ParseError(
-            f"a0 is {a0:g}, expected a negative one: the axis points backwards", source=source, place=place
-        )
+        raise ParseError(f"a0 is {a0:g}, expected a negative one: the axis points backwards", place=place)
     if a1 or any(a[MOST_READ:]):
         raise UnsupportedModelError(
             "it has a linear term or terms above the fourth power, which are not known here; calibrate with a "
             "polynomial of order 4, the toolbox's own proposal, or with OpenCV's fisheye model",
-            source=source,
             place=place,
         )
     f = -a0
     return Scaramuzza(c2=-a2 * f, c3=-a3 * f**2, c4=-a4 * f**3), f
 
 
-def _upper_triangle(f: float, c: float, d: float, e: float, source: str) -> tuple[float, float, float, float]:
+def _upper_triangle(f: float, c: float, d: float, e: float) -> tuple[float, float, float, float]:
     """fx, skew, fy and the angle of the rotation Q in f·(1 e; d c) = (fx skew; 0 fy)·Q."""
     length = math.hypot(d, c)
     determinant = c - d * e
     if not (length > 0 and determinant > 0):
-        raise ParseError("the affine parameters make no image", source=source, place="affine parameters")
+        raise ParseError("the affine parameters make no image", place="affine parameters")
     sine, cosine = d / length, c / length
     return f * determinant / length, f * (sine + e * cosine), f * length, math.atan2(sine, cosine)
 

@@ -85,7 +85,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     document = loaded(data, context)
     found = list(_cameras(document["intrinsics"]))
     if len(found) > MAX_CAMERAS:
-        raise ParseError(f"there are over {MAX_CAMERAS} intrinsics", source=context.name)
+        raise ParseError(f"there are over {MAX_CAMERAS} intrinsics")
     version = document["sfm_data_version"].text()
     extrinsics = document.get("extrinsics")
     posed = extrinsics is not None and bool(extrinsics.items())
@@ -143,7 +143,7 @@ def _calibration(
     start = ("no image is posed, so this is what OpenMVG starts from, out of EXIF or a table of sensors",)
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=key if several else None),
-        intrinsics=CONVENTION.intrinsics(Native(fx=focal, fy=focal, cx=cx, cy=cy), size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(Native(fx=focal, fy=focal, cx=cx, cy=cy), size),
         distortion=NoDistortion() if straight else kind.lens(*numbers),
         grade=Grade.PRIOR if guess else Grade.ADJUSTED,
         provenance=context.provenance(tag=f"intrinsic {key}"),

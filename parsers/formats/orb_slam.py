@@ -37,7 +37,7 @@ from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -63,7 +63,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the settings, in the file's order of generations: Camera, Camera1, Camera2, LEFT, RIGHT."""
-    text = short_text(data, source=context.name, max_bytes=MAX_BYTES)
+    text = text_of(data, most=MAX_BYTES)
     # OpenCV needs no space after the colon; the directive's own colon stays.
     tree = storage.load(_TIGHT.sub(r"\1: ", text).encode(), source=context.name)
     named = [name for name in CAMERAS if f"{name}.fx" in tree]
@@ -81,7 +81,7 @@ def _camera(name: str, tree: Node, context: ReadContext, *, several: bool) -> Ca
     fx, fy, cx, cy = (tree[f"{name}.{key}"].number() for key in ("fx", "fy", "cx", "cy"))
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=name if several else None),
-        intrinsics=CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size),
         distortion=distortion,
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=f"{name}.fx"),
@@ -101,7 +101,7 @@ def _side(name: str, tree: Node, context: ReadContext) -> Calibration:
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=name),
-        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(native, size),
         distortion=lens(values),
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=f"{name}.K"),

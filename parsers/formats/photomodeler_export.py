@@ -60,21 +60,19 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The project's camera, or its photos' cameras where they are not all that one."""
-    rows = rows_of(data, source=context.name, most=context.at_most(MAX_BYTES))
+    rows = rows_of(data, most=context.at_most(MAX_BYTES))
     if not rows or not rows[0].strip().startswith(TITLE) or len(rows) < HEAD:
-        raise ParseError(
-            f"this is not a head of {HEAD} lines that begins with '{TITLE}'", source=context.name
-        )
-    fields = strict.numbers(rows[1], count=4, source=context.name, place="line 2")
-    size = context.size(strict.image_size(fields[2], fields[3], source=context.name, place="line 2"))
-    project = _camera(rows[3], "line 4", context.name)
-    photos = _photos(rows, context.name)
+        raise ParseError(f"this is not a head of {HEAD} lines that begins with '{TITLE}'")
+    fields = strict.numbers(rows[1], count=4, place="line 2")
+    size = context.size(strict.image_size(fields[2], fields[3], place="line 2"))
+    project = _camera(rows[3], "line 4")
+    photos = _photos(rows)
     if all(_agree(camera, project) for camera in photos):
         return [_calibration(project, size, context, name=None)]
     return [_calibration(camera, size, context, name=name) for camera, name in photos.items()]
 
 
-def _photos(rows: tuple[str, ...], source: str) -> dict[Camera, str]:
+def _photos(rows: tuple[str, ...]) -> dict[Camera, str]:
     """Every different camera of the photos, with the name of the first photo that has it."""
     found: dict[Camera, str] = {}
     for start in range(HEAD, len(rows) - PHOTO + 1, PHOTO):
@@ -82,14 +80,14 @@ def _photos(rows: tuple[str, ...], source: str) -> dict[Camera, str]:
         # The points follow the photos; theirs is not a line of a number and a name.
         if not number.isdigit() or not name or rows[start + 3].strip():
             break
-        camera = _camera(rows[start + 4], f"line {start + 5}", source, numbered=True)
+        camera = _camera(rows[start + 4], f"line {start + 5}", numbered=True)
         found.setdefault(camera, name.strip())
     return found
 
 
-def _camera(row: str, place: str, source: str, *, numbered: bool = False) -> Camera:
+def _camera(row: str, place: str, *, numbered: bool = False) -> Camera:
     """The ten parameters of a line, behind a photo's number where it has one."""
-    values = strict.numbers(row, count=len(PARAMETERS) + numbered, source=source, place=place)
+    values = strict.numbers(row, count=len(PARAMETERS) + numbered, place=place)
     return values[1:] if numbered else values
 
 

@@ -90,19 +90,18 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera that was calibrated, in order; their size comes from the caller."""
-    report = _taken_apart(data, context.name)
+    report = _taken_apart(data)
     if not report.cameras:
         raise ParseError(
             f"there is no camera under '{SECTION}': the project was processed without calibration; export the "
-            "camera, or report a project that calibrates it",
-            source=context.name,
+            "camera, or report a project that calibrates it"
         )
     several = len(report.cameras) > 1
     found: list[Calibration] = []
     for camera in report.cameras:
         missing = [name for name in PARAMETERS if name not in camera.values]
         if missing:
-            raise ParseError(f"it lacks {', '.join(missing)}", source=context.name, place=camera.place)
+            raise ParseError(f"it lacks {', '.join(missing)}", place=camera.place)
         size = context.size(None)
         intrinsics, distortion = _photomodeler.optics(camera.values, size, source=context.name)
         found.append(
@@ -118,11 +117,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return found
 
 
-def _taken_apart(data: bytes, source: str) -> _Report:
+def _taken_apart(data: bytes) -> _Report:
     """The cameras of the calibration section, and four facts about the processing."""
-    rows = rows_of(data, source=source, most=MAX_BYTES)
+    rows = rows_of(data, most=MAX_BYTES)
     if not any(row.strip() == TITLE for row in rows[:10]):
-        raise ParseError(f"there is no line '{TITLE}'", source=source)
+        raise ParseError(f"there is no line '{TITLE}'")
     report = _Report()
     inside, parameter = False, ""
     for index, row in enumerate(rows, start=1):
@@ -135,34 +134,34 @@ def _taken_apart(data: bytes, source: str) -> _Report:
         elif line in NEXT_SECTIONS:
             inside = False
         elif not inside:
-            _take_fact(report, line, source=source, place=place)
+            _take_fact(report, line, place=place)
         elif found := _CAMERA.fullmatch(line):
             report.cameras.append(_Camera(found.group(1).strip(), place))
         elif found := _HEADING.match(line):
             parameter = NAMES[found.group(1)]
         elif parameter and report.cameras:
-            _take_number(report.cameras[-1], parameter, line, source=source, place=place)
+            _take_number(report.cameras[-1], parameter, line, place=place)
     return report
 
 
-def _take_number(camera: _Camera, parameter: str, line: str, *, source: str, place: str) -> None:
+def _take_number(camera: _Camera, parameter: str, line: str, *, place: str) -> None:
     """A value or a deviation; correlations are passed over."""
     for pattern, table in ((_VALUE, camera.values), (_DEVIATION, camera.deviations)):
         if found := pattern.match(line):
             if parameter in table:
-                raise ParseError(f"{parameter} is a duplicate key", source=source, place=place)
-            table[parameter] = strict.number(found.group(1), source=source, place=place)
+                raise ParseError(f"{parameter} is a duplicate key", place=place)
+            table[parameter] = strict.number(found.group(1), place=place)
 
 
-def _take_fact(report: _Report, line: str, *, source: str, place: str) -> None:
+def _take_fact(report: _Report, line: str, *, place: str) -> None:
     if report.rms_px is None and (found := _RMS.match(line)):
-        report.rms_px = strict.number(found.group(1), source=source, place=place)
+        report.rms_px = strict.number(found.group(1), place=place)
     elif report.date is None and (found := _PROCESSED.fullmatch(line)):
         report.date = found.group(1)
     elif report.tool is None and (found := _VERSION.fullmatch(line)):
         report.tool = found.group(1)
     elif report.views is None and (found := _ORIENTED.match(line)):
-        report.views = strict.whole(found.group(1), source=source, place=place)
+        report.views = strict.whole(found.group(1), place=place)
 
 
 def _quality(report: _Report, camera: _Camera, size: ImageSize) -> Quality:

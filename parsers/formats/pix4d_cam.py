@@ -64,19 +64,18 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file; its size comes from the caller."""
-    values, sensor = _parsed(data, context.name)
+    values, sensor = _parsed(data)
     size = context.size(None)
     stretch = sensor[0] * size[1] / (sensor[1] * size[0])
     if not abs(stretch - 1) <= ASPECT_TOLERANCE:
         raise ParseError(
             f"on a sensor of {sensor[0]:g}×{sensor[1]:g} mm the pixels of a {size[0]}×{size[1]} image are not "
-            f"square (by {stretch - 1:+.1%}); --image-size must be the size of the images that Pix4D processed",
-            source=context.name,
+            f"square (by {stretch - 1:+.1%}); --image-size must be the size of the images that Pix4D processed"
         )
     # Pixels are square, and it is the width that the file counts from.
     square = (sensor[0], sensor[0] * size[1] / size[0])
     native = Native(fx=values["F"], fy=values["F"], cx=values["Px"], cy=values["Py"])
-    K = CONVENTION.intrinsics(native, size, sensor_mm=square, source=context.name)
+    K = CONVENTION.intrinsics(native, size, sensor_mm=square)
     return [
         Calibration(
             camera=CameraKey(image_size=size),
@@ -116,51 +115,47 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return "".join(f"{row}\n" for row in rows).encode()
 
 
-def _parsed(data: bytes, source: str) -> tuple[dict[str, float], SizeMm]:
+def _parsed(data: bytes) -> tuple[dict[str, float], SizeMm]:
     """The numbers by key, and the sensor's size in mm."""
-    rows = rows_of(data, source=source)
+    rows = rows_of(data)
     text = [(index, row.strip()) for index, row in enumerate(rows, start=1) if row.strip()]
     if not text or not _FIRST_LINE.match(text[0][1]):
-        raise ParseError("the first line is not 'Pix4D camera calibration file'", source=source)
+        raise ParseError("the first line is not 'Pix4D camera calibration file'")
     values: dict[str, float] = {}
     sensor: SizeMm | None = None
     for index, row in text[1:]:
         place = f"line {index}"
         if row.startswith("#"):
-            sensor = sensor or _sensor_in(row, source=source, place=place)
+            sensor = sensor or _sensor_in(row, place=place)
             continue
         key, _, rest = row.partition(" ")
         if key not in KEYS:
             raise UnsupportedModelError(
                 f"it contains {strict.shown(key)}, which a perspective camera's file does not (a fisheye's does); "
                 "export the project as OPF instead",
-                source=source,
                 place=place,
             )
         if key in values:
-            raise ParseError(f"{key} is a duplicate key", source=source, place=place)
-        values[key] = strict.number(rest, source=source, place=place)
+            raise ParseError(f"{key} is a duplicate key", place=place)
+        values[key] = strict.number(rest, place=place)
     missing = [key for key in KEYS if key not in values]
     if missing:
-        raise ParseError(f"there is no {', '.join(missing)}", source=source)
+        raise ParseError(f"there is no {', '.join(missing)}")
     if sensor is None:
         raise ParseError(
             "there is no comment 'assuming a sensor width of …', without which millimetres are not pixels; "
-            "add '#Focal Length mm assuming a sensor width of <width>x<height>mm'",
-            source=source,
+            "add '#Focal Length mm assuming a sensor width of <width>x<height>mm'"
         )
     return values, sensor
 
 
-def _sensor_in(comment: str, *, source: str, place: str) -> SizeMm | None:
+def _sensor_in(comment: str, *, place: str) -> SizeMm | None:
     found = _SENSOR.search(comment)
     if found is None:
         return None
-    width, height = (strict.number(side, source=source, place=place) for side in found.groups())
+    width, height = (strict.number(side, place=place) for side in found.groups())
     if not (width > 0 and height > 0):
-        raise ParseError(
-            f"the sensor is {width:g}×{height:g} mm, expected positive", source=source, place=place
-        )
+        raise ParseError(f"the sensor is {width:g}×{height:g} mm, expected positive", place=place)
     return width, height
 
 

@@ -77,15 +77,15 @@ def sniff(content: Content) -> Sniff | None:
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every different camera, in the order of the images."""
     images: dict[_Camera, list[str]] = {}
-    for name, camera in _images(data, context.name):
+    for name, camera in _images(data):
         images.setdefault(camera, []).append(name)
     if not images:
-        raise ParseError("there is no image after the heading", source=context.name)
+        raise ParseError("there is no image after the heading")
     several = len(images) > 1
     return [
         Calibration(
             camera=CameraKey(image_size=camera.size, sub_camera=names[0] if several else None),
-            intrinsics=CONVENTION.intrinsics(camera.native, context.size(camera.size), source=context.name),
+            intrinsics=CONVENTION.intrinsics(camera.native, context.size(camera.size)),
             distortion=camera.distortion,
             grade=Grade.ADJUSTED,
             quality=Quality(views=len(names)),
@@ -95,16 +95,15 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
-def _images(data: bytes, source: str) -> Iterator[tuple[str, _Camera]]:
+def _images(data: bytes) -> Iterator[tuple[str, _Camera]]:
     """Every image's name and camera; what is written alike is looked at once."""
-    rows = rows_of(data, source=source, most=MAX_BYTES)
+    rows = rows_of(data, most=MAX_BYTES)
     heading = tuple(row.strip() for row in rows[: len(HEADING)])
     if heading != HEADING:
         odd = next((row for row in heading if row not in HEADING), "nothing")
         raise UnsupportedModelError(
             f"its heading has {strict.shown(odd)} where a perspective camera's has {', '.join(HEADING)}; "
-            "export the project as OPF instead",
-            source=source,
+            "export the project as OPF instead"
         )
     numbered = ((index, row) for index, row in enumerate(rows, start=1) if row.strip())
     filled = islice(numbered, len(HEADING), None)
@@ -114,36 +113,33 @@ def _images(data: bytes, source: str) -> Iterator[tuple[str, _Camera]]:
         if len(block) < IMAGE_ROWS:
             raise ParseError(
                 f"{len(block)} lines of an image, expected {IMAGE_ROWS}; the file is cut short",
-                source=source,
                 place=f"line {index}",
             )
         name, *size = block[0][1].rsplit(maxsplit=2)
         if len(size) != 2:
             raise ParseError(
-                f"{strict.shown(name)} is not a file name with a width and a height",
-                source=source,
-                place=f"line {index}",
+                f"{strict.shown(name)} is not a file name with a width and a height", place=f"line {index}"
             )
         own = (*size, *(row for _, row in block[1 : 1 + len(CAMERA_ROWS)]))
         if own not in known:
-            known[own] = _camera(own, source=source, first_line=index)
+            known[own] = _camera(own, first_line=index)
         yield name.strip(), known[own]
 
 
-def _camera(own: tuple[str, ...], *, source: str, first_line: int) -> _Camera:
+def _camera(own: tuple[str, ...], *, first_line: int) -> _Camera:
     """The camera of an image: its width, its height, and the lines of K and of the lens."""
     place = f"line {first_line}"
-    width, height = (strict.number(side, source=source, place=place) for side in own[:2])
+    width, height = (strict.number(side, place=place) for side in own[:2])
     numbers = [
-        strict.numbers(row, count=count, source=source, place=f"line {first_line + offset}")
+        strict.numbers(row, count=count, place=f"line {first_line + offset}")
         for offset, (row, count) in enumerate(zip(own[2:], CAMERA_ROWS, strict=True), start=1)
     ]
     (fx, skew, cx), (zero, fy, cy), bottom, (k1, k2, k3), (p1, p2) = numbers
     if zero or bottom != (0.0, 0.0, 1.0):
-        raise ParseError("the three lines after it are not a camera matrix", source=source, place=place)
+        raise ParseError("the three lines after it are not a camera matrix", place=place)
     straight = not any((k1, k2, k3, p1, p2))
     return _Camera(
-        size=strict.image_size(width, height, source=source, place=place),
+        size=strict.image_size(width, height, place=place),
         native=Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew),
         distortion=NoDistortion() if straight else BrownConrady(k1=k1, k2=k2, p1=p1, p2=p2, k3=k3),
     )

@@ -27,7 +27,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Tangential
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import replace
 
 __all__ = ["FORMAT"]
@@ -62,18 +62,15 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """K of the one camera; its pose is left alone."""
-    rows = [
-        row for row in short_text(data, source=context.name, max_bytes=LONGEST).splitlines() if row.strip()
-    ]
+    rows = [row for row in text_of(data, most=LONGEST).splitlines() if row.strip()]
     if len(rows) != 3:
-        raise ParseError(f"{len(rows)} rows of numbers, expected 3", source=context.name)
-    P = np.array([strict.numbers(row, count=4, source=context.name) for row in rows])
-    K = _upper_triangle(P[:, :3], context.name)
+        raise ParseError(f"{len(rows)} rows of numbers, expected 3")
+    P = np.array([strict.numbers(row, count=4) for row in rows])
+    K = _upper_triangle(P[:, :3])
     if not (K[0, 0] >= SMALLEST_FOCAL_PX and K[1, 1] >= SMALLEST_FOCAL_PX):
         raise ParseError(
             f"it decomposes into focal lengths of {K[0, 0]:.3g} and {K[1, 1]:.3g}, which are none in px: this is a "
-            "pose or a normalised matrix, expected P = K·[R | t]",
-            source=context.name,
+            "pose or a normalised matrix, expected P = K·[R | t]"
         )
     size = context.size(None)
     corner = context.option(ORIGIN.name) == "corner"
@@ -85,7 +82,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=convention.intrinsics(native, size, source=context.name),
+            intrinsics=convention.intrinsics(native, size),
             grade=Grade.DERIVED,
             provenance=context.provenance(
                 assumptions=(*assumed, "a bare matrix does not say how it came about; taken as derived")
@@ -95,7 +92,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
-def _upper_triangle(M: NDArray[np.float64], source: str) -> NDArray[np.float64]:
+def _upper_triangle(M: NDArray[np.float64]) -> NDArray[np.float64]:
     """K of M = K·R with a positive diagonal and K[2, 2] = 1.
 
     Rows and columns in reverse turn RQ into numpy's QR. A sign of P as a whole, and a mirrored world, end up
@@ -103,9 +100,7 @@ def _upper_triangle(M: NDArray[np.float64], source: str) -> NDArray[np.float64]:
     """
     scale = float(np.abs(M).max())
     if not scale > 0 or np.linalg.svd(M / scale, compute_uv=False)[-1] < SINGULAR:
-        raise ParseError(
-            "its left 3×3 part has no inverse, so it is not a camera at a finite place", source=source
-        )
+        raise ParseError("its left 3×3 part has no inverse, so it is not a camera at a finite place")
     reversed_rows = np.linalg.qr((M / scale)[::-1].T)[1]
     upper = reversed_rows.T[::-1, ::-1]
     upper = upper * np.sign(np.diag(upper))

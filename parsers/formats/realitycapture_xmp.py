@@ -78,21 +78,18 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the sidecar."""
-    fields = _fields(parse_xml(data, source=context.name, max_bytes=MAX_BYTES), context.name)
+    fields = _fields(parse_xml(data, source=context.name, max_bytes=MAX_BYTES))
 
     def number(name: str, default: float | None = None) -> float:
         if name not in fields and default is None:
-            raise ParseError(f"there is no xcr:{name}", source=context.name)
-        return (
-            strict.number(fields[name], source=context.name, place=name) if name in fields else default or 0.0
-        )
+            raise ParseError(f"there is no xcr:{name}")
+        return strict.number(fields[name], place=name) if name in fields else default or 0.0
 
     focal = number(FOCAL) / FILM_WIDTH_MM
     aspect = number("AspectRatio", 1.0)
     if number("Skew", 0.0):
         raise UnsupportedModelError(
-            "Skew is not 0, and RealityCapture does not say in which unit; export without it",
-            source=context.name,
+            "Skew is not 0, and RealityCapture does not say in which unit; export without it"
         )
     distortion = _distortion(fields, context)
     size = context.size(None)
@@ -102,7 +99,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+            intrinsics=CONVENTION.intrinsics(native, size),
             distortion=distortion,
             grade=Grade.ADJUSTED,
             provenance=context.provenance(
@@ -115,7 +112,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
-def _fields(root: _Element, source: str) -> Mapping[str, str]:
+def _fields(root: _Element) -> Mapping[str, str]:
     """The vendor's fields of the one description that has a focal length, attributes and elements alike."""
     described = []
     for element in root.iter():
@@ -127,15 +124,14 @@ def _fields(root: _Element, source: str) -> Mapping[str, str]:
             if not space.startswith("{" + NAMESPACE):
                 continue
             if local in fields:
-                raise ParseError("it is a duplicate key", source=source, place=local)
+                raise ParseError("it is a duplicate key", place=local)
             fields[local] = str(value).strip()
         if FOCAL in fields:
             described.append(fields)
     if len(described) != 1:
         raise ParseError(
             f"{len(described)} descriptions hold xcr:{FOCAL}, expected one; export the metadata with the "
-            "calibration in it",
-            source=source,
+            "calibration in it"
         )
     return described[0]
 
@@ -149,17 +145,14 @@ def _distortion(fields: Mapping[str, str], context: ReadContext) -> Distortion |
         raise UnsupportedModelError(
             f"the DistortionModel {strict.shown(model)} has no counterpart here, expected one of {', '.join(USED)}; "
             "align the images with one of those",
-            source=context.name,
             place="DistortionModel",
         )
     text = fields.get("DistortionCoeficients", fields.get("DistortionCoefficients"))
     if text is None:
         if USED[model]:
-            raise ParseError(
-                f"{model} has no coefficients", source=context.name, place="DistortionCoeficients"
-            )
+            raise ParseError(f"{model} has no coefficients", place="DistortionCoeficients")
         return NoDistortion()
-    six = strict.numbers(text, count=len(COEFFICIENTS), source=context.name, place="DistortionCoeficients")
+    six = strict.numbers(text, count=len(COEFFICIENTS), place="DistortionCoeficients")
     c = {name: value if name in USED[model] else 0.0 for name, value in zip(COEFFICIENTS, six, strict=True)}
     if not any(c.values()):
         return NoDistortion()
@@ -178,7 +171,6 @@ def _tangential(t1: float, t2: float, context: ReadContext) -> tuple[float, floa
         raise UnsupportedModelError(
             "its tangential terms t1 and t2 are not zero, and readers disagree about their order; say it with "
             "--set tangential=opencv or tangential=swapped",
-            source=context.name,
             place="DistortionCoeficients",
         )
     return (t1, t2) if order == "opencv" else (t2, t1)

@@ -171,7 +171,7 @@ def _camera(
 ) -> Calibration:
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=name),
-        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
+        intrinsics=CONVENTION.intrinsics(native, size),
         distortion=distortion,
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=tag),

@@ -43,7 +43,7 @@ from calibrary.parsers.formats._bound_extras import bound, unbound
 from calibrary.parsers.formats._file_storage import YAML_TAGS
 from calibrary.parsers.formats._json_text import restored
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 from calibrary.parsers.formats._yaml_text import flow, scalar
 from calibrary.strictyaml import load_yaml
 
@@ -100,7 +100,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     tree = _tree(data, context.name)
     spelled = next((item for item in SPELLINGS if item.K in tree), SPELLINGS[0])
     size = context.size(tree.image_size(spelled.width, spelled.height))
-    intrinsics = CONVENTION.intrinsics(_native(tree[spelled.K]), size, source=context.name)
+    intrinsics = CONVENTION.intrinsics(_native(tree[spelled.K]), size)
     assumptions: list[str] = []
     notes: list[str] = []
     distortion = _distortion(tree, spelled, notes=notes, assumptions=assumptions)
@@ -148,7 +148,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
 
 
 def _tree(data: bytes, source: str) -> Node:
-    text = short_text(data, source=source, max_bytes=MAX_BYTES)
+    text = text_of(data, source=source, most=MAX_BYTES)
     # `rostopic echo` ends every message with the mark that begins the next.
     text = re.sub(r"\n---[ \t]*(?:\r?\n)*\Z", "\n", text)
     tree = Node(load_yaml(text, source=source, ignored_tags=YAML_TAGS), source=source)

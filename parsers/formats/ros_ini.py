@@ -48,7 +48,7 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -90,8 +90,8 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the file, in order, each in the size that the [image] before it says."""
-    sections = list(_sections(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name))
-    cameras = list(_cameras(sections, context.name))
+    sections = list(_sections(text_of(data, most=MAX_BYTES)))
+    cameras = list(_cameras(sections))
     several = len(cameras) > 1
     return [_camera(section, size, context, several=several) for section, size in cameras]
 
@@ -125,82 +125,79 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def _sections(text: str, source: str) -> Iterator[Section]:
+def _sections(text: str) -> Iterator[Section]:
     section: Section | None = None
     label, numbers = "", list[float]()
-    for number, line in enumerate([*_lines(text, source), "[end]"], start=1):
+    for number, line in enumerate([*_lines(text), "[end]"], start=1):
         place = f"line {number}"
         found = _SECTION.search(line)
         if found or line in LABELS:
             if section is not None and label:
-                _keep(section, label, tuple(numbers), source)
+                _keep(section, label, tuple(numbers))
             label, numbers = ("", []) if found else (line, [])
             if found:
                 if section is not None:
                     yield section
                 section = Section(found[1])
             elif section is None:
-                raise ParseError("it is in no section", source=source, place=place)
+                raise ParseError("it is in no section", place=place)
         elif line:
             if not label:
-                raise ParseError(
-                    f"{strict.shown(line)}, expected one of {', '.join(LABELS)}", source=source, place=place
-                )
-            numbers += strict.numbers(line, source=source, place=place)
+                raise ParseError(f"{strict.shown(line)}, expected one of {', '.join(LABELS)}", place=place)
+            numbers += strict.numbers(line, place=place)
 
 
-def _lines(text: str, source: str) -> Iterator[str]:
+def _lines(text: str) -> Iterator[str]:
     """Without comments; after the last camera's distortion nothing is read whose end could be missing."""
     unended = not text.endswith(("\n", "\r"))
     if unended and "projection" in text.rpartition("distortion")[2]:
         text += "\n"
-    for line in strict.lines(text, source=source):
+    for line in strict.lines(text):
         yield re.split("[#;]", line, maxsplit=1)[0].strip()
 
 
-def _keep(section: Section, label: str, numbers: tuple[float, ...], source: str) -> None:
+def _keep(section: Section, label: str, numbers: tuple[float, ...]) -> None:
     if label in section.blocks:
-        raise ParseError("it is a duplicate key in one section", source=source, place=label)
+        raise ParseError("it is a duplicate key in one section", place=label)
     if len(numbers) not in LABELS[label]:
         wanted = " or ".join(map(str, LABELS[label]))
-        raise ParseError(f"{len(numbers)} numbers, expected {wanted}", source=source, place=label)
+        raise ParseError(f"{len(numbers)} numbers, expected {wanted}", place=label)
     section.blocks[label] = numbers
 
 
-def _cameras(sections: Sequence[Section], source: str) -> Iterator[tuple[Section, ImageSize]]:
+def _cameras(sections: Sequence[Section]) -> Iterator[tuple[Section, ImageSize]]:
     """The sections that are cameras, each with the image size and the externals that come before it."""
     size: ImageSize | None = None
     externals: dict[str, tuple[float, ...]] = {}
     for section in sections:
         if section.name == "image":
-            width, height = (_needed(section, label, source)[0] for label in ("width", "height"))
-            size, externals = strict.image_size(width, height, source=source, place="image"), {}
+            width, height = (_needed(section, label)[0] for label in ("width", "height"))
+            size, externals = strict.image_size(width, height, place="image"), {}
         elif section.name == "externals":
             externals = section.blocks
         else:
             if size is None:
-                raise ParseError("there is no [image] before it", source=source, place=section.name)
+                raise ParseError("there is no [image] before it", place=section.name)
             yield Section(section.name, externals | section.blocks), size
 
 
-def _needed(section: Section, label: str, source: str) -> tuple[float, ...]:
+def _needed(section: Section, label: str) -> tuple[float, ...]:
     if label not in section.blocks:
-        raise ParseError(f"there is no {label!r}", source=source, place=section.name)
+        raise ParseError(f"there is no {label!r}", place=section.name)
     return section.blocks[label]
 
 
 def _camera(section: Section, size: ImageSize, context: ReadContext, *, several: bool) -> Calibration:
-    matrix = _needed(section, "camera matrix", context.name)
+    matrix = _needed(section, "camera matrix")
     fx, skew, cx, below, fy, cy, *last = matrix
     if below != 0 or last != [0, 0, 1]:
         raise ParseError(
             "this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row",
-            source=context.name,
             place="camera matrix",
         )
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
-    intrinsics = CONVENTION.intrinsics(native, context.size(size), source=context.name)
-    distortion = _distortion(_needed(section, "distortion", context.name), context)
+    intrinsics = CONVENTION.intrinsics(native, context.size(size))
+    distortion = _distortion(_needed(section, "distortion"), context)
     extras = [(PREFIX + "camera_name", section.name)]
     for label in ("translation", "rotation", "rectification", "projection"):
         if label in section.blocks:
@@ -223,17 +220,12 @@ def _distortion(values: tuple[float, ...], context: ReadContext) -> Distortion:
     asked = context.option(DISTORTION.name)
     if asked == "fisheye":
         if len(values) != 4:
-            raise ParseError(
-                f"{len(values)} coefficients of a fisheye, expected 4",
-                source=context.name,
-                place="distortion",
-            )
+            raise ParseError(f"{len(values)} coefficients of a fisheye, expected 4", place="distortion")
         return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
     if len(values) == 4 and any(values) and asked is None:
         raise ParseError(
             "four coefficients are plumb_bob's k1 k2 p1 p2 or equidistant's k1 k2 k3 k4, and the file does "
             "not state which; say so with --set distortion=brown or distortion=fisheye",
-            source=context.name,
             place="distortion",
         )
     return lens(values)

@@ -88,7 +88,6 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if model == "equirectangular":
         raise UnsupportedModelError(
             "the images are equirectangular panoramas, each pixel an angle, and no K describes them",
-            source=context.name,
             place=node["model"].place,
         )
     if model not in LENSES:

@@ -30,7 +30,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Tangential, YAxis
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import replace
 
 __all__ = ["FORMAT"]
@@ -65,15 +65,13 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """K of the one camera; its lens terms go to ``extras``."""
-    values = _values(data, context.name)
-    _refuse_panoramas(values, context.name)
-    size = context.size(_image_size(values, context.name))
-    _check_plate(values, size, context.name)
+    values = _values(data)
+    _refuse_panoramas(values)
+    size = context.size(_image_size(values))
+    _check_plate(values, size)
     if PRINCIPAL_POINT not in values:
-        raise ParseError(
-            f"there is no {PRINCIPAL_POINT}, which contains the focal length", source=context.name
-        )
-    x, y, z = strict.numbers(values[PRINCIPAL_POINT], count=3, source=context.name, place=PRINCIPAL_POINT)
+        raise ParseError(f"there is no {PRINCIPAL_POINT}, which contains the focal length")
+    x, y, z = strict.numbers(values[PRINCIPAL_POINT], count=3, place=PRINCIPAL_POINT)
     native = Native(fx=abs(z), fy=abs(z), cx=x, cy=y)
     convention = replace(CONVENTION, y_axis=_y_axis(y, context))
     lens = [
@@ -82,7 +80,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=convention.intrinsics(native, size, source=context.name),
+            intrinsics=convention.intrinsics(native, size),
             grade=Grade.CALIBRATED,
             provenance=context.provenance(
                 assumptions=("the size of the plate is in pixels, so the principal point is too",)
@@ -97,11 +95,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
-def _values(data: bytes, source: str) -> dict[str, str]:
-    text = short_text(data, source=source, max_bytes=MAX_BYTES)
-    rows = [row.strip() for row in strict.lines(text, source=source)]
+def _values(data: bytes) -> dict[str, str]:
+    text = text_of(data, most=MAX_BYTES)
+    rows = [row.strip() for row in strict.lines(text)]
     if not rows or rows[0] != HEADING:
-        raise ParseError(f"the first line is not {HEADING}", source=source)
+        raise ParseError(f"the first line is not {HEADING}")
     values: dict[str, str] = {}
     for index, row in enumerate(rows[1:], start=2):
         if not row:
@@ -109,45 +107,42 @@ def _values(data: bytes, source: str) -> dict[str, str]:
         key, mark, value = row.partition("=")
         key = key.replace(" ", "")
         if not mark or not key:
-            raise ParseError(f"{strict.shown(row)} is not Key= value", source=source, place=f"line {index}")
+            raise ParseError(f"{strict.shown(row)} is not Key= value", place=f"line {index}")
         if key in values:
-            raise ParseError(f"{strict.shown(key)} is a duplicate key", source=source, place=f"line {index}")
+            raise ParseError(f"{strict.shown(key)} is a duplicate key", place=f"line {index}")
         values[key] = value.strip()
     return values
 
 
-def _refuse_panoramas(values: dict[str, str], source: str) -> None:
+def _refuse_panoramas(values: dict[str, str]) -> None:
     text = values.get("Panoramic", "0")
-    if strict.number(text, source=source, place="Panoramic"):
+    if strict.number(text, place="Panoramic"):
         raise UnsupportedModelError(
             "the images are panoramas, each pixel an angle, and no K describes them; use the images of the "
             "single cameras and their own calibrations",
-            source=source,
             place="Panoramic",
         )
 
 
-def _image_size(values: dict[str, str], source: str) -> ImageSize | None:
+def _image_size(values: dict[str, str]) -> ImageSize | None:
     if "ImageSize" not in values:
         return None
-    width, height = strict.numbers(values["ImageSize"], count=2, source=source, place="ImageSize")
-    return strict.image_size(width, height, source=source, place="ImageSize")
+    width, height = strict.numbers(values["ImageSize"], count=2, place="ImageSize")
+    return strict.image_size(width, height, place="ImageSize")
 
 
-def _check_plate(values: dict[str, str], size: ImageSize, source: str) -> None:
+def _check_plate(values: dict[str, str], size: ImageSize) -> None:
     """Another unit than pixels may be meant where the plate is not the image."""
     if "PlateSize" not in values:
         raise ParseError(
             "there is no PlateSize, which says the unit of the principal point; add PlateSize= with the image "
-            "size if that is in pixels",
-            source=source,
+            "size if that is in pixels"
         )
-    plate = strict.numbers(values["PlateSize"], count=2, source=source, place="PlateSize")
+    plate = strict.numbers(values["PlateSize"], count=2, place="PlateSize")
     if plate != size:
         raise UnsupportedModelError(
             f"the plate is {plate[0]:g}×{plate[1]:g} and the image {size[0]}×{size[1]}, so the principal point is "
             "not in pixels of the image; save the calibration in TerraPhoto with a plate of the image's size",
-            source=source,
             place="PlateSize",
         )
 
@@ -158,7 +153,6 @@ def _y_axis(y: float, context: ReadContext) -> YAxis:
         raise ParseError(
             f"Yo is {y:g}, and the format does not say whether y grows up or down; say it with "
             "--set y_axis=up or y_axis=down",
-            source=context.name,
             place=PRINCIPAL_POINT,
         )
     return YAxis.UP if asked == "up" else YAxis.DOWN

@@ -95,7 +95,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if not images:
         images[None] = _Images(shared, [])
     if len(images) > MAX_CAMERAS:
-        raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=context.name)
+        raise ParseError(f"there are over {MAX_CAMERAS} cameras")
     extras = tuple(_extras(document))
     return [
         _calibration(one, context, fisheye=fisheye, several=len(images) > 1, extras=extras)
@@ -189,13 +189,13 @@ def _calibration(
     extras: tuple[tuple[str, str], ...],
 ) -> Calibration:
     numbers, names = images.numbers, images.names
-    size = context.size(_size(numbers, context.name))
-    native, assumptions = _native(numbers, size, context.name)
+    size = context.size(_size(numbers))
+    native, assumptions = _native(numbers, size)
     name = (names[0] or None) if names else None
     calibration = Calibration(
         camera=CameraKey(image_size=size, sub_camera=name if several else None),
-        intrinsics=CONVENTION.intrinsics(native, size, source=context.name),
-        distortion=_lens(numbers, fisheye=fisheye, source=context.name),
+        intrinsics=CONVENTION.intrinsics(native, size),
+        distortion=_lens(numbers, fisheye=fisheye),
         grade=Grade.ADJUSTED if "fl_x" in numbers else Grade.DESIGN,
         quality=Quality(views=len(names)) if names else None,
         provenance=context.provenance(tag=name, assumptions=assumptions),
@@ -204,27 +204,27 @@ def _calibration(
     return replace(calibration, extras=extras)
 
 
-def _size(numbers: Mapping[str, float], source: str) -> ImageSize | None:
+def _size(numbers: Mapping[str, float]) -> ImageSize | None:
     if not any(key in numbers for key in SIZE):
         return None
-    return strict.image_size(numbers.get("w", 0), numbers.get("h", 0), source=source)
+    return strict.image_size(numbers.get("w", 0), numbers.get("h", 0))
 
 
-def _native(numbers: Mapping[str, float], size: ImageSize, source: str) -> tuple[Native, tuple[str, ...]]:
+def _native(numbers: Mapping[str, float], size: ImageSize) -> tuple[Native, tuple[str, ...]]:
     """K, and what had to be assumed."""
     width, height = size
     assumptions: list[str] = []
     if "fl_x" in numbers:
         fx = numbers["fl_x"]
     elif "camera_angle_x" in numbers:
-        fx = _focal(numbers["camera_angle_x"], width, source)
+        fx = _focal(numbers["camera_angle_x"], width)
         assumptions.append("fl_x was taken from camera_angle_x")
     else:
-        raise MissingTagError("there is neither fl_x nor camera_angle_x, so no focal length", source=source)
+        raise MissingTagError("there is neither fl_x nor camera_angle_x, so no focal length")
     if "fl_y" in numbers:
         fy = numbers["fl_y"]
     elif "camera_angle_y" in numbers:
-        fy = _focal(numbers["camera_angle_y"], height, source)
+        fy = _focal(numbers["camera_angle_y"], height)
         assumptions.append("fl_y was taken from camera_angle_y")
     else:
         fy = fx
@@ -235,23 +235,20 @@ def _native(numbers: Mapping[str, float], size: ImageSize, source: str) -> tuple
     return Native(fx=fx, fy=fy, cx=cx, cy=cy), tuple(assumptions)
 
 
-def _focal(angle_rad: float, side_px: int, source: str) -> float:
+def _focal(angle_rad: float, side_px: int) -> float:
     """The focal length of a pinhole that sees the whole side under an angle."""
     if not 0 < angle_rad < math.pi:
-        raise ParseError(
-            f"the field of view is {angle_rad:g}, expected radians between 0 and 3.1416", source=source
-        )
+        raise ParseError(f"the field of view is {angle_rad:g}, expected radians between 0 and 3.1416")
     return 0.5 * side_px / math.tan(0.5 * angle_rad)
 
 
-def _lens(numbers: Mapping[str, float], *, fisheye: bool, source: str) -> Distortion:
+def _lens(numbers: Mapping[str, float], *, fisheye: bool) -> Distortion:
     c = {key: numbers.get(key, 0.0) for key in LENS}
     odd = next((key for key in (("p1", "p2") if fisheye else ("k4",)) if c[key]), None)
     if odd is not None:
         meaning = "a fisheye has no tangential terms" if fisheye else "nerfstudio uses it in two meanings"
         raise UnsupportedModelError(
             f"{odd} is {c[odd]:g} and {meaning}; undistort the images first, or fit the camera without it",
-            source=source,
             place=odd,
         )
     if fisheye:

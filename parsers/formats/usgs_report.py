@@ -95,17 +95,16 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the report, for scans of the given pixel size."""
-    text = text_of(data, source=context.name).translate(_TIDY)
-    focal, values = _values(text, context.name)
+    text = text_of(data).translate(_TIDY)
+    focal, values = _values(text)
     scale = 1.0 + values["K0"]
     if not scale > 0:
-        raise ParseError(f"K0 is {values['K0']:g}, expected a small scale", source=context.name, place="K0")
+        raise ParseError(f"K0 is {values['K0']:g}, expected a small scale", place="K0")
     scan_um = context.option(SCAN_UM.name)
     if scan_um is None:
         raise MissingTagError(
             "the report is of a film camera and knows no pixels; say how large those of the scans are, once "
-            "resampled to the fiducial marks, with --set scan_um=20",
-            source=context.name,
+            "resampled to the fiducial marks, with --set scan_um=20"
         )
     size = context.size(None)
     pitch = strict.number(scan_um) / 1000
@@ -114,7 +113,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return [
         Calibration(
             camera=CameraKey(model=_found(_CAMERA, text), lens=_found(_LENS, text), image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size, sensor_mm=sensor, source=context.name),
+            intrinsics=CONVENTION.intrinsics(native, size, sensor_mm=sensor),
             distortion=_distortion(values, focal / scale, scale),
             grade=Grade.CALIBRATED,
             provenance=context.provenance(
@@ -124,40 +123,39 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
-def _values(text: str, source: str) -> tuple[float, dict[str, float]]:
+def _values(text: str) -> tuple[float, dict[str, float]]:
     """The calibrated focal length in mm, and the terms and the principal point by name."""
     found = _FOCAL.search(text)
     if found is None:
-        raise ParseError("there is no 'Calibrated Focal Length: … mm'", source=source)
-    focal = strict.number(found.group(1), source=source, place="Calibrated Focal Length")
+        raise ParseError("there is no 'Calibrated Focal Length: … mm'")
+    focal = strict.number(found.group(1), place="Calibrated Focal Length")
     values: dict[str, float] = {}
     for letter, digit, mantissa, exponent in _TERM.findall(text):
         name = letter + ("0" if digit in "oO" else digit)
-        _put(values, name, _scaled(mantissa, exponent, source=source, place=name), source)
+        _put(values, name, _scaled(mantissa, exponent, place=name))
     for name, number in _POINT.findall(text):
-        _put(values, name, strict.number(number, source=source, place=name), source)
+        _put(values, name, strict.number(number, place=name))
     missing = [name for name in (*RADIAL, *DECENTRING, "xp", "yp") if name not in values]
     if missing:
-        raise ParseError(f"there is no {', '.join(missing)}", source=source)
+        raise ParseError(f"there is no {', '.join(missing)}")
     return focal, values
 
 
-def _put(values: dict[str, float], name: str, value: float, source: str) -> None:
+def _put(values: dict[str, float], name: str, value: float) -> None:
     """A value that a report may repeat, but not contradict."""
     if values.setdefault(name, value) != value:
-        raise ParseError(f"it is {values[name]:g} and {value:g}", source=source, place=name)
+        raise ParseError(f"it is {values[name]:g} and {value:g}", place=name)
 
 
-def _scaled(mantissa: str, exponent: str, *, source: str, place: str) -> float:
+def _scaled(mantissa: str, exponent: str, *, place: str) -> float:
     """A number as printed, "0.3285 x 10-4"."""
     power = exponent.replace(" ", "")
     if power and not power.startswith("-"):
         raise ParseError(
             f"it is {mantissa} x 10 to the {power}, which no lens has; the sign of the exponent may be lost",
-            source=source,
             place=place,
         )
-    return strict.number(f"{mantissa}e{power}" if power else mantissa, source=source, place=place)
+    return strict.number(f"{mantissa}e{power}" if power else mantissa, place=place)
 
 
 def _distortion(values: dict[str, float], focal: float, scale: float) -> Distortion:

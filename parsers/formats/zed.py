@@ -34,7 +34,7 @@ from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._opencv_lens import smallest_lens
-from calibrary.parsers.formats._short_text import short_text
+from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
 
@@ -82,14 +82,14 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera at every resolution, in the file's order; with ``image_size`` those of that size alone."""
-    sections = _sections(short_text(data, source=context.name, max_bytes=MAX_BYTES), context.name)
+    sections = _sections(text_of(data, most=MAX_BYTES))
     found = [
         (section, match[1].upper(), SIZES.get(match[2].upper()))
         for section in sections.values()
         if (match := _CAMERA.fullmatch(section.name))
     ]
     if not found:
-        raise ParseError("there is no section [LEFT_CAM_…]", source=context.name)
+        raise ParseError("there is no section [LEFT_CAM_…]")
     unknown = [section.name for section, _, size in found if size is None]
     notes = [NOTE]
     if unknown:
@@ -113,61 +113,57 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def _camera(
     section: Section, shared: Section | None, size: ImageSize, context: ReadContext, notes: tuple[str, ...]
 ) -> Calibration:
-    fx, fy, cx, cy = (_number(section, key, context.name) for key in ("fx", "fy", "cx", "cy"))
+    fx, fy, cx, cy = (_number(section, key) for key in ("fx", "fy", "cx", "cy"))
     lens_of = section if "k1" in section.values or shared is None else shared
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=section.name),
-        intrinsics=CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size, source=context.name),
-        distortion=_distortion(lens_of, context.name),
+        intrinsics=CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size),
+        distortion=_distortion(lens_of),
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=section.name),
         notes=notes,
     )
 
 
-def _distortion(section: Section, source: str) -> Distortion:
+def _distortion(section: Section) -> Distortion:
     keys = section.values.keys()
     if "k4" in keys and not {"p1", "p2", "k5", "k6"} & keys:
-        return KannalaBrandt(**{key: _number(section, key, source) for key in KannalaBrandt.names()})
-    _number(section, "k1", source)
-    values = [_number(section, key, source) if key in keys else 0.0 for key in COEFFICIENTS]
+        return KannalaBrandt(**{key: _number(section, key) for key in KannalaBrandt.names()})
+    _number(section, "k1")
+    values = [_number(section, key) if key in keys else 0.0 for key in COEFFICIENTS]
     return smallest_lens(values)
 
 
-def _number(section: Section, key: str, source: str) -> float:
+def _number(section: Section, key: str) -> float:
     place = f"[{section.name}] {key}"
     if key not in section.values:
-        raise ParseError("it is not there", source=source, place=place)
-    return strict.number(section.values[key], source=source, place=place)
+        raise ParseError("it is not there", place=place)
+    return strict.number(section.values[key], place=place)
 
 
-def _sections(text: str, source: str) -> dict[str, Section]:
+def _sections(text: str) -> dict[str, Section]:
     """The sections by their names in upper case."""
     sections: dict[str, Section] = {}
     section: Section | None = None
-    for number, line in _lines(text, source):
+    for number, line in _lines(text):
         match = _SECTION.fullmatch(line)
         if match:
             if match[1].upper() in sections:
-                raise ParseError("it is a duplicate key", source=source, place=f"[{match[1]}]")
+                raise ParseError("it is a duplicate key", place=f"[{match[1]}]")
             section = sections[match[1].upper()] = Section(match[1])
             continue
         key, sign, value = (part.strip() for part in line.partition("="))
         if not sign or section is None:
-            raise ParseError(
-                f"{strict.shown(line)}, expected a section or key=value",
-                source=source,
-                place=f"line {number}",
-            )
+            raise ParseError(f"{strict.shown(line)}, expected a section or key=value", place=f"line {number}")
         if key in section.values:
-            raise ParseError("it is a duplicate key", source=source, place=f"[{section.name}] {key}")
+            raise ParseError("it is a duplicate key", place=f"[{section.name}] {key}")
         section.values[key] = value
     if section is not None:
-        _refuse_part_of_a_lens(section, source)
+        _refuse_part_of_a_lens(section)
     return sections
 
 
-def _refuse_part_of_a_lens(last: Section, source: str) -> None:
+def _refuse_part_of_a_lens(last: Section) -> None:
     """What ends the file in the middle of its coefficients was cut short; as a rule [STEREO] follows."""
     keys = last.values.keys()
     if last.name.upper().endswith("_DISTO"):
@@ -177,17 +173,16 @@ def _refuse_part_of_a_lens(last: Section, source: str) -> None:
     if not whole:
         raise ParseError(
             f"the file ends after {', '.join(keys) or 'its name'}, so it may be cut short; complete it",
-            source=source,
             place=f"[{last.name}]",
         )
 
 
-def _lines(text: str, source: str) -> Iterator[tuple[int, str]]:
+def _lines(text: str) -> Iterator[tuple[int, str]]:
     """Lines that say something, numbered; the last one must be ended where a camera's numbers stand in it."""
     last_section = text.upper().rpartition("[")[2]
     if not last_section.startswith(("LEFT_", "RIGHT_")):
         text += "\n"
-    for number, raw in enumerate(strict.lines(text, source=source), start=1):
+    for number, raw in enumerate(strict.lines(text), start=1):
         line = re.split("[#;]", raw, maxsplit=1)[0].strip()
         if line:
             yield number, line

@@ -71,18 +71,17 @@ class _Camera:
     """One block."""
 
     name: str
-    source: str
     place: str
     rows: dict[str, str] = field(default_factory=dict)
 
     def numbers(self, key: str, count: int) -> tuple[float, ...]:
         """A row's numbers."""
-        return strict.numbers(self.text(key), count=count, source=self.source, place=f"{self.place}, {key}")
+        return strict.numbers(self.text(key), count=count, place=f"{self.place}, {key}")
 
     def text(self, key: str) -> str:
         """What stands behind the colon."""
         if key not in self.rows:
-            raise ParseError(f"there is no {key}", source=self.source, place=self.place)
+            raise ParseError(f"there is no {key}", place=self.place)
         return self.rows[key].strip()
 
 
@@ -95,30 +94,30 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in order."""
-    cameras = _blocks(data, context.name)
+    cameras = _blocks(data)
     several = len(cameras) > 1
     return [_calibration(camera, context, several=several) for camera in cameras]
 
 
-def _blocks(data: bytes, source: str) -> list[_Camera]:
+def _blocks(data: bytes) -> list[_Camera]:
     cameras: list[_Camera] = []
     inside = False
-    for index, line in enumerate(rows_of(data, source=source), start=1):
+    for index, line in enumerate(rows_of(data), start=1):
         row = line.strip()
         if row.startswith(BEGIN):
-            cameras.append(_Camera(row.removeprefix(BEGIN).strip(), source, f"line {index}"))
+            cameras.append(_Camera(row.removeprefix(BEGIN).strip(), f"line {index}"))
             inside = True
         elif row == END:
             inside = False
         elif inside and (found := _ROW.match(row)):
             key, value = found.groups()
             if key in cameras[-1].rows:
-                raise ParseError(f"{key} is a duplicate key", source=source, place=f"line {index}")
+                raise ParseError(f"{key} is a duplicate key", place=f"line {index}")
             cameras[-1].rows[key] = value
     if not cameras:
-        raise ParseError(f"there is no '{BEGIN}'", source=source)
+        raise ParseError(f"there is no '{BEGIN}'")
     if inside:
-        raise ParseError(f"there is no '{END}'", source=source, place=cameras[-1].place)
+        raise ParseError(f"there is no '{END}'", place=cameras[-1].place)
     return cameras
 
 
@@ -128,14 +127,13 @@ def _calibration(camera: _Camera, context: ReadContext, *, several: bool) -> Cal
             raise UnsupportedModelError(
                 f"{key} is {strict.shown(camera.text(key))}; what other values than {known} mean is not known; "
                 "export the camera from the adjustment in another format",
-                source=context.name,
                 place=camera.place,
             )
     rows, columns = camera.numbers("image_size_in_pixels", 2)
-    size = context.size(strict.image_size(columns, rows, source=context.name, place=camera.place))
+    size = context.size(strict.image_size(columns, rows, place=camera.place))
     pixel_down, pixel_across = (value / 1000 for value in camera.numbers("pixel_size", 2))
     if not (pixel_down > 0 and pixel_across > 0):
-        raise ParseError("the pixel size is not positive", source=context.name, place=camera.place)
+        raise ParseError("the pixel size is not positive", place=camera.place)
     [focal] = camera.numbers("focal_length", 1)
     origin_row, origin_column = camera.numbers("photo_coord_sys_origin", 2)
     x, y = camera.numbers("ppac", 2)
@@ -144,7 +142,7 @@ def _calibration(camera: _Camera, context: ReadContext, *, several: bool) -> Cal
     free = camera.text("lens_distortion_flag") == "off"
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=(camera.name or camera.place) if several else None),
-        intrinsics=CONVENTION.intrinsics(native, size, sensor_mm=sensor, source=context.name),
+        intrinsics=CONVENTION.intrinsics(native, size, sensor_mm=sensor),
         distortion=NoDistortion() if free else None,
         grade=Grade.ADJUSTED,
         provenance=context.provenance(tag=camera.name or None),
