@@ -33,8 +33,12 @@ QUALITY = {
 """What is known of a calibration's quality in one number each, in words."""
 
 
-def format_by_suffix(path: str | Path) -> Format:
+def format_by_suffix(path: str | Path, *, flag: str | None = None) -> Format:
     """The one format that is written under such a name.
+
+    Args:
+        path: the name.
+        flag: that says which, for the message.
 
     Raises:
         InputError: none or several are.
@@ -44,8 +48,9 @@ def format_by_suffix(path: str | Path) -> Format:
     if len(fitting) == 1:
         return fitting[0]
     found = "several formats are" if fitting else "no format is"
+    how = f" with {flag}" if flag is not None else ""
     raise InputError(
-        f"{found} written as {suffix or 'a file without a suffix'}; say which, one of "
+        f"{found} written as {suffix or 'a file without a suffix'}; say which{how}, one of "
         f"{', '.join(item.name for item in fitting or written)}",
         source=Path(path).name,
     )

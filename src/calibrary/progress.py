@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeAlias
 
-__all__ = ["Progress", "counted"]
+__all__ = ["Progress", "counted", "labelled"]
 
 Progress: TypeAlias = Callable[[int, int, str], None]
 """Called with (done, total, what): how many of how many, and of what, as "images"."""
@@ -15,7 +15,7 @@ def counted(progress: Progress | None, total: int, what: str) -> Callable[[int],
     """From work that says "so many more" to a caller who is told "so many of so many".
 
     Args:
-        progress: whom to tell, first of all that nothing is done yet; None for nobody.
+        progress: whom to tell, first of all that nothing is done yet; None if the caller does not ask.
         total: how many there are.
         what: of what.
     """
@@ -30,3 +30,8 @@ def counted(progress: Progress | None, total: int, what: str) -> Callable[[int],
         progress(done, total, what)
 
     return advance
+
+
+def labelled(progress: Progress | None, what: str) -> Callable[[int, int], None] | None:
+    """From work that counts one kind of thing, and does not say which, to a caller who is told of what."""
+    return (lambda done, total: progress(done, total, what)) if progress is not None else None

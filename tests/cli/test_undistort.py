@@ -16,6 +16,7 @@ from calibrary import parsers
 from calibrary.calibration import Grade
 from calibrary.cli.main import main
 from calibrary.distortion import NoDistortion
+from calibrary.jobs.undistort import run as undistorting
 from calibrary.parsers import files
 from calibrary.records import replace
 from calibrary.schemas import require
@@ -302,7 +303,7 @@ def test_what_an_interruption_left_is_said(
             raise KeyboardInterrupt
         return reading(path, **limits)
 
-    monkeypatch.setattr(files, "read_regular_file", interrupted)
+    monkeypatch.setattr(undistorting, "read_regular_file", interrupted)
     code, _, err = run(capsys, image, second, "--calibration", camera, "--out", image.parent / "out")
     assert code == 130
     assert "1 of 2 images were undistorted" in err

@@ -8,12 +8,27 @@ from calibrary.api.files import Source, read
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.calibration import Calibration
 from calibrary.jobs.diff import comparison as diff
-from calibrary.jobs.diff.report import diff_report
+from calibrary.jobs.diff import fleet
+from calibrary.jobs.diff.fleet import Change
+from calibrary.jobs.diff.page import comparison_page, fleet_page
+from calibrary.jobs.diff.report import diff_report, fleet_diff_report
 from calibrary.jobs.diff.structure import Structural
+from calibrary.jobs.exchange.argument import Reading, read_arguments
+from calibrary.pages import render_page
 from calibrary.policy import FLEET
+from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json
+from calibrary.registry.registry import Registry
 
-__all__ = ["CompareResult", "compare"]
+__all__ = [
+    "CompareResult",
+    "FleetChanges",
+    "Reading",
+    "compare",
+    "compare_named",
+    "fleet_by_firmware",
+    "fleet_since",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,9 +37,11 @@ class CompareResult:
 
     Attributes:
         comparison: all of it, as the command line shows it.
+        labels: what the two are called.
     """
 
     comparison: diff.Comparison
+    labels: tuple[str, str] = ("a", "b")
 
     @property
     def verdict(self) -> diff.ChangeVerdict:
@@ -51,14 +68,44 @@ class CompareResult:
         """Parameters, pixels and significance; None where no scale and no crop brings both to one frame."""
         return self.comparison.numbers
 
-    def to_dict(self, *, labels: tuple[str, str] = ("a", "b"), altitude_m: float = 100.0) -> dict[str, Json]:
+    def to_html(self, *, altitude_m: float = 100.0) -> str:
+        """The change as a page, with maps of the difference; ``altitude_m`` as of :meth:`to_dict`."""
+        return render_page(comparison_page(self.comparison, self.labels, altitude_m))
+
+    def to_dict(self, *, labels: tuple[str, str] | None = None, altitude_m: float = 100.0) -> dict[str, Json]:
         """The change as plain data for JSON (schemas/diff-1.schema.json).
 
         Args:
-            labels: what to call the two.
+            labels: what to call the two, in place of what they are called.
             altitude_m: height above ground, for what the change does to a map.
         """
-        return to_json(diff_report(self.comparison, labels, altitude_m))
+        return to_json(diff_report(self.comparison, labels or self.labels, altitude_m))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FleetChanges:
+    """What became of the entries of a registry.
+
+    Attributes:
+        changes: of each entry that differs, worst first.
+        title: between which states, in words.
+    """
+
+    changes: tuple[Change, ...]
+    title: str
+
+    @property
+    def alarm(self) -> bool:
+        """Whether one of them needs attention."""
+        return any(change.alarm for change in self.changes)
+
+    def to_html(self, *, altitude_m: float = 100.0) -> str:
+        """The changes as a page; ``altitude_m`` as of :meth:`CompareResult.to_dict`."""
+        return render_page(fleet_page(self.changes, self.title, altitude_m))
+
+    def to_dict(self) -> dict[str, Json]:
+        """The changes as plain data for JSON (schemas/fleet-diff-1.schema.json)."""
+        return to_json(fleet_diff_report(self.changes))
 
 
 def compare(
@@ -81,6 +128,36 @@ def compare(
     (<ChangeVerdict.IDENTICAL: 'identical'>, False)
     """
     return CompareResult(diff.compare(_calibration(camera), _calibration(other), policy_of(policy)))
+
+
+def compare_named(first: str, second: str, reading: Reading, *, policy: PolicyLike = FLEET) -> CompareResult:
+    """As :func:`compare`, of two files, images, or KEY[@REV] of a registry's entries.
+
+    Args:
+        first: the earlier.
+        second: the later; a file that states no image size is taken to be of the other's.
+        reading: answers to what the files leave open, and which registry.
+        policy: as of :func:`compare`.
+
+    Raises:
+        RegistryError: there is neither a file nor an entry of that name.
+    """
+    a, b = read_arguments(first, second, reading)
+    return CompareResult(diff.compare(a.calibration, b.calibration, policy_of(policy)), (a.label, b.label))
+
+
+def fleet_since(registry: Registry, rev: str, policy: PolicyLike, progress: Progress | None) -> FleetChanges:
+    """As :meth:`calibrary.Fleet.changes_since`."""
+    changes = fleet.since(registry, rev, policy_of(policy), labelled(progress, "entries"))
+    return FleetChanges(changes, f"The fleet since {rev}")
+
+
+def fleet_by_firmware(
+    registry: Registry, old: str, new: str, policy: PolicyLike, progress: Progress | None
+) -> FleetChanges:
+    """As :meth:`calibrary.Fleet.changes_of_firmware`."""
+    changes = fleet.by_firmware(registry, old, new, policy_of(policy), labelled(progress, "entries"))
+    return FleetChanges(changes, f"The fleet from firmware {old} to {new}")
 
 
 def _calibration(given: Calibration | Source) -> Calibration:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
+
+from msgspec.structs import asdict
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, ImageSize
@@ -13,21 +16,39 @@ from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
 from calibrary.interop.opencv import OPENCV_LENSES
+from calibrary.jobs.exchange.argument import Reading, choose
+from calibrary.jobs.inspect.report import InspectFilesReport, InspectReport
+from calibrary.jobs.inspect.run import Inspected, inspect_files
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
-from calibrary.parsers.format import Capacity
+from calibrary.parsers.format import Capacity, Format, WriteVerdict
 from calibrary.parsers.imagery.reader import begins_as_image
 from calibrary.parsers.images import decode_image
+from calibrary.parsers.listing import listing as format_listing
+from calibrary.progress import Progress
 from calibrary.quality import Covariance, Quality
-from calibrary.records import replace
+from calibrary.records import Json, replace
 
-__all__ = ["Source", "choose", "read", "read_all", "refit", "write"]
+__all__ = [
+    "MAX_BYTES",
+    "Conversion",
+    "Reading",
+    "Source",
+    "convert",
+    "format_listing",
+    "formats",
+    "inspect",
+    "inspection_report",
+    "read",
+    "read_all",
+    "refit",
+    "write",
+]
 
 Source: TypeAlias = str | Path | bytes | BinaryIO
 """A file by its path, its bytes, or the file opened in binary mode."""
 
 K_NAMES = ("fx", "fy", "cx", "cy", "skew")
-LISTED = 8
 
 
 def read(
@@ -181,31 +202,103 @@ def refit(
     return replace(fitted, quality=_of_k_alone(fitted.quality))
 
 
-def choose(
-    cameras: Sequence[Calibration], number: int | None, *, source: str, how: str = "--camera N"
-) -> Calibration:
-    """One of a file's cameras.
+@dataclass(frozen=True, slots=True, eq=False)
+class Conversion:
+    """A file that was written from another.
+
+    Attributes:
+        output: the file.
+        format: its format's name.
+        verdict: how exactly it holds the calibration.
+    """
+
+    output: Path
+    format: str
+    verdict: WriteVerdict
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/convert-1.schema.json)."""
+        return {
+            "output": self.output.name,
+            "format": self.format,
+            "verdict": self.verdict.outcome.value,
+            "rms_px": self.verdict.rms_px,
+            "max_px": self.verdict.max_px,
+            "radius_px": self.verdict.radius_px,
+            "dropped": list(self.verdict.dropped),
+        }
+
+
+def convert(
+    source: str | Path,
+    output: str | Path,
+    *,
+    to: str | None = None,
+    reading: Reading | None = None,
+    max_error_px: float | None = None,
+) -> Conversion:
+    """Write the calibrations of a file in another program's format.
 
     Args:
-        cameras: all of them.
-        number: which, from 1; None for the only one.
-        source: the file's name, for messages.
-        how: how to say which, for messages.
+        source: a file of any format, or an image.
+        output: the file to write.
+        to: its format; the one that is written under such a name when not given.
+        reading: answers to what the source leaves open, and which camera of several; all of them when it says none.
+        max_error_px: as of :func:`write`.
 
     Raises:
-        InputError: there are several and no number, or none of that number.
+        InputError: the source cannot be read, the name fits no format or several, or the output cannot be written.
+        UnsupportedModelError: the format does not hold the calibration.
+
+    >>> from calibrary.api.files import convert
+    >>> convert("camera.xml", "camera.yaml", to="opencv_storage").verdict.outcome
+    <Fidelity.EXACT: 'exact'>
     """
-    if number is None and len(cameras) == 1:
-        return cameras[0]
-    more = f" and {len(cameras) - LISTED} more" if len(cameras) > LISTED else ""
-    listed = "; ".join(f"{at} {item.camera}" for at, item in enumerate(cameras[:LISTED], start=1)) + more
-    if number is None:
-        raise InputError(f"holds {len(cameras)} cameras, choose one with {how}: {listed}", source=source)
-    if not 1 <= number <= len(cameras):
-        raise InputError(
-            f"has no camera {number}; it holds {len(cameras)}, counted from 1: {listed}", source=source
-        )
-    return cameras[number - 1]
+    reading, output = reading or Reading(), Path(output)
+    cameras = reading.read(Path(source))
+    if reading.camera is not None:
+        cameras = [choose(cameras, reading.camera, source=Path(source).name)]
+    target = to or parsers.format_by_suffix(output, flag="--to").name
+    return Conversion(output, target, parsers.write(cameras, output, target, max_error_px=max_error_px))
+
+
+def inspect(
+    files: Sequence[str | Path], reading: Reading | None = None, progress: Progress | None = None
+) -> tuple[Inspected, ...]:
+    """What files are, by what each was recognised, and what it says; a file that cannot be read is one of them.
+
+    Args:
+        files: files, and folders with all below them.
+        reading: answers to what the files leave open.
+        progress: called with (files done, files in all, "files").
+
+    Raises:
+        InputError: a folder cannot be read.
+
+    >>> from calibrary.api.files import inspect
+    >>> [one.format for one in inspect(["camera.xml", "survey/DJI_0001.JPG"])]
+    ['agisoft_xml', 'image']
+    """
+    return inspect_files([Path(one) for one in files], reading or Reading(), progress)
+
+
+def inspection_report(files: Sequence[Inspected], *, alone: bool) -> InspectReport | InspectFilesReport:
+    """What was inspected, for machines; a file that was asked for ``alone`` is not in a list."""
+    reports = [one.report() for one in files]
+    return InspectReport(**asdict(reports[0])) if alone else InspectFilesReport(files=tuple(reports))
+
+
+def formats(word: str = "") -> list[Format]:
+    """The formats whose name or title holds a word; all of them for none.
+
+    >>> from calibrary.api.files import formats
+    >>> [one.name for one in formats("kalibr")]
+    ['kalibr_camchain']
+    """
+    wanted = word.casefold()
+    return [
+        one for one in parsers.formats() if wanted in one.name.casefold() or wanted in one.title.casefold()
+    ]
 
 
 def _content(file: BinaryIO, max_bytes: int) -> bytes:

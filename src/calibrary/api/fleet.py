@@ -1,128 +1,185 @@
-"""A fleet's registry, asked which calibration answers for a camera."""
+"""A fleet's registry, and changes of its entries."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from datetime import date
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
-from calibrary.calibration import Calibration, CameraKey
-from calibrary.jobs.exchange.resolve import Answer, Question, answer, asked, resolution_report
-from calibrary.records import Json, to_json
+from calibrary.api.fleet_view import FleetView
+from calibrary.api.registry_results import FleetAnswer, NewRegistry, ProposedChange
+from calibrary.api.stated import CameraLike, overlay
+from calibrary.progress import Progress, labelled
+from calibrary.registry.configuration import default_place, find_registry
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.registry import open_snapshot
-from calibrary.registry.resolution import RejectedEntry
-from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.init import folder_for, init, init_from
+from calibrary.registry.sync import Choice, remote_named
 
-__all__ = ["Fleet", "FleetAnswer", "open_registry"]
+if TYPE_CHECKING:
+    from calibrary.api.exchange import ImportResult, Reading, Stated
+    from calibrary.registry.git.remotes import Pulled
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FleetAnswer:
-    """What a registry says of one camera.
-
-    Attributes:
-        answer: all of it, as the command line shows it.
-        snapshot: the state of the registry that was asked.
-        on: the day it is for.
-    """
-
-    answer: Answer
-    snapshot: Snapshot
-    on: date
-
-    @property
-    def camera(self) -> CameraKey:
-        """The camera that was asked for, as far as it is known."""
-        return self.answer.question.key
-
-    @property
-    def calibration(self) -> Calibration | None:
-        """Its K and distortion at the camera's image size; None where no entry answers."""
-        found = self.answer.resolution
-        return found.calibration if found is not None else None
-
-    @property
-    def entry(self) -> Entry | None:
-        """The entry that answers, as its file says it."""
-        found = self.answer.resolution
-        return found.entry if found is not None else None
-
-    @property
-    def status(self) -> Status | None:
-        """Whether the entry is approved or held."""
-        return self.entry.status if self.entry is not None else None
-
-    @property
-    def why(self) -> str | None:
-        """Why this entry and no other."""
-        found = self.answer.resolution
-        return found.why if found is not None else None
-
-    @property
-    def near(self) -> tuple[RejectedEntry, ...]:
-        """Other entries of the same make and model, each with its ``path`` and ``why_not``."""
-        return self.answer.near
-
-    def to_dict(self) -> dict[str, Json]:
-        """The answer as plain data for JSON (schemas/resolution-1.schema.json)."""
-        return to_json(resolution_report(self.snapshot, self.answer, on=self.on))
+__all__ = ["Fleet", "FleetAnswer", "create_registry", "firmware_range", "open_registry"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Fleet:
-    """A registry at one state, which never changes while this is held.
+class Fleet(FleetView):
+    """A registry; a change of it is proposed, can be looked at, and is then written as one commit."""
 
-    Attributes:
-        snapshot: its entries.
-    """
+    @classmethod
+    def named_or_new(cls, path: Path | None = None) -> tuple[Self, bool]:
+        """As :meth:`named`, but the user's own registry is made where none is meant; and whether it was."""
+        place = find_registry(path)
+        return (
+            (cls(place), False)
+            if place is not None
+            else (cls(init(default_place()).registry.repo.path), True)
+        )
 
-    snapshot: Snapshot
-
-    @property
-    def commit(self) -> str | None:
-        """Which state, 40 hexadecimal digits; None for a plain folder."""
-        return self.snapshot.commit
-
-    def entries(self) -> Iterator[Entry]:
-        """Every entry, whatever its status.
-
-        Raises:
-            RegistryError: one cannot be read.
-        """
-        return (stored.entry for stored in self.snapshot.entries())
-
-    def resolve(self, camera: str | Path | Calibration | CameraKey, *, on: date | None = None) -> FleetAnswer:
-        """The calibration that answers for a camera.
+    def propose(
+        self,
+        file: str | Path,
+        *,
+        reading: Reading | None = None,
+        camera: CameraLike | None = None,
+        stated: Stated | None = None,
+        firmware: FirmwareRange | None = None,
+        notes: Sequence[str] = (),
+        reason: str | None = None,
+        approve: bool = False,
+        override_held: bool = False,
+    ) -> ProposedChange:
+        """The entries that a calibration file, an image or an entry's file would become; nothing is written yet.
 
         Args:
-            camera: an image of it, its KEY such as "dji/fc6310r", a calibration or key of it.
-            on: the day it is for, as entries may be valid for some only; today when not given.
+            file: of any format.
+            reading: answers to what the file leaves open, and which camera of several.
+            camera: what the file does not say of the camera, or says wrong.
+            stated: date, tool and operator of the calibration, where the file does not say them.
+            firmware: of which firmware it is.
+            notes: what a person should know about it.
+            reason: why, for the history.
+            approve: use it at once, if the check has nothing against it.
+            override_held: replace an entry that is held.
 
         Raises:
-            InputError: the image cannot be read, or make and model are not known.
-            RegistryError: the KEY is of several models, or several entries fit equally well; they are named.
+            InputError: it cannot be read, its camera is not known, or its K is a guess.
+            RegistryError: the current entry is held and ``override_held`` is false.
 
-        >>> fleet = calibrary.open_registry("fleet")
-        >>> answer = fleet.resolve("survey/DJI_0001.JPG")
-        >>> answer.status, answer.calibration.intrinsics.fx
-        (<Status.APPROVED: 'approved'>, 3659.5)
+        >>> change = calibrary.open_registry("fleet").propose("camera.xml")
+        >>> [(one.entry.id, one.is_new) for one in change.proposals.items]
+        [('dji/fc6310r/5472x3648', False)]
         """
-        day = on or date.today()
-        found = answer(self.snapshot, self._question(camera), on=day)
-        return FleetAnswer(found, self.snapshot, day)
+        from calibrary.api.exchange import AddRequest, Reading, Stated
+        from calibrary.jobs.exchange.add import propose_file
 
-    def _question(self, camera: str | Path | Calibration | CameraKey) -> Question:
-        if isinstance(camera, str | Path):
-            return asked(self.snapshot, str(camera), lambda known: known)
-        key = camera.camera if isinstance(camera, Calibration) else camera
-        told = asked(self.snapshot, None, lambda _: key)
-        return Question(key=told.key, known_by="what was said")
+        request = AddRequest(
+            key=overlay(camera),
+            stated=stated or Stated(),
+            firmware=firmware,
+            notes=tuple(notes),
+            reason=reason,
+            approve=approve,
+            override_held=override_held,
+        )
+        proposals = propose_file(self.registry, Path(file), reading or Reading(), request)
+        return ProposedChange(self.registry, proposals, Path(file))
+
+    def propose_entry(
+        self, entry: Entry, *, reason: str | None = None, approve: bool = False, override_held: bool = False
+    ) -> ProposedChange:
+        """An entry beside the current one, checked; arguments and errors as of :meth:`propose`."""
+        proposals = self.registry.propose(
+            [entry], approve=approve, reason=reason, override_held=override_held
+        )
+        return ProposedChange(self.registry, proposals)
+
+    def propose_status(
+        self,
+        keys: Sequence[str],
+        status: str,
+        *,
+        reason: str | None = None,
+        branch: str | None = None,
+        successor: str | None = None,
+    ) -> ProposedChange:
+        """Entries approved, held or retired; nothing is written yet.
+
+        Args:
+            keys: of the entries.
+            status: "approved", "held" or "retired".
+            reason: why, for the history.
+            branch: on which they are proposed, as ``onboard`` does.
+            successor: KEY of the entry that takes the place of a retired one.
+
+        Raises:
+            RegistryError: there is no such entry.
+        """
+        return ProposedChange(
+            self.registry,
+            self.registry.propose_status(keys, Status(status), reason, branch=branch, successor=successor),
+        )
+
+    def import_folder(
+        self,
+        folder: str | Path,
+        *,
+        reading: Reading | None = None,
+        camera: CameraLike | None = None,
+        stated: Stated | None = None,
+        reason: str | None = None,
+        approve: bool = False,
+        progress: Progress | None = None,
+    ) -> ImportResult:
+        """Every calibration file below a folder, as it would be written; arguments as of :meth:`propose`.
+
+        Raises:
+            RegistryError: the folder cannot be read. A file that cannot be imported is one of the items.
+        """
+        from calibrary.api.exchange import AddRequest, ImportResult, Reading, Stated
+        from calibrary.jobs.exchange.import_ import import_folder
+
+        request = AddRequest(key=overlay(camera), stated=stated or Stated(), reason=reason, approve=approve)
+        told = labelled(progress, "files")
+        found = import_folder(self.registry, Path(folder), reading or Reading(), request, progress=told)
+        return ImportResult(self.registry, found)
+
+    def import_catalogue(self) -> ImportResult:
+        """Every camera of the catalogue whose K can be derived, as it would be written: as a draft."""
+        from calibrary.api.exchange import ImportResult
+        from calibrary.jobs.exchange.import_ import import_catalogue
+
+        return ImportResult(self.registry, import_catalogue(self.registry))
+
+    def remote_named(self, word: str | None) -> tuple[str, str | None]:
+        """The remote that a name or an address means, and the address if it was new and is ``origin`` now."""
+        return remote_named(self.registry.repo, word)
+
+    def pull(self, remote: str = "origin", *, ours: Sequence[str] = (), theirs: Sequence[str] = ()) -> Pulled:
+        """Bring what others have written; our commits are made again on top of it.
+
+        Args:
+            remote: its name.
+            ours: KEYs of entries that both sides changed, of which ours is right; "all" for the others.
+            theirs: those of which theirs is right.
+
+        Raises:
+            FileConflictError: both sides changed an entry and no side was chosen; nothing was changed.
+            RegistryError: the remote cannot be reached.
+        """
+        return self.registry.pull(remote, Choice(ours=ours, theirs=theirs))
+
+    def push(self, remote: str = "origin") -> str:
+        """Publish what was written here; the commit that both sides have now.
+
+        Raises:
+            ConflictError: the remote has moved on; pull first.
+        """
+        return self.registry.push(remote)
 
 
 def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:
-    """Open a fleet's registry for reading.
+    """Open a fleet's registry.
 
     Args:
         path: a registry in git, bare or checked out, read as committed; or a plain folder of entries.
@@ -135,4 +192,36 @@ def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:
     >>> [entry.id for entry in fleet.entries()]
     ['dji/fc6310r/5472x3648']
     """
-    return Fleet(open_snapshot(Path(path), at))
+    fleet = Fleet(Path(path), at)
+    _ = fleet.snapshot
+    return fleet
+
+
+def create_registry(
+    path: Path | None = None, *, remote: str | None = None, bare: bool = False
+) -> NewRegistry:
+    """Create a registry in a folder, or copy one from an address.
+
+    Args:
+        path: its folder; the current one, or one named as the address's last part, when not given.
+        remote: the address of the registry that is copied.
+        bare: without a work tree, for a server.
+
+    Raises:
+        RegistryError: there is a registry already or something else in the way, or the address cannot be reached.
+    """
+    if remote is not None:
+        return NewRegistry(init_from(remote, path or folder_for(remote), bare=bare))
+    return NewRegistry(init(path or Path(), bare=bare))
+
+
+def firmware_range(text: str) -> FirmwareRange:
+    """The firmware versions from MIN to MAX, both included, out of "MIN..MAX", "MIN..", "..MAX" or one version.
+
+    Raises:
+        InputError: it is not a range.
+    """
+    first, dots, last = text.partition("..")
+    ends = (first, last) if dots else (first, first)
+    low, high = (end.strip(" .") or None for end in ends)
+    return FirmwareRange(min=low, max=high)

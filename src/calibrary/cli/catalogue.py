@@ -27,7 +27,7 @@ examples:
 """
 
 DETAILS_UP_TO = 6
-"""So many matches are told in full; more are a table."""
+"""So many matches are shown in full; more are a table."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,11 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.catalogue import CatalogueListing, load_catalogue
+    from calibrary.api.cameras import CatalogueListing, known_cameras
     from calibrary.cli.console import errors, out, plain
 
-    catalogue = load_catalogue()
-    cameras = catalogue.search(arguments.model) if arguments.model else list(catalogue)
+    cameras = known_cameras(arguments.model or "")
     if arguments.json:
         print_json(CatalogueListing(cameras=tuple(cameras)))
     elif not cameras:

@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
         if isinstance(action, argparse._SubParsersAction):
             # What --help leaves out, shtab leaves out as well; and it looks for commands in dicts only.
             action.help, action.choices = None, dict(action.choices)
-        _say_what_completes(action)
+        _set_completion(action)
     script = shtab.complete(parser, shell=arguments.shell)
     sys.stdout.write(script if script.endswith("\n") else f"{script}\n")
     return 0
@@ -54,11 +54,11 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
                 yield from _actions(below)
 
 
-def _say_what_completes(action: argparse.Action) -> None:
+def _set_completion(action: argparse.Action) -> None:
     """Paths complete as files or folders, formats and their questions by the formats' records."""
     import shtab
 
-    from calibrary.parsers import formats
+    from calibrary.api.files import formats
 
     if action.type is Path:
         kind = shtab.DIRECTORY if action.metavar == "DIR" else shtab.FILE

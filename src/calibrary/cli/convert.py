@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.reading import Answers, add_reading_flags
-from calibrary.errors import InputError
+from calibrary.cli.reading import add_reading_flags, reading_of
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -28,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("input", type=Path, metavar="IN", help="a calibration file or an image")
     parser.add_argument("output", type=Path, metavar="OUT", help="the file to write")
-    parser.add_argument("--to", metavar="FORMAT", help="the output's format (default: told by OUT's name)")
+    parser.add_argument("--to", metavar="FORMAT", help="the output's format (default: by OUT's name)")
     parser.add_argument("--camera", type=int, metavar="N", help="the Nth camera of a file with several")
     parser.add_argument(
         "--max-error-px",
@@ -42,52 +41,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary import parsers
+    from calibrary.api.files import convert
     from calibrary.cli.console import out, plain
 
-    calibrations = Answers.of(arguments).read(arguments.input)
-    if arguments.camera is not None:
-        if not 1 <= arguments.camera <= len(calibrations):
-            raise InputError(
-                f"has no camera {arguments.camera}; it holds {len(calibrations)}, counted from 1",
-                source=arguments.input.name,
-                place="--camera",
-            )
-        calibrations = [calibrations[arguments.camera - 1]]
-    target = arguments.to or _by_name(arguments.output)
-    verdict = parsers.write(calibrations, arguments.output, target, max_error_px=arguments.max_error_px)
+    done = convert(
+        arguments.input,
+        arguments.output,
+        to=arguments.to,
+        reading=reading_of(arguments, camera=arguments.camera),
+        max_error_px=arguments.max_error_px,
+    )
     if arguments.json:
-        document = {
-            "output": arguments.output.name,
-            "format": target,
-            "verdict": verdict.outcome.value,
-            "rms_px": verdict.rms_px,
-            "max_px": verdict.max_px,
-            "radius_px": verdict.radius_px,
-            "dropped": list(verdict.dropped),
-        }
-        print_json(document)
+        print_json(done.to_dict())
     else:
         screen = out(arguments)
-        screen.say(plain(f"wrote {arguments.output} ({target})"))
-        screen.say(plain(str(verdict)))
+        screen.say(plain(f"wrote {done.output} ({done.format})"))
+        screen.say(plain(str(done.verdict)))
     return 0
-
-
-def _by_name(path: Path) -> str:
-    """The one format that is written under such a name.
-
-    Raises:
-        InputError: none or several are.
-    """
-    from calibrary import parsers
-
-    names = [r.name for r in parsers.formats() if r.write is not None and path.suffix.lower() in r.suffixes]
-    if len(names) == 1:
-        return names[0]
-    listed = ", ".join(names or [r.name for r in parsers.formats() if r.write is not None])
-    found = "several formats are" if names else "no format is"
-    raise InputError(
-        f"{found} written as {path.suffix or 'a file without a suffix'}; say which with --to: {listed}",
-        source=path.name,
-    )

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.tables import Column, fitted
-from calibrary.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,20 +40,17 @@ COLUMNS = (
     Column(name="camera", rank=3),
     Column(name="should be", rank=1),
     Column(name="fx px", rank=2, right=True),
-    Column(name="why", rank=4, wraps=True),
+    Column(name="reason", rank=4, wraps=True),
 )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from calibrary.api.demo import write_demo
     from calibrary.cli.console import note, out, plain
-    from calibrary.jobs.demo.flight import write_flight
 
     folder = arguments.folder
-    try:
-        images = write_flight(folder, seed=arguments.seed)
-    except OSError as error:
-        raise InputError(f"cannot write the flight: {error.strerror or error}", source=str(folder)) from None
+    images = write_demo(folder, seed=arguments.seed)
     screen = out(arguments)
     _show(screen, images)
     size_mb = sum((folder / image.name).stat().st_size for image in images) / 1e6
@@ -68,10 +64,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _show(screen: Screen, images: Sequence[DemoImage]) -> None:
     """Frames of one camera that tell one story share a row."""
     from calibrary.cli.console import plain
-    from calibrary.jobs.demo.flight import Expectation
     from calibrary.records import replace
 
-    styles = {Expectation.VALID: "green", Expectation.UNPROVEN: "yellow", Expectation.REJECTED: "red"}
+    styles = {"valid": "green", "unproven": "yellow", "rejected": "red"}
     stories: dict[DemoImage, list[str]] = {}
     for image in images:
         stories.setdefault(replace(image, name="", private=()), []).append(image.name)
@@ -79,7 +74,7 @@ def _show(screen: Screen, images: Sequence[DemoImage]) -> None:
         (
             plain(names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"),
             plain(image.camera),
-            f"[{styles.get(image.outcome, 'magenta')}]{image.outcome}[/]",
+            f"[{styles.get(image.outcome.value, 'magenta')}]{image.outcome}[/]",
             "–" if image.fx_px is None else f"{image.fx_px:.1f}",
             plain(f"{image.story}: {image.reason}"),
         )

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.reading import Answers, add_reading_flags
+from calibrary.cli.progress import Bar
+from calibrary.cli.reading import add_reading_flags, reading_of
+from calibrary.cli.registry.place import opened
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.diff.comparison import Comparison, Numbers
     from calibrary.jobs.diff.fleet import Change
-    from calibrary.pages import Page
-    from calibrary.policy import Policy
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -86,45 +86,26 @@ def run(arguments: argparse.Namespace) -> int:
     if not 0 < arguments.altitude_m < float("inf"):
         arguments.parser.error("--altitude-m: expected metres above ground, more than 0")
     if arguments.html is not None:
-        from calibrary.jobs.extract.outputs import check_page_place
+        from calibrary.api.pages import check_page_place
 
         check_page_place(arguments.html)
     return _fleet(arguments) if wants_fleet else _pair(arguments)
 
 
 def _pair(arguments: argparse.Namespace) -> int:
+    from calibrary.api.changes import compare_named
     from calibrary.cli.console import out
-    from calibrary.jobs.diff.comparison import compare
-    from calibrary.jobs.diff.report import diff_report
-    from calibrary.jobs.exchange.argument import Reading, read_arguments
 
-    answers = Answers.of(arguments)
-    reading = Reading(
-        registry=arguments.registry,
-        format=answers.format,
-        image_size=answers.image_size,
-        options=answers.options,
-        camera=arguments.camera,
-    )
+    reading = reading_of(arguments, camera=arguments.camera)
     first, second = arguments.operands
-    a, b = read_arguments(first, second, reading)
-    comparison = compare(a.calibration, b.calibration, _policy(arguments))
-    labels = (a.label, b.label)
+    change = compare_named(first, second, reading, policy=arguments.policy)
     if arguments.html is not None:
-        from calibrary.jobs.diff.page import comparison_page
-
-        _write(comparison_page(comparison, labels, arguments.altitude_m), arguments)
+        _write(change.to_html(altitude_m=arguments.altitude_m), arguments)
     if arguments.json:
-        print_json(diff_report(comparison, labels, arguments.altitude_m))
+        print_json(change.to_dict(altitude_m=arguments.altitude_m))
     else:
-        _show(out(arguments), comparison, labels, arguments.altitude_m)
-    return EXIT_ALARM if comparison.alarm else 0
-
-
-def _policy(arguments: argparse.Namespace) -> Policy:
-    from calibrary.policy_file import policy_named
-
-    return policy_named(arguments.policy)
+        _show(out(arguments), change.comparison, change.labels, arguments.altitude_m)
+    return EXIT_ALARM if change.alarm else 0
 
 
 PARAMETERS = (
@@ -214,54 +195,31 @@ def _findings(numbers: Numbers, altitude_m: float) -> list[tuple[str, str]]:
 
 
 def _fleet(arguments: argparse.Namespace) -> int:
-    from rich.progress import Progress
-
     from calibrary.cli.console import note, out
-    from calibrary.jobs.diff.fleet import by_firmware, since
-    from calibrary.registry.configuration import require_registry
-    from calibrary.registry.registry import Registry
 
-    registry, policy = Registry.open(require_registry(arguments.registry)), _policy(arguments)
-    remarks = note(arguments)
-    with Progress(console=remarks, transient=True, disable=not remarks.is_terminal or remarks.quiet) as bar:
-        task = bar.add_task("comparing", total=None)
-
-        def progress(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
-
+    registry = opened(arguments)
+    with Bar(note(arguments), "comparing") as bar:
         if arguments.since is not None:
-            changes = since(registry, arguments.since, policy, progress)
+            found = registry.changes_since(arguments.since, policy=arguments.policy, progress=bar)
         else:
             old, dots, new = arguments.firmware.partition("..")
             if not (old and dots and new):
                 arguments.parser.error("--firmware: expected OLD..NEW, such as 01.08..01.09")
-            changes = by_firmware(registry, old, new, policy, progress)
+            found = registry.changes_of_firmware(old, new, policy=arguments.policy, progress=bar)
     if arguments.html is not None:
-        from calibrary.jobs.diff.page import fleet_page
-
-        _write(fleet_page(changes, _title(arguments), arguments.altitude_m), arguments)
+        _write(found.to_html(altitude_m=arguments.altitude_m), arguments)
     if arguments.json:
-        from calibrary.jobs.diff.report import fleet_diff_report
-
-        print_json(fleet_diff_report(changes))
+        print_json(found.to_dict())
     else:
-        _show_fleet(out(arguments), changes)
-    return EXIT_ALARM if any(change.alarm for change in changes) else 0
+        _show_fleet(out(arguments), found.changes)
+    return EXIT_ALARM if found.alarm else 0
 
 
-def _title(arguments: argparse.Namespace) -> str:
-    if arguments.since is not None:
-        return f"The fleet since {arguments.since}"
-    old, _, new = arguments.firmware.partition("..")
-    return f"The fleet from firmware {old} to {new}"
-
-
-def _write(page: Page, arguments: argparse.Namespace) -> None:
-    from calibrary.atomic import write_files
+def _write(html: str, arguments: argparse.Namespace) -> None:
+    from calibrary.api.pages import write_page
     from calibrary.cli.console import note, plain
-    from calibrary.pages import render_page
 
-    write_files({arguments.html: render_page(page).encode()})
+    write_page(arguments.html, html)
     note(arguments).say(plain(f"wrote {arguments.html}"))
 
 
@@ -270,7 +228,7 @@ CHANGES = (
     Column(name="verdict", rank=1),
     Column(name="Δf / f", rank=2, right=True),
     Column(name="rms px", rank=3, right=True),
-    Column(name="why", rank=4, wraps=True),
+    Column(name="reason", rank=4, wraps=True),
 )
 
 

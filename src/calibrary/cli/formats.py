@@ -35,22 +35,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from calibrary.api.files import format_listing, formats
     from calibrary.cli.console import errors, out, plain
-    from calibrary.parsers import formats
-    from calibrary.parsers.listing import listing
 
-    wanted = (arguments.name or "").casefold()
-    records = [r for r in formats() if wanted in r.name.casefold() or wanted in r.title.casefold()]
+    records = formats(arguments.name or "")
     if not records:
         complaint = f"calibrary: no format is called {arguments.name!r}"
         errors().say(plain(f"{complaint}; 'calibrary formats' lists them all"))
         return 1
     if arguments.json:
-        print_json(listing(records))
+        print_json(format_listing(records))
     elif arguments.markdown:
         sys.stdout.write(markdown(records))
     else:
-        _show(out(arguments), records, details=bool(wanted))
+        _show(out(arguments), records, details=bool(arguments.name))
     return 0
 
 

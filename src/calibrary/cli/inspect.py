@@ -1,25 +1,23 @@
-"""``calibrary inspect``: what a calibration file or an image is, why we think so, and what it says."""
+"""``calibrary inspect``: what a calibration file or an image is, how it was recognised, and what it contains."""
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.reading import Answers, add_reading_flags
-from calibrary.errors import CalibraryError
+from calibrary.cli.progress import Bar
+from calibrary.cli.reading import add_reading_flags, reading_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
+    from calibrary.jobs.inspect.run import Inspected
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Tell what a calibration file or image is, why we think so, and what it says."
+DESCRIPTION = "Show what a calibration file or image is, how it was recognised, and what it contains."
 EXAMPLES = """\
 examples:
   calibrary inspect camera.xml                          what it is, K, distortion, conventions
@@ -40,104 +38,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_flag(parser)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Inspected:
-    """One file and what came of it."""
-
-    path: Path
-    format: str | None = None
-    title: str | None = None
-    why: str | None = None
-    sentences: tuple[str, ...] = ()
-    calibrations: tuple[Calibration, ...] = ()
-    warnings: tuple[str, ...] = ()
-    error: str | None = None
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.cli.console import out
+    from calibrary.api.files import inspect, inspection_report
+    from calibrary.cli.console import note, out
 
-    paths = list(_files(arguments.files))
-    inspected = list(_inspect_all(paths, arguments))
+    with Bar(note(arguments), "inspecting") as bar:
+        inspected = inspect(arguments.files, reading_of(arguments), bar)
     if arguments.json:
-        _print_json(inspected, alone=len(arguments.files) == 1 and not arguments.files[0].is_dir())
+        alone = len(arguments.files) == 1 and not arguments.files[0].is_dir()
+        print_json(inspection_report(inspected, alone=alone))
     else:
         screen = out(arguments)
         for one in inspected:
             _show(screen, one)
     return EXIT_UNREADABLE if any(one.error is not None for one in inspected) else 0
-
-
-def _files(given: Sequence[Path]) -> Iterator[Path]:
-    from calibrary.jobs.extract.gather import find_files
-
-    for path in given:
-        if path.is_dir():
-            yield from find_files(path, recursive=True)
-        else:
-            yield path
-
-
-def _inspect_all(paths: Sequence[Path], arguments: argparse.Namespace) -> Iterator[Inspected]:
-    from rich.progress import track
-
-    from calibrary.cli.console import note
-
-    answers, remarks = Answers.of(arguments), note(arguments)
-    quiet = len(paths) < 2 or not remarks.is_terminal or remarks.quiet
-    for path in track(paths, "inspecting", console=remarks, transient=True, disable=quiet):
-        yield _inspect(path, answers)
-
-
-def _inspect(path: Path, answers: Answers) -> Inspected:
-    from calibrary.records import replace
-
-    try:
-        return replace(_described(path, answers), calibrations=tuple(answers.read(path)))
-    except CalibraryError as error:
-        return Inspected(path=path, error=str(error))
-
-
-def _described(path: Path, answers: Answers) -> Inspected:
-    """What the file is and how it counts."""
-    from calibrary import parsers
-    from calibrary.parsers.discovery import format_named
-    from calibrary.parsers.image_names import is_image
-    from calibrary.parsers.images import image_evidence
-
-    if answers.format is None and is_image(path):
-        evidence = image_evidence(path)
-        warnings = [f"{dropped.tag} is not believed: {dropped.reason}" for dropped in evidence.dropped]
-        warnings += [f"{c.other.tag} disagrees by {c.difference:+.1%}: {c.cause}" for c in evidence.conflicts]
-        return Inspected(path=path, format="image", title="an image's metadata", warnings=tuple(warnings))
-    if answers.format is not None:
-        record, why = format_named(answers.format), "you said so"
-    else:
-        identity = parsers.identify(path)
-        record, why = identity.format, identity.sniff.why
-    sentences = record.convention.sentences() if record.convention is not None else ()
-    return Inspected(path=path, format=record.name, title=record.title, why=why, sentences=sentences)
-
-
-def _print_json(inspected: Sequence[Inspected], *, alone: bool) -> None:
-    from msgspec.structs import asdict
-
-    from calibrary.jobs.inspect.report import InspectedFile, InspectFilesReport, InspectReport
-
-    files = [
-        InspectedFile(
-            file=one.path.name,
-            format=one.format,
-            why=one.why,
-            conventions=one.sentences,
-            calibrations=one.calibrations,
-            warnings=one.warnings,
-            error=one.error,
-        )
-        for one in inspected
-    ]
-    print_json(InspectReport(**asdict(files[0])) if alone else InspectFilesReport(files=tuple(files)))
 
 
 def _show(screen: Screen, one: Inspected) -> None:
@@ -148,8 +63,8 @@ def _show(screen: Screen, one: Inspected) -> None:
         screen.say(f"  [red]not read[/]: {plain(one.error)}")
         screen.say("")
         return
-    why = f": {plain(one.why)}" if one.why else ""
-    screen.say(f"  {plain(one.title or '')}{why}")
+    reason = f": {plain(one.reason)}" if one.reason else ""
+    screen.say(f"  {plain(one.title or '')}{reason}")
     for calibration in one.calibrations:
         _show_calibration(screen, calibration)
     for sentence in one.sentences:

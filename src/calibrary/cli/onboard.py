@@ -137,19 +137,20 @@ def run(arguments: argparse.Namespace) -> int:
 def _onboarded(arguments: argparse.Namespace, remarks: Screen) -> Onboarding:
     from functools import partial
 
-    from calibrary.cli.registry.progress import Bar
+    from calibrary.cli.progress import Bar
     from calibrary.jobs.onboard.estimates import Kind
     from calibrary.jobs.onboard.records import Request
     from calibrary.jobs.onboard.run import onboard
 
-    registry = opened(arguments)
+    registry = opened(arguments).registry
     board = _board(arguments)
     bars = {
-        words: Bar(remarks, text) for words, text in (("sorting", "sorting"), ("board", "finding the board"))
+        words: Bar(remarks, text)
+        for words, text in (("sorting", "sorting"), ("board", "finding the board in"))
     }
 
     def progress(words: str, done: int, total: int) -> None:
-        bars[words](done, total)
+        bars[words](done, total, "files" if words == "sorting" else "frames")
         if done == total:
             bars[words].__exit__(None, None, None)
 

@@ -3,50 +3,34 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibrary.calibration import Calibration, ImageSize
+    from calibrary.api.files import Reading
+    from calibrary.calibration import ImageSize
 
-__all__ = ["Answers", "add_reading_flags", "image_size"]
+__all__ = ["add_reading_flags", "image_size", "reading_of"]
 
 LARGEST_MIB = 1 << 20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answers:
-    """What the user said about a file."""
+def reading_of(arguments: argparse.Namespace, *, camera: int | None = None) -> Reading:
+    """What the user said about files, out of the flags that :func:`add_reading_flags` added.
 
-    format: str | None
-    image_size: ImageSize | None
-    options: Mapping[str, str]
-    max_mib: int | None = None
+    Args:
+        arguments: of the command.
+        camera: which one of a file with several, from 1.
+    """
+    from calibrary.api.files import MAX_BYTES, Reading
 
-    @classmethod
-    def of(cls, arguments: argparse.Namespace) -> Answers:
-        """Out of the flags that :func:`add_reading_flags` added."""
-        return cls(
-            format=arguments.format,
-            image_size=arguments.image_size,
-            options=dict(arguments.set or ()),
-            max_mib=arguments.max_size,
-        )
-
-    def read(self, path: Path) -> list[Calibration]:
-        """Every camera in a file.
-
-        Raises:
-            InputError: the kinds :func:`calibrary.parsers.read` lists.
-        """
-        from calibrary import parsers
-
-        limit = {"max_bytes": self.max_mib << 20} if self.max_mib is not None else {}
-        return parsers.read(
-            path, format=self.format, image_size=self.image_size, options=self.options, **limit
-        )
+    return Reading(
+        registry=getattr(arguments, "registry", None),
+        format=arguments.format,
+        image_size=arguments.image_size,
+        options=dict(arguments.set or ()),
+        camera=camera,
+        max_bytes=arguments.max_size << 20 if arguments.max_size is not None else MAX_BYTES,
+    )
 
 
 def add_reading_flags(parser: argparse.ArgumentParser) -> None:

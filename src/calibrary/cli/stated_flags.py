@@ -24,7 +24,7 @@ def add_stated_flags(parser: argparse.ArgumentParser) -> None:
 
 def stated_of(arguments: argparse.Namespace) -> Stated:
     """What the user states, out of the flags that :func:`add_stated_flags` added."""
-    from calibrary.jobs.exchange.add import Stated
+    from calibrary.api.exchange import Stated
 
     return Stated(date=arguments.date, tool=arguments.tool, operator=arguments.operator)
 

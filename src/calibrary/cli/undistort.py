@@ -4,25 +4,15 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.reading import Answers, add_reading_flags, image_size
-from calibrary.cli.undistort_work import (
-    ALPHAS,
-    SAME_FOCAL,
-    Cameras,
-    Done,
-    Job,
-    refuse_the_calibration,
-    undistorted,
-)
-from calibrary.errors import InputError
+from calibrary.cli.progress import Bar
+from calibrary.cli.reading import add_reading_flags, image_size, reading_of
 
 if TYPE_CHECKING:
-    from calibrary.calibration import Calibration, ImageSize
+    from calibrary.calibration import ImageSize
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -75,7 +65,7 @@ def _add_view_flags(parser: argparse.ArgumentParser) -> None:
     choice = group.add_mutually_exclusive_group()
     choice.add_argument(
         "--keep",
-        choices=tuple(ALPHAS),
+        choices=("same", "all", "valid"),
         default="same",
         help="same: K as it is (default); all: every pixel; valid: what leaves no pixel empty",
     )
@@ -118,116 +108,33 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from rich.progress import track
-
+    from calibrary.api.pictures import undistort
     from calibrary.cli.console import note, out
-    from calibrary.cli.undistort_display import report_of, show
-    from calibrary.parsers.discovery import format_named
+    from calibrary.cli.undistort_display import show
 
-    calibration = _calibration(arguments)
-    record = format_named(arguments.to)
-    jobs = list(_jobs(arguments.images, arguments.out, arguments.kind))
-    cameras = Cameras(arguments=arguments, calibration=calibration, record=record)
-    _refuse_what_is_there(jobs, cameras.path(), arguments)
-    cameras.rehearse()
-    remarks = note(arguments)
-    quiet = len(jobs) < 2 or not remarks.is_terminal or remarks.quiet
-    tracked = track(jobs, "undistorting", console=remarks, transient=True, disable=quiet)
-    done: list[Done] = []
-    try:
-        done.extend(undistorted(job, cameras) for job in tracked)
-    except KeyboardInterrupt as error:
-        error.args = (f"{len(done)} of {len(jobs)} images were undistorted",)
-        raise
+    given = arguments
+    with Bar(note(arguments), "undistorting") as bar:
+        done = undistort(
+            given.images,
+            given.calibration,
+            given.out,
+            reading=reading_of(arguments, camera=given.camera),
+            keep=given.alpha if given.alpha is not None else given.keep,
+            size=given.size,
+            max_angle_deg=given.max_angle,
+            interpolation=given.interpolation,
+            kind=given.kind,
+            quality=given.quality,
+            mask=given.mask,
+            format=given.to,
+            force=given.force,
+            progress=bar,
+        )
     if arguments.json:
-        print_json(report_of(arguments, done, cameras.by_size))
+        print_json(done.report())
     else:
-        show(out(arguments), done, cameras.by_size, arguments.out)
-    return EXIT_UNREADABLE if any(one.error is not None for one in done) else 0
-
-
-def _calibration(arguments: argparse.Namespace) -> Calibration:
-    """The one camera to undistort with.
-
-    Raises:
-        InputError: the file holds several, none of that number, or only a guess.
-    """
-    found = Answers.of(arguments).read(arguments.calibration)
-    if arguments.camera is None and len(found) > 1:
-        listed = "; ".join(f"{number} {one.camera}" for number, one in enumerate(found, start=1))
-        raise InputError(
-            f"holds {len(found)} cameras; say which took the images with --camera: {listed:.2000}",
-            source=arguments.calibration.name,
-        )
-    number = arguments.camera or 1
-    if not 1 <= number <= len(found):
-        raise InputError(
-            f"has no camera {number}; it holds {len(found)}, counted from 1",
-            source=arguments.calibration.name,
-            place="--camera",
-        )
-    calibration = found[number - 1]
-    if not calibration.grade.is_metric:
-        raise InputError(
-            f"its K is a {calibration.grade.value}, a guess; pictures undistorted with it would pass for a "
-            "pinhole's. Wanted a calibration",
-            source=arguments.calibration.name,
-        )
-    return calibration
-
-
-def _jobs(given: Sequence[Path], out: Path, kind: str | None) -> Iterator[Job]:
-    """Every image, and its place below ``out`` as it lay below the folder that was given."""
-    from calibrary.jobs.extract.gather import find_images
-
-    target = out.resolve()
-    for path in given:
-        if not path.is_dir():
-            yield Job(image=path, output=_renamed(out / path.name, kind))
-            continue
-        images = [one for one in find_images(path, recursive=True) if target not in one.resolve().parents]
-        if not images:
-            raise InputError("holds no image", source=str(path))
-        for image in images:
-            yield Job(image=image, output=_renamed(out / image.relative_to(path), kind))
-
-
-def _renamed(path: Path, kind: str | None) -> Path:
-    same = {"jpg": {".jpg", ".jpeg", ".jpe"}, "tif": {".tif", ".tiff"}, "png": {".png"}}
-    if kind is None or path.suffix.lower() in same[kind]:
-        return path
-    return path.with_suffix(f".{kind}")
-
-
-def _refuse_what_is_there(jobs: Sequence[Job], camera: Path, arguments: argparse.Namespace) -> None:
-    """Settle before anything is written what would be overwritten.
-
-    Raises:
-        InputError: an image itself, one output by another, or, unless forced, what is there already.
-    """
-    images = {job.image.resolve() for job in jobs}
-    outputs: dict[Path, Path] = {}
-    for job in jobs:
-        output = job.output.resolve()
-        if output in images:
-            raise InputError(
-                "it would overwrite an image it is made from; give another --out", source=str(job.output)
-            )
-        other = outputs.setdefault(output, job.image)
-        if other != job.image:
-            raise InputError(
-                f"both {other} and {job.image} would be written there; undistort them one by one",
-                source=str(job.output),
-            )
-    refuse_the_calibration(camera, arguments)
-    there = (
-        [] if arguments.force else [path for path in (camera, *(job.output for job in jobs)) if path.exists()]
-    )
-    if there:
-        more = f" (and {len(there) - 1} more)" if len(there) > 1 else ""
-        raise InputError(
-            f"is there already{more}; --force replaces it, --out writes elsewhere", source=str(there[0])
-        )
+        show(out(arguments), done)
+    return 0 if done.is_good else EXIT_UNREADABLE
 
 
 def _alpha(text: str) -> float:
@@ -252,4 +159,4 @@ def _number(text: str, low: float, high: float) -> float:
 
 
 def _size(text: str) -> Size:
-    return SAME_FOCAL if text == SAME_FOCAL else image_size(text)
+    return "same-focal" if text == "same-focal" else image_size(text)

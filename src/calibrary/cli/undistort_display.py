@@ -1,72 +1,30 @@
-"""What ``calibrary undistort`` says of its work: lines for people, a document for machines."""
+"""What ``calibrary undistort`` shows of its work."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import argparse
-    from pathlib import Path
-
-    from calibrary.calibration import ImageSize
     from calibrary.cli.console import Screen
-    from calibrary.cli.undistort_work import Done, Written
-    from calibrary.jobs.undistort.report import UndistortReport
+    from calibrary.jobs.undistort.run import Undistortion
 
-__all__ = ["report_of", "show"]
-
-
-def report_of(
-    arguments: argparse.Namespace, done: Sequence[Done], cameras: Mapping[ImageSize, Written]
-) -> UndistortReport:
-    """What was done."""
-    from calibrary.jobs.undistort.report import UndistortedCamera, UndistortedImage, UndistortReport
-
-    out: Path = arguments.out
-    return UndistortReport(
-        calibration=arguments.calibration.name,
-        cameras=tuple(
-            UndistortedCamera(
-                file=camera.path.name,
-                format=arguments.to,
-                verdict=camera.verdict.outcome,
-                dropped=tuple(camera.verdict.dropped),
-                image_size=size,
-                calibration=camera.calibration,
-                kept=camera.plan.kept,
-                empty=camera.plan.empty,
-                notes=camera.notes,
-            )
-            for size, camera in cameras.items()
-        ),
-        images=tuple(
-            UndistortedImage(
-                file=one.job.image.name,
-                output=one.job.output.relative_to(out).as_posix() if one.error is None else None,
-                camera=cameras[one.size].path.name if one.size is not None else None,
-                warnings=one.warnings,
-                error=one.error,
-            )
-            for one in done
-        ),
-    )
+__all__ = ["show"]
 
 
-def show(screen: Screen, done: Sequence[Done], cameras: Mapping[ImageSize, Written], out: Path) -> None:
+def show(screen: Screen, done: Undistortion) -> None:
     """What was done, for people; what was not, on standard error."""
     from calibrary.cli.console import errors, plain
 
     complaints = errors()
-    for one in done:
+    for one in done.images:
         if one.error is not None:
             complaints.say(f"[red]not undistorted[/]: {plain(one.error)}")
         for warning in one.warnings:
-            complaints.say(f"[yellow]{plain(one.job.image.name)}: {plain(warning)}[/]")
-    made = sum(one.error is None for one in done)
-    if not cameras:
+            complaints.say(f"[yellow]{plain(one.image.name)}: {plain(warning)}[/]")
+    made = sum(one.error is None for one in done.images)
+    if not done.cameras:
         return
-    for size, camera in cameras.items():
+    for size, camera in done.cameras.items():
         K, made_plan = camera.plan.intrinsics, camera.plan
         screen.say(
             f"{plain(camera.path.name)}  fx {K.fx:.4f}  fy {K.fy:.4f}  cx {K.cx:.4f}  cy {K.cy:.4f}  in "
@@ -78,4 +36,4 @@ def show(screen: Screen, done: Sequence[Done], cameras: Mapping[ImageSize, Writt
         )
         for note in camera.notes:
             screen.say(f"  note: {plain(note)}")
-    screen.say(f"undistorted {made} of {len(done)} images into {plain(str(out))}")
+    screen.say(f"undistorted {made} of {len(done.images)} images into {plain(str(done.request.out))}")

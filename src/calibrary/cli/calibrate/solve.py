@@ -232,7 +232,7 @@ def _registry(arguments: argparse.Namespace) -> tuple[Registry | None, Callable[
     flags = partial(camera_of, arguments)
     if not _writes_registry(arguments):
         return None, flags
-    registry = opened(arguments)
+    registry = opened(arguments).registry
     if arguments.as_key is None:
         return registry, flags
     named = camera_named(registry, arguments.as_key)

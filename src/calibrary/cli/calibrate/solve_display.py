@@ -18,7 +18,7 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Quality
 from calibrary.cli.console import note, plain, printable
 from calibrary.cli.registry.asking import deciding_screen
-from calibrary.cli.registry.changes import show_changes, show_findings, tell_written
+from calibrary.cli.registry.changes import show_changes, show_findings, show_written
 from calibrary.cli.tables import Column, facts, fitted
 from calibrary.jobs.calibrate_board.outputs import Files
 from calibrary.registry.entry import Status
@@ -115,7 +115,7 @@ class Display:
     def written(self, written: Written, proposal: Proposal) -> None:
         """What was committed."""
         status = proposal.entry.status
-        tell_written(self._screen, written, "approved" if status is Status.APPROVED else "wrote", 1)
+        show_written(self._screen, written, "approved" if status is Status.APPROVED else "wrote", 1)
         if status is Status.DRAFT:
             self.say(f"a draft is not used yet; next: calibrary registry approve {proposal.entry.id}")
 

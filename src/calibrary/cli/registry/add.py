@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.reading import Answers, add_reading_flags
+from calibrary.cli.reading import add_reading_flags, reading_of
 from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
 from calibrary.cli.registry.place import add_registry_flag
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
@@ -16,10 +17,10 @@ from calibrary.cli.stated_flags import add_stated_flags, stated_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from calibrary.jobs.exchange.add import AddRequest
+    from calibrary.api.registry_results import ProposedChange
+    from calibrary.cli.console import Screen
     from calibrary.registry.firmware import FirmwareRange
     from calibrary.registry.proposals import Proposal
-    from calibrary.registry.registry import Registry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -68,97 +69,75 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _range(text: str) -> FirmwareRange:
+    from calibrary.api.fleet import firmware_range
     from calibrary.errors import InputError
-    from calibrary.registry.firmware import FirmwareRange
 
-    first, dots, last = text.partition("..")
-    if not dots:
-        first = last = text
     try:
-        return FirmwareRange(min=first.strip(" .") or None, max=last.strip(" .") or None)
+        return firmware_range(text)
     except InputError as error:
         raise argparse.ArgumentTypeError(f"{text!r}: {error}; expected MIN..MAX, MIN.. or ..MAX") from None
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.cli.console import errors, note, plain
-    from calibrary.cli.registry.changes import (
-        show_changes,
-        show_conflict,
-        show_findings,
-        tell_written,
-    )
-    from calibrary.jobs.exchange.add import propose_file, save_file
-    from calibrary.jobs.exchange.argument import Reading
-    from calibrary.registry.git.errors import FileConflictError
-    from calibrary.registry.proposals import change_report
+    from calibrary.cli.console import errors
+    from calibrary.cli.registry.changes import show_changes, show_findings
 
-    registry, screen = _registry(arguments), deciding_screen(arguments)
-    answers, request = Answers.of(arguments), _request(arguments)
-    reading = Reading(
-        format=answers.format,
-        image_size=answers.image_size,
-        options=answers.options,
-        camera=arguments.camera,
-    )
-    proposals = propose_file(registry, arguments.file, reading, request)
+    screen = deciding_screen(arguments)
+    change = _proposed(arguments)
+    proposals, code = change.proposals, 0
     show_changes(screen, proposals.items)
     show_findings(screen, proposals.findings)
-    written, code, due = None, 0, proposals.due
     if proposals.errors:
-        refused = _refused(len(proposals.errors), approve=request.approve)
+        refused = _refused(len(proposals.errors), approve=arguments.approve)
         errors().say(f"nothing was written: {refused}")
         code = EXIT_REFUSED
-    elif due and agreed(arguments, _question(due)):
-        try:
-            written = save_file(registry, proposals, arguments.file, reason=request.reason)
-        except FileConflictError as error:
-            show_conflict(errors(), error)
-            raise
-        tell_written(screen, written, "approved" if request.approve else "wrote", len(due))
-        if not request.approve:
-            keys = " ".join(one.entry.id for one in due[:3])
-            more = " …" if len(due) > 3 else ""
-            note(arguments).say(
-                plain(f"a draft is not used yet; next: calibrary registry approve {keys}{more}")
-            )
-    elif due:
+    elif proposals.due and agreed(arguments, _question(proposals.due)):
+        _write(arguments, change, screen)
+    elif proposals.due:
         screen.say("nothing was written")
     if arguments.json:
-        print_json(change_report(registry.repo.path, proposals, written))
+        print_json(change.to_dict())
     return code
 
 
-def _registry(arguments: argparse.Namespace) -> Registry:
+def _proposed(arguments: argparse.Namespace) -> ProposedChange:
+    from calibrary.api.fleet import Fleet
     from calibrary.cli.console import note, plain
-    from calibrary.registry.configuration import default_place, find_registry
-    from calibrary.registry.init import init
-    from calibrary.registry.registry import Registry
 
-    place = find_registry(arguments.registry)
-    if place is not None:
-        return Registry.open(place)
-    registry = init(default_place()).registry
-    told = f"no registry was named and none is around here, so yours was made: {registry.repo.path}"
-    note(arguments).say(plain(told))
-    return registry
-
-
-def _request(arguments: argparse.Namespace) -> AddRequest:
-    from functools import partial
-
-    from calibrary.jobs.exchange.add import AddRequest
-
-    return AddRequest(
-        key=partial(camera_of, arguments),
+    registry, is_new = Fleet.named_or_new(arguments.registry)
+    if is_new:
+        told = f"no registry was named and none is around here, so yours was made: {registry.place}"
+        note(arguments).say(plain(told))
+    return registry.propose(
+        arguments.file,
+        reading=reading_of(arguments, camera=arguments.camera),
+        camera=partial(camera_of, arguments),
         stated=stated_of(arguments),
         firmware=arguments.firmware_range,
-        notes=tuple(arguments.note or ()),
+        notes=arguments.note or (),
         reason=arguments.reason,
         approve=arguments.approve,
         override_held=arguments.override_held,
     )
+
+
+def _write(arguments: argparse.Namespace, change: ProposedChange, screen: Screen) -> None:
+    from calibrary.api.registry_results import FileConflictError
+    from calibrary.cli.console import errors, note, plain
+    from calibrary.cli.registry.changes import show_conflict, show_written
+
+    due = change.proposals.due
+    try:
+        written = change.write(arguments.reason)
+    except FileConflictError as error:
+        show_conflict(errors(), error)
+        raise
+    show_written(screen, written, "approved" if arguments.approve else "wrote", len(due))
+    if not arguments.approve:
+        keys = " ".join(one.entry.id for one in due[:3])
+        more = " …" if len(due) > 3 else ""
+        note(arguments).say(plain(f"a draft is not used yet; next: calibrary registry approve {keys}{more}"))
 
 
 def _question(due: Sequence[Proposal]) -> str:

@@ -30,6 +30,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.registry.entry import Status
-
-    return run_decision(arguments, Status.APPROVED, "approved")
+    return run_decision(arguments, "approved", branch=arguments.branch)

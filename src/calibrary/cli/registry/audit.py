@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, snapshot_of
-from calibrary.cli.registry.progress import Bar
+from calibrary.cli.progress import Bar
+from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_FINDINGS = 1
+NOT_FLOWN = "not flown"
 STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 USES = {"used": "green", "expired": "red", "draft": "red", "retired": "red", "none": "red"}
 
@@ -71,49 +72,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from calibrary.api.pages import check_page_place, write_page
     from calibrary.cli.console import note, out
-    from calibrary.jobs.audit.run import Request, audit
 
     if arguments.html is not None:
-        from calibrary.jobs.extract.outputs import check_page_place
-
         check_page_place(arguments.html)
-    with Bar(note(arguments), "reading images") as bar:
-        done = audit(
-            Request(
-                folders=tuple(arguments.folders),
-                snapshot=snapshot_of(arguments),
-                today=date.today(),
-                since=arguments.since,
-                stale_months=arguments.stale_after,
-                workers=arguments.workers,
-                progress=bar,
-            )
+    with Bar(note(arguments), "reading") as bar:
+        done = opened(arguments).audit(
+            arguments.folders,
+            since=arguments.since,
+            stale_months=arguments.stale_after,
+            workers=arguments.workers,
+            progress=bar,
         )
     if arguments.html is not None:
-        from calibrary.atomic import write_files
-        from calibrary.jobs.audit.page import audit_page
-        from calibrary.pages import render_page
-
-        write_files({arguments.html: render_page(audit_page(done)).encode()})
+        write_page(arguments.html, done.to_html())
     if arguments.json:
-        from calibrary.jobs.audit.report import report_of
-        from calibrary.records import to_json
-
-        print_json(to_json(report_of(done)))
+        print_json(done.to_dict())
     else:
-        _show(out(arguments), done)
+        _show(out(arguments), done.audit)
     return 0 if done.is_clean else EXIT_FINDINGS
 
 
 def _show(screen: Screen, done: Audit) -> None:
+    from calibrary.api.exchange import LEVELS
     from calibrary.cli.console import plain
-    from calibrary.jobs.audit.rules import Rule
-    from calibrary.jobs.audit.run import LEVELS
 
     if done.answers:
         screen.show(_table(done.answers, screen.width))
-    quiet = [finding for finding in done.findings if finding.rule is Rule.NOT_FLOWN]
+    quiet = [finding for finding in done.findings if finding.rule == NOT_FLOWN]
     for finding in done.findings:
         if finding in quiet:
             continue
@@ -150,8 +137,8 @@ COLUMNS = (
 
 
 def _table(answers: tuple[Answer, ...], width: int) -> list[Text]:
+    from calibrary.api.exchange import named
     from calibrary.cli.console import plain
-    from calibrary.jobs.audit.answers import named
 
     rows = []
     for answer in answers:

@@ -37,24 +37,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
-    from calibrary.registry.history import blame_report
+    from calibrary.errors import InputError
 
-    registry = opened(arguments)
-    said = registry.blame(arguments.key)
-    asked = arguments.fields
-    kept = [
-        one
-        for one in said
-        if not asked or any(one.field == name or one.field.startswith(f"{name}.") for name in asked)
-    ]
-    if not kept:
-        there = ", ".join(dict.fromkeys(one.field.partition(".")[0] for one in said))
-        arguments.parser.error(f"{arguments.key} says nothing of {', '.join(asked)}; it has {there}")
+    try:
+        found = opened(arguments).blame(arguments.key, arguments.fields)
+    except InputError as error:
+        arguments.parser.error(str(error))
     if arguments.json:
-        print_json(blame_report(kept, registry.get(arguments.key).id))
+        print_json(found.to_dict())
     else:
         screen = out(arguments)
-        screen.show(_table(kept, screen.width))
+        screen.show(_table(found.origins, screen.width))
     return 0
 
 
@@ -64,7 +57,7 @@ COLUMNS = (
     Column(name="commit", rank=1),
     Column(name="date", rank=2),
     Column(name="by", rank=4),
-    Column(name="why", rank=3, wraps=True),
+    Column(name="reason", rank=3, wraps=True),
 )
 
 

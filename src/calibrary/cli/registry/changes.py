@@ -1,4 +1,4 @@
-"""How the commands that write a registry tell what they change: a table for people, a document for machines."""
+"""How the commands that write a registry show what they change."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "change_table",
+    "field_text",
     "show_changes",
     "show_conflict",
     "show_findings",
-    "tell_written",
+    "show_written",
 ]
 
 
@@ -53,13 +54,13 @@ def change_table(changes: Sequence[FieldChange], width: int, *, only_after: bool
     from calibrary.cli.console import plain
 
     if only_after:
-        new = [(plain(change.name), plain(_text(change.after))) for change in changes]
+        new = [(plain(change.name), plain(field_text(change.after))) for change in changes]
         return fitted((CHANGED[0], CHANGED[2]), new, width, header=False)
     rows = [
         (
             plain(change.name),
-            plain(_text(change.before)),
-            plain(_text(change.after)),
+            plain(field_text(change.before)),
+            plain(field_text(change.after)),
             f"{change.delta:+.6g}" if change.delta is not None else "",
             f"{change.z:+.1f}" if change.z is not None else "",
         )
@@ -80,26 +81,15 @@ def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
 
 def show_conflict(screen: Screen, error: FileConflictError) -> None:
     """What another writer has changed in the meantime, field by field against what was to be written."""
+    from calibrary.api.registry_results import conflict_changes
     from calibrary.cli.console import plain
-    from calibrary.errors import InputError
-    from calibrary.registry.entry_yaml import parse_entry
-    from calibrary.registry.fields import differences
 
-    for conflict in error.conflicts:
-        if conflict.theirs is None or conflict.ours is None:
-            continue
-        try:
-            theirs, ours = (
-                parse_entry(data, conflict.path, require_digest=False)
-                for data in (conflict.theirs, conflict.ours)
-            )
-        except InputError:
-            continue
-        screen.say(f"[bold]{plain(conflict.path)}[/]  theirs, and what was to be written")
-        screen.show(change_table(differences(theirs, ours), screen.width - 2), indent=2)
+    for path, changes in conflict_changes(error.conflicts).items():
+        screen.say(f"[bold]{plain(path)}[/]  theirs, and what was to be written")
+        screen.show(change_table(changes, screen.width - 2), indent=2)
 
 
-def tell_written(screen: Screen, written: Written, verb: str, number: int) -> None:
+def show_written(screen: Screen, written: Written, verb: str, number: int) -> None:
     """One line of what was committed, and each warning."""
     from calibrary.cli.console import plain
 
@@ -109,7 +99,8 @@ def tell_written(screen: Screen, written: Written, verb: str, number: int) -> No
         screen.say(f"[yellow]note[/] {plain(warning)}")
 
 
-def _text(value: Field) -> str:
+def field_text(value: Field) -> str:
+    """A field's value with every digit."""
     if value is None:
         return "–"
     return repr(value) if isinstance(value, float) else str(value)

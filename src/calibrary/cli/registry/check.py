@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, snapshot_of
-from calibrary.cli.registry.progress import Bar
+from calibrary.cli.progress import Bar
+from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
+    from calibrary.api.registry_results import CheckResult
     from calibrary.cli.console import Screen
-    from calibrary.policy import Policy
-    from calibrary.registry.check_registry import Checked
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -58,59 +57,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out
-    from calibrary.registry.check_registry import (
-        check_all,
-        check_range,
-        check_signatures,
-        check_work_tree,
-        document_of,
-        parse_range,
-    )
 
     if arguments.worktree and (arguments.range is not None or arguments.signatures):
         arguments.parser.error("--worktree looks at files: it goes with neither REV..REV nor --signatures")
     if arguments.allowed_signers is not None and not arguments.signatures:
         arguments.parser.error("--allowed-signers goes with --signatures")
-    snapshot, policy = snapshot_of(arguments), _policy(arguments)
-    before, after = parse_range(arguments.range) if arguments.range is not None else (None, None)
+    registry = opened(arguments)
     with Bar(note(arguments), "checking") as bar:
-        if arguments.worktree:
-            done = check_work_tree(snapshot, policy, progress=bar)
-        elif before is not None:
-            done = check_range(snapshot, before, after, policy, progress=bar)
-        else:
-            done = check_all(snapshot, policy, progress=bar)
-    unsigned = None
+        done = registry.check(
+            arguments.range, policy=arguments.policy, work_tree=arguments.worktree, progress=bar
+        )
     if arguments.signatures:
-        unsigned = check_signatures(snapshot, arguments.allowed_signers, before=before, after=after)
+        done = done.with_signatures(registry.unsigned(arguments.allowed_signers, arguments.range))
     if arguments.json:
-        print_json(document_of(done, unsigned))
+        print_json(done.to_dict())
     else:
-        _show(out(arguments), done, unsigned)
-    return 0 if done.report.is_good and not unsigned else EXIT_BAD
+        _show(out(arguments), done)
+    return 0 if done.is_good else EXIT_BAD
 
 
-def _policy(arguments: argparse.Namespace) -> Policy | None:
-    from calibrary.policy_file import policy_named
-
-    return policy_named(arguments.policy) if arguments.policy is not None else None
-
-
-def _show(screen: Screen, done: Checked, unsigned: tuple[str, ...] | None) -> None:
+def _show(screen: Screen, done: CheckResult) -> None:
     from calibrary.cli.console import plain
-    from calibrary.validation import Severity
 
-    styles = {Severity.ERROR: "bold red", Severity.WARNING: "yellow"}
-    findings = done.report.findings
+    styles = {"error": "bold red", "warning": "yellow"}
+    report = done.checked.report
+    findings = report.findings
     for finding in findings:
         said = f"{finding.message}; {finding.remedy}" if finding.remedy else finding.message
-        style = styles.get(finding.severity, "")
+        style = styles.get(finding.severity.value, "")
         place, severity = plain(finding.place or ""), f"[{style}]{finding.severity.value}[/]"
         screen.say(f"{place}: {severity}: {plain(said)} [dim]({finding.rule})[/]")
-    for line in unsigned or ():
+    for line in done.unsigned or ():
         screen.say(f"[bold red]not signed[/]: {plain(line)}")
-    errors = len(done.report.errors)
+    errors = len(report.errors)
     warnings = len(findings) - errors
     counts = f"{errors} error{'s' * (errors != 1)}, {warnings} warning{'s' * (warnings != 1)}"
-    verdict = "[bold green]good[/]" if done.report.is_good and not unsigned else "[bold red]bad[/]"
-    screen.say(f"{verdict}: {plain(done.what)}: {counts}")
+    verdict = "[bold green]good[/]" if done.is_good else "[bold red]bad[/]"
+    screen.say(f"{verdict}: {plain(done.checked.what)}: {counts}")

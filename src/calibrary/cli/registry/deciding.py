@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
-
-if TYPE_CHECKING:
-    from calibrary.registry.entry import Status
 
 __all__ = ["add_deciding_flags", "run_decision"]
 
@@ -29,27 +25,24 @@ def add_deciding_flags(parser: argparse.ArgumentParser, *, reason_required: bool
 
 
 def run_decision(
-    arguments: argparse.Namespace, status: Status, verb: str, successor: str | None = None
+    arguments: argparse.Namespace, status: str, *, branch: str | None = None, successor: str | None = None
 ) -> int:
-    """Show what changes, write it, and tell the commit; 1 where the check objects."""
+    """Show what changes, write it, and show the commit; 1 where the check finds an error."""
     from calibrary.cli.console import errors, out
-    from calibrary.cli.registry.changes import show_changes, show_findings, tell_written
-    from calibrary.registry.proposals import change_report
+    from calibrary.cli.registry.changes import show_changes, show_findings, show_written
 
-    registry, screen = opened(arguments), out(arguments)
-    branch: str | None = getattr(arguments, "branch", None)
-    proposals = registry.propose_status(
-        arguments.keys, status, arguments.reason, branch=branch, successor=successor
+    screen = out(arguments)
+    change = opened(arguments).propose_status(
+        arguments.keys, status, reason=arguments.reason, branch=branch, successor=successor
     )
+    proposals, code = change.proposals, 0
     show_changes(screen, proposals.items)
     show_findings(screen, proposals.findings)
-    written, code = None, 0
     if proposals.errors:
         errors().say("nothing was written: put the errors right first")
         code = EXIT_REFUSED
     elif proposals.due:
-        written = registry.save(proposals, reason=arguments.reason)
-        tell_written(screen, written, verb, len(proposals.due))
+        show_written(screen, change.write(arguments.reason), status, len(proposals.due))
     if arguments.json:
-        print_json(change_report(registry.repo.path, proposals, written))
+        print_json(change.to_dict())
     return code

@@ -53,24 +53,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
-    from calibrary.jobs.exchange.export import export, report_of
 
-    snapshot = opened(arguments).snapshot(arguments.at)
-    statuses = arguments.status or ("approved", "held")
-    stored = [one for one in snapshot.entries() if one.entry.status.value in statuses]
-    done = export(stored, arguments.format, arguments.out, max_error_px=arguments.max_error_px)
+    done = opened(arguments, arguments.at).export(
+        arguments.format,
+        arguments.out,
+        statuses=arguments.status or ("approved", "held"),
+        max_error_px=arguments.max_error_px,
+    )
     if arguments.json:
-        print_json(report_of(done, snapshot.commit))
+        print_json(done.to_dict())
     else:
-        _tell(out(arguments), done, arguments.out)
+        _show(out(arguments), done.export, arguments.out)
     return 0
 
 
-def _tell(screen: Screen, done: Export, out: Path) -> None:
+def _show(screen: Screen, done: Export, out: Path) -> None:
     from calibrary.cli.console import plain
-    from calibrary.parsers.format import Fidelity
 
-    refitted = [one for one in done.written if one.verdict is Fidelity.REFITTED]
+    refitted = [one for one in done.written if one.verdict.value == "refitted"]
     count = len(done.written)
     lines = [
         f"{out}: {count} {'entry' if count == 1 else 'entries'} as {done.format}, {count - len(refitted)} exact"

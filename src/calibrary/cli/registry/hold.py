@@ -22,6 +22,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.registry.entry import Status
-
-    return run_decision(arguments, Status.HELD, "held")
+    return run_decision(arguments, "held")

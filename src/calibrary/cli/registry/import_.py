@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.reading import Answers, add_reading_flags
+from calibrary.cli.progress import Bar
+from calibrary.cli.reading import add_reading_flags, reading_of
 from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
 from calibrary.cli.registry.place import add_registry_flag, opened
-from calibrary.cli.registry.progress import Bar
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
 if TYPE_CHECKING:
+    from calibrary.api.exchange import ImportResult
     from calibrary.cli.console import Screen
     from calibrary.jobs.exchange.import_ import Import
-    from calibrary.registry.registry import Registry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 CATALOGUE = "catalogue"
 EXIT_INPUT = 3
+STYLES = {"new": "green", "changed": "yellow", "same": "dim", "left": "dim", "failed": "bold red"}
 
 DESCRIPTION = "Take in a folder of calibration files of any format, or the catalogue of known cameras."
 EXAMPLES = """\
@@ -60,74 +60,69 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note
-    from calibrary.cli.registry.changes import tell_written
-    from calibrary.jobs.exchange.import_ import Fate, report_of, write_import
+    from calibrary.cli.registry.changes import show_written
 
-    registry, screen = opened(arguments), deciding_screen(arguments)
-    found = _found(arguments, registry, note(arguments))
+    screen = deciding_screen(arguments)
+    result = _found(arguments, note(arguments))
+    found = result.found
     _show(screen, found)
+    due = len(found.due.items)
     written = None
-    if found.due.items and agreed(arguments, f"Write {len(found.due.items)} entries as one commit?"):
-        written = write_import(registry, found, reason=arguments.reason)
+    if due and agreed(arguments, f"Write {due} entries as one commit?"):
+        written = result.write(arguments.reason)
     if written is not None:
-        tell_written(screen, written, "wrote", len(found.due.items))
+        show_written(screen, written, "wrote", due)
     else:
-        screen.say("nothing was written" + ("" if found.due.items else ": nothing is new"))
+        screen.say("nothing was written" + ("" if due else ": nothing is new"))
     if arguments.json:
-        print_json(report_of(found, written.commit if written is not None else None))
-    nothing_taken = found.count(Fate.FAILED) == len(found.items)
-    return EXIT_INPUT if found.items and nothing_taken else 0
+        print_json(result.to_dict())
+    nothing_imported = all(item.fate.value == "failed" for item in found.items)
+    return EXIT_INPUT if found.items and nothing_imported else 0
 
 
-def _found(arguments: argparse.Namespace, registry: Registry, remarks: Screen) -> Import:
+def _found(arguments: argparse.Namespace, remarks: Screen) -> ImportResult:
+    from calibrary.api.exchange import Stated
     from calibrary.calibration import CameraKey
-    from calibrary.jobs.exchange.add import AddRequest, Stated
-    from calibrary.jobs.exchange.argument import Reading
-    from calibrary.jobs.exchange.import_ import import_catalogue, import_folder
 
+    registry, camera, stated = opened(arguments), partial(camera_of, arguments), stated_of(arguments)
     if arguments.source == CATALOGUE:
         if arguments.status != "draft":
             arguments.parser.error(
                 "the catalogue's entries are drafts: 'calibrary registry approve KEY' decides on each"
             )
-        if camera_of(arguments, CameraKey()) != CameraKey():
+        if camera(CameraKey()) != CameraKey():
             arguments.parser.error(
                 "the catalogue says which camera each entry is of; leave out --make and the like"
             )
-        if stated_of(arguments) != Stated():
+        if stated != Stated():
             arguments.parser.error(
                 "the catalogue says where each entry is from; leave out --date and the like"
             )
-        return import_catalogue(registry)
-    answers = Answers.of(arguments)
-    request = AddRequest(
-        key=partial(camera_of, arguments),
-        stated=stated_of(arguments),
-        reason=arguments.reason,
-        approve=arguments.status == "approved",
-    )
-    reading = Reading(format=answers.format, image_size=answers.image_size, options=answers.options)
-    with Bar(remarks, "reading files") as bar:
-        return import_folder(registry, Path(arguments.source), reading, request, progress=bar)
+        return registry.import_catalogue()
+    with Bar(remarks, "reading") as bar:
+        return registry.import_folder(
+            arguments.source,
+            reading=reading_of(arguments),
+            camera=camera,
+            stated=stated,
+            reason=arguments.reason,
+            approve=arguments.status == "approved",
+            progress=bar,
+        )
 
 
 def _show(screen: Screen, found: Import) -> None:
-    from calibrary.cli.console import plain
-    from calibrary.jobs.exchange.import_ import Fate
+    from collections import Counter
 
-    styles = {
-        Fate.NEW: "green",
-        Fate.CHANGED: "yellow",
-        Fate.SAME: "dim",
-        Fate.LEFT: "dim",
-        Fate.FAILED: "bold red",
-    }
+    from calibrary.cli.console import plain
+
     for item in found.items:
-        if item.fate is Fate.SAME and item.reason is None:
+        if item.fate.value == "same" and item.reason is None:
             continue
         named = f" → {item.entry}" if item.entry is not None else ""
         why = f": {item.reason}" if item.reason is not None else ""
         said = plain(f"{item.source}{named}{why}")
-        screen.say(f"[{styles[item.fate]}]{item.fate.value:8}[/]{said}")
-    counts = ", ".join(f"{found.count(fate)} {fate.value}" for fate in Fate if found.count(fate))
+        screen.say(f"[{STYLES[item.fate.value]}]{item.fate.value:8}[/]{said}")
+    fates = Counter(item.fate.value for item in found.items)
+    counts = ", ".join(f"{fates[fate]} {fate}" for fate in STYLES if fates[fate])
     screen.say(counts or "no calibration files")

@@ -41,36 +41,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from calibrary.api.fleet import create_registry
     from calibrary.cli.console import note, out, plain, printable
-    from calibrary.registry.init import DRIVER, DRIVER_COMMAND, folder_for, init, init_from, install_driver
 
-    if arguments.remote is not None:
-        place = arguments.path or folder_for(arguments.remote)
-        made = init_from(arguments.remote, place, bare=arguments.bare)
-    else:
-        made = init(arguments.path or Path(), bare=arguments.bare)
+    new = create_registry(arguments.path, remote=arguments.remote, bare=arguments.bare)
     screen, remarks = out(arguments), note(arguments)
-    for line in _told(made):
+    for line in _said(new.made):
         screen.say(plain(line))
-    folder = made.registry.repo.path
-    installed = False
     if not arguments.bare:
         question = "Have git show entries by their fields here (git config in this repository)?"
         if arguments.yes or (can_ask() and agreed(arguments, question)):
-            install_driver(made.registry.repo)
-            installed = True
+            new.show_fields()
         else:
             remarks.say("to have git show entries by their fields:")
-            remarks.verbatim(printable(f"  git -C {folder} config {DRIVER} '{DRIVER_COMMAND}'"))
+            remarks.verbatim(printable(f"  {new.driver}"))
     if arguments.json:
-        print_json(made.report(textconv=installed))
+        print_json(new.to_dict())
     else:
-        where = "" if folder == Path.cwd() else f" --registry {folder}"
+        where = "" if new.place == Path.cwd() else f" --registry {new.place}"
         remarks.say(plain(f"next: calibrary registry add FILE{where}"))
     return 0
 
 
-def _told(made: Initialised) -> list[str]:
+def _said(made: Initialised) -> list[str]:
     folder = made.registry.repo.path
     if made.cloned_from is not None and not made.files:
         lines = [f"{folder}: a copy of {made.cloned_from}"]

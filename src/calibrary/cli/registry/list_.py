@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from calibrary.cli.console import Screen
-    from calibrary.errors import RegistryError
     from calibrary.registry.snapshot import StoredEntry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -55,28 +54,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, out, plain
-    from calibrary.registry.snapshot import EntryListing
 
-    snapshot = opened(arguments).snapshot(arguments.at)
-    words = [word.lower() for word in arguments.words]
-    unreadable: list[RegistryError] = []
-    listed = [
-        stored
-        for stored in snapshot.entries(unreadable=unreadable.append)
-        if all(word in stored.id for word in words)
-        and (not arguments.status or stored.entry.status.value in arguments.status)
-        and (not arguments.grade or stored.entry.calibration.grade.value in arguments.grade)
-    ]
+    found = opened(arguments, arguments.at).listing(
+        arguments.words, statuses=arguments.status or (), grades=arguments.grade or ()
+    )
     if arguments.json:
-        print_json(EntryListing.of(listed))
+        print_json(found.to_dict())
     else:
-        _show(out(arguments), listed)
-        if not listed and not unreadable:
-            told = "no entry fits; 'calibrary registry add FILE' puts one in"
-            note(arguments).say(told)
-    for error in unreadable:
+        _show(out(arguments), found.entries)
+        if not found.entries and not found.unreadable:
+            note(arguments).say("no entry fits; 'calibrary registry add FILE' puts one in")
+    for error in found.unreadable:
         errors().say(f"[red]not listed[/] {plain(str(error))}")
-    return EXIT_UNREADABLE if unreadable else 0
+    return EXIT_UNREADABLE if found.unreadable else 0
 
 
 COLUMNS = (

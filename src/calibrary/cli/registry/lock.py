@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, snapshot_of
-
-if TYPE_CHECKING:
-    from calibrary.cli.console import Screen
-    from calibrary.registry.snapshot import Snapshot
+from calibrary.cli.registry.place import add_registry_flag, opened
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -45,69 +40,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.atomic import write_files
     from calibrary.cli.console import note, out, plain
-    from calibrary.errors import RegistryError
-    from calibrary.registry.locking import lock_json, lock_yaml, pinned, usable_paths
 
-    remarks, snapshot = note(arguments), snapshot_of(arguments, arguments.at)
-    if arguments.what:
-        paths = [
-            path
-            for word in arguments.what
-            for path in _paths(snapshot, word, remarks, recursive=arguments.recursive)
-        ]
-    else:
-        paths = usable_paths(snapshot)
-    if not paths:
-        raise RegistryError(
-            "no entry to pin: none is approved or held; 'calibrary registry approve KEY' puts one to use"
-        )
-    lock = pinned(snapshot, paths)
-    write_files({arguments.out: lock_yaml(lock)})
+    found = opened(arguments, arguments.at).lock(arguments.what, recursive=arguments.recursive)
+    for sentence in found.unanswered:
+        note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
+    found.write(arguments.out)
+    lock = found.lock
     count = len(lock.pins)
     at = f" at {lock.commit[:12]}" if lock.commit is not None else ""
     line = f"{arguments.out}: {count} {'entry' if count == 1 else 'entries'} pinned{at}"
     out(arguments).say(plain(line))
     if arguments.json:
-        document = lock_json(lock)
-        print_json(document)
+        print_json(found.to_dict())
     return 0
-
-
-def _paths(snapshot: Snapshot, word: str, remarks: Screen, *, recursive: bool) -> list[str]:
-    from calibrary.registry.paths import find_path
-
-    folder = Path(word)
-    if folder.is_dir():
-        return _of_flight(snapshot, folder, remarks, recursive=recursive)
-    return [find_path(snapshot.index().paths, word)]
-
-
-def _of_flight(snapshot: Snapshot, folder: Path, remarks: Screen, *, recursive: bool) -> list[str]:
-    """The entries that the gate would take for these images."""
-    from datetime import date
-
-    from calibrary.catalogue import load_catalogue
-    from calibrary.cli.console import plain
-    from calibrary.errors import InputError
-    from calibrary.jobs.extract.gather import find_images, gather
-    from calibrary.jobs.extract.knowledge import Knowledge
-
-    images = find_images(folder, recursive=recursive)
-    if not images:
-        raise InputError("holds no images, and names no entry", source=str(folder))
-    knowledge = Knowledge(catalogue=load_catalogue(), registry=snapshot.index(), on=date.today())
-    paths: dict[str, None] = {}
-    for metadata in gather(images, folder).states:
-        known = knowledge.of(metadata)
-        if known.resolution is not None:
-            paths[known.resolution.path] = None
-            continue
-        name = (
-            " ".join(text for text in (metadata.make, metadata.model) if text)
-            or "an image that names no camera"
-        )
-        near = f" ({known.near[0].path}: {known.near[0].reason})" if known.near else ""
-        remarks.say(f"[yellow]note[/] {plain(f'no entry answers for {name}{near}')}")
-    return list(paths)

@@ -44,14 +44,13 @@ def _count(text: str) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
-    from calibrary.registry.history import log_report
 
-    told = opened(arguments).history(arguments.key, most=arguments.most)
+    found = opened(arguments).history(arguments.key, most=arguments.most)
     if arguments.json:
-        print_json(log_report(told, arguments.key))
+        print_json(found.to_dict())
     else:
         screen, rows_of = out(arguments), _of_all if arguments.key is None else _of_one
-        screen.show(rows_of(told, screen.width))
+        screen.show(rows_of(found.revisions, screen.width))
     return 0
 
 
@@ -66,7 +65,7 @@ OF_ONE = (
     Column(name="grade", rank=6),
     Column(name="firmware", rank=7),
     Column(name="by", rank=8),
-    Column(name="why", rank=4, wraps=True),
+    Column(name="reason", rank=4, wraps=True),
 )
 OF_ALL = (
     Column(name="commit"),
@@ -74,7 +73,7 @@ OF_ALL = (
     Column(name="by", rank=4),
     Column(name="what", rank=2, wraps=True),
     Column(name="cameras", rank=3, wraps=True),
-    Column(name="why", rank=3, wraps=True),
+    Column(name="reason", rank=3, wraps=True),
 )
 
 

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from calibrary.registry.registry import Registry
-    from calibrary.registry.snapshot import Snapshot
+    from calibrary.api.fleet import Fleet
 
-__all__ = ["add_registry_flag", "opened", "snapshot_of"]
+__all__ = ["add_registry_flag", "opened"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser) -> None:
@@ -23,25 +22,12 @@ def add_registry_flag(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def opened(arguments: argparse.Namespace) -> Registry:
-    """The registry that is meant.
+def opened(arguments: argparse.Namespace, at: str | None = None) -> Fleet:
+    """The registry that is meant, at a revision.
 
     Raises:
-        RegistryError: there is none.
+        RegistryError: none is meant.
     """
-    from calibrary.registry.configuration import require_registry
-    from calibrary.registry.registry import Registry
+    from calibrary.api.fleet import Fleet
 
-    return Registry.open(require_registry(arguments.registry))
-
-
-def snapshot_of(arguments: argparse.Namespace, rev: str | None = None) -> Snapshot:
-    """The entries of the registry that is meant, at a revision; a plain folder of files will do.
-
-    Raises:
-        RegistryError: there is none, or no such revision.
-    """
-    from calibrary.registry.configuration import require_registry
-    from calibrary.registry.registry import open_snapshot
-
-    return open_snapshot(require_registry(arguments.registry), rev)
+    return Fleet.named(arguments.registry, at)

@@ -6,12 +6,12 @@ import argparse
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.registry.changes import field_text
 from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
-    from calibrary.registry.fields import Field
     from calibrary.registry.git.errors import Conflict, FileConflictError
     from calibrary.registry.git.remotes import Pulled
 
@@ -57,29 +57,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from calibrary.api.registry_results import FileConflictError, sync_report
     from calibrary.cli.console import errors, note, out
-    from calibrary.registry.git.errors import FileConflictError
-    from calibrary.registry.sync import Choice, remote_named, sync_report
 
     remarks, registry = note(arguments), opened(arguments)
-    remote, noted = remote_named(registry.repo, arguments.remote)
-    tell_noted(remarks, remote, noted)
-    choice = Choice(ours=arguments.ours, theirs=arguments.theirs)
+    remote, noted = registry.remote_named(arguments.remote)
+    show_noted(remarks, remote, noted)
     try:
         with remarks.status(f"pulling from {remote}"):
-            pulled = registry.pull(remote, choice)
+            pulled = registry.pull(remote, ours=arguments.ours, theirs=arguments.theirs)
     except FileConflictError as error:
         _show_conflicts(errors(), error)
         if arguments.json:
             print_json(sync_report(remote, None, None, error.conflicts))
         return EXIT_REGISTRY
-    _tell(out(arguments), remote, pulled)
+    _show(out(arguments), remote, pulled)
     if arguments.json:
         print_json(sync_report(remote, pulled, None))
     return 0
 
 
-def tell_noted(screen: Screen, remote: str, noted: str | None) -> None:
+def show_noted(screen: Screen, remote: str, noted: str | None) -> None:
     """That an address was noted as a remote."""
     from calibrary.cli.console import plain
 
@@ -87,7 +85,7 @@ def tell_noted(screen: Screen, remote: str, noted: str | None) -> None:
         screen.say(plain(f"{remote} is {noted} from now on"))
 
 
-def _tell(screen: Screen, remote: str, pulled: Pulled) -> None:
+def _show(screen: Screen, remote: str, pulled: Pulled) -> None:
     from calibrary.cli.console import plain
 
     if pulled.before == pulled.commit:
@@ -104,8 +102,8 @@ def _tell(screen: Screen, remote: str, pulled: Pulled) -> None:
 
 
 def _show_conflicts(screen: Screen, error: FileConflictError) -> None:
+    from calibrary.api.registry_results import id_of
     from calibrary.cli.console import plain
-    from calibrary.registry.paths import id_of
 
     count = len(error.conflicts)
     what = "an entry was" if count == 1 else f"{count} entries were"
@@ -130,8 +128,8 @@ COLUMNS = (
 
 
 def _show_conflict(screen: Screen, conflict: Conflict) -> None:
+    from calibrary.api.registry_results import field_conflicts
     from calibrary.cli.console import plain
-    from calibrary.registry.sync import field_conflicts
 
     screen.say(f"[bold]{plain(conflict.path)}[/]")
     if conflict.ours is None or conflict.theirs is None:
@@ -143,13 +141,7 @@ def _show_conflict(screen: Screen, conflict: Conflict) -> None:
         screen.say(f"  {', '.join(sides)}")
         return
     rows = [
-        (plain(one.name), *(plain(_text(value)) for value in (one.base, one.ours, one.theirs)))
+        (plain(one.name), *(plain(field_text(value)) for value in (one.base, one.ours, one.theirs)))
         for one in field_conflicts(conflict)
     ]
     screen.show(fitted(COLUMNS, rows, screen.width - 2), indent=2)
-
-
-def _text(value: Field) -> str:
-    if value is None:
-        return "–"
-    return repr(value) if isinstance(value, float) else str(value)

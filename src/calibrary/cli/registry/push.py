@@ -6,7 +6,7 @@ import argparse
 
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
-from calibrary.cli.registry.pull import tell_noted
+from calibrary.cli.registry.pull import show_noted
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -31,12 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from calibrary.api.registry_results import sync_report
     from calibrary.cli.console import note, out, plain
-    from calibrary.registry.sync import remote_named, sync_report
 
     remarks, registry = note(arguments), opened(arguments)
-    remote, noted = remote_named(registry.repo, arguments.remote)
-    tell_noted(remarks, remote, noted)
+    remote, noted = registry.remote_named(arguments.remote)
+    show_noted(remarks, remote, noted)
     with remarks.status(f"pushing to {remote}"):
         commit = registry.push(remote)
     out(arguments).say(plain(f"{remote} and here stand at {commit[:12]}"))

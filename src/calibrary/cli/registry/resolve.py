@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, snapshot_of
+from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
+    from calibrary.api.registry_results import FleetAnswer
     from calibrary.cli.console import Screen
     from calibrary.jobs.exchange.resolve import Answer
     from calibrary.registry.resolution import Resolution
-    from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -54,34 +54,32 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.calibration import CameraKey
     from calibrary.cli.console import errors, out
-    from calibrary.jobs.exchange.resolve import answer, asked, resolution_report
 
-    if arguments.what is None and camera_of(arguments, CameraKey()) == CameraKey():
+    stated = partial(camera_of, arguments)
+    if arguments.what is None and stated(CameraKey()) == CameraKey():
         arguments.parser.error("say which camera: an image of it, its KEY, or --make and --model")
-    snapshot = snapshot_of(arguments, arguments.at)
-    on = arguments.on or date.today()
-    found = answer(snapshot, asked(snapshot, arguments.what, partial(camera_of, arguments)), on=on)
+    found = opened(arguments, arguments.at).resolve(arguments.what, stated=stated, on=arguments.on)
     if arguments.json:
-        print_json(resolution_report(snapshot, found, on=on))
-    elif found.resolution is not None:
-        _show(out(arguments), snapshot, found, found.resolution)
-    if found.resolution is not None:
+        print_json(found.to_dict())
+    elif (resolution := found.answer.resolution) is not None:
+        _show(out(arguments), found, resolution)
+    if found.entry is not None:
         return 0
-    _tell_none(errors(), found)
+    _show_none(errors(), found.answer)
     return EXIT_NONE
 
 
-def _show(screen: Screen, snapshot: Snapshot, found: Answer, resolution: Resolution) -> None:
+def _show(screen: Screen, found: FleetAnswer, resolution: Resolution) -> None:
     from calibrary.cli.console import printable
     from calibrary.cli.tables import facts
 
     entry, calibration = resolution.entry, resolution.calibration
     K, lens, made = calibration.intrinsics, calibration.distortion, calibration.provenance
-    at = f" at {snapshot.commit[:12]}" if snapshot.commit is not None else ""
+    at = f" at {found.commit[:12]}" if found.commit is not None else ""
     rows = [
-        ("camera", f"{found.question.key}, by {found.question.known_by}"),
+        ("camera", f"{found.camera}, by {found.answer.question.known_by}"),
         ("entry", f"{resolution.path}{at}, {entry.status.value}"),
-        ("why", resolution.why.removeprefix(f"{resolution.path} ")),
+        ("reason", resolution.why.removeprefix(f"{resolution.path} ")),
         ("adapted", made.adaptation or "no, it is of this size"),
         *(("assumed", text) for text in made.assumptions),
         ("grade", calibration.grade.value),
@@ -96,11 +94,11 @@ def _show(screen: Screen, snapshot: Snapshot, found: Answer, resolution: Resolut
     screen.show(facts([*shown, *near], screen.width))
 
 
-def _tell_none(screen: Screen, found: Answer) -> None:
+def _show_none(screen: Screen, found: Answer) -> None:
     from calibrary.cli.console import plain
 
     key = found.question.key
-    lines = [f"calibrary: no approved entry answers for {key}, as told by {found.question.known_by}"]
+    lines = [f"calibrary: no approved entry answers for {key}, known by {found.question.known_by}"]
     lines += [f"  near: {item.path}: {item.reason}" for item in found.near]
     if found.near:
         lines.append(

@@ -26,6 +26,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.registry.entry import Status
-
-    return run_decision(arguments, Status.RETIRED, "retired", arguments.superseded_by)
+    return run_decision(arguments, "retired", successor=arguments.superseded_by)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from calibrary.cli.registry.place import add_registry_flag
+from calibrary.cli.progress import Bar
+from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.registry.site import worker_count
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -37,29 +38,17 @@ def _port(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from rich.progress import Progress
-
     from calibrary.cli.console import note, plain
-    from calibrary.jobs.site.server import Server
-    from calibrary.registry.configuration import require_registry
 
     remarks = note(arguments)
-    registry = require_registry(arguments.registry)
 
     def told(text: str) -> None:
         remarks.say(plain(text))
 
     try:
-        with Progress(
-            console=remarks, transient=True, disable=not remarks.is_terminal or remarks.quiet
-        ) as bar:
-            task = bar.add_task("making pages", total=None)
-
-            def progress(done: int, total: int) -> None:
-                bar.update(task, completed=done, total=total)
-
-            server = Server(
-                registry, port=arguments.port, workers=arguments.workers, progress=progress, told=told
+        with Bar(remarks, "making") as bar:
+            server = opened(arguments).server(
+                port=arguments.port, workers=arguments.workers, progress=bar, told=told
             )
         with server:
             sys.stdout.write(f"{server.url}\n")

@@ -11,10 +11,10 @@ from calibrary.cli.output import print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
+    from calibrary.api.registry_results import ShownEntry
     from calibrary.cli.console import Screen
     from calibrary.registry.fields import FieldChange
     from calibrary.registry.history import Recorded
-    from calibrary.registry.snapshot import StoredEntry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _convert(path: Path) -> int:
     """What git asks of a textconv driver; it must not fail, for git would then show nothing at all."""
-    from calibrary.registry.textconv import entry_text
+    from calibrary.api.registry_results import entry_text
 
     # Git reads bytes, whatever encoding this terminal has.
     sys.stdout.buffer.write(entry_text(path).encode("utf-8", "backslashreplace"))
@@ -73,27 +73,20 @@ def _convert(path: Path) -> int:
 def _show(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import out, plain
     from calibrary.cli.registry.changes import change_table
-    from calibrary.registry.fields import differences
-    from calibrary.registry.history import ShownEntry, recorded
 
     registry = opened(arguments)
-    stored = registry.get(arguments.key)
-    against, changes = None, None
-    if arguments.diff is not None:
-        against = f"{stored.id}@{arguments.diff}"
-        changes = differences(registry.get(against).entry, stored.entry)
+    shown = registry.show(arguments.key, against=arguments.diff)
     if arguments.json:
-        put = recorded(registry.repo, stored)
-        print_json(ShownEntry(**stored.members, recorded=put, against=against, changes=changes))
+        print_json(shown.to_dict())
     elif arguments.yaml:
-        sys.stdout.buffer.write(registry.snapshot(stored.commit).read(stored.path))
-    elif changes is None:
-        _describe(out(arguments), stored, recorded(registry.repo, stored))
+        sys.stdout.buffer.write(registry.file(shown.stored))
+    elif shown.against is None or shown.changes is None:
+        _describe(out(arguments), shown)
     else:
         screen = out(arguments)
-        screen.say(_summary(plain(arguments.key), plain(against or ""), changes))
-        if changes:
-            screen.show(change_table(changes, screen.width))
+        screen.say(_summary(plain(arguments.key), plain(shown.against), shown.changes))
+        if shown.changes:
+            screen.show(change_table(shown.changes, screen.width))
     return 0
 
 
@@ -103,19 +96,14 @@ def _summary(key: str, against: str, changes: tuple[FieldChange, ...]) -> str:
     return f"[bold]{key}[/] against {against}"
 
 
-def _describe(screen: Screen, stored: StoredEntry, put: Recorded | None) -> None:
+def _describe(screen: Screen, shown: ShownEntry) -> None:
     from calibrary.cli.console import plain, printable
     from calibrary.cli.tables import facts
 
+    stored = shown.stored
     screen.say(f"[bold]{plain(stored.id)}[/]")
-    rows = [*_rows(stored), *_recorded(put)]
+    rows = [*shown.rows(), ("commit", (stored.commit or "")[:12]), *_recorded(shown.recorded)]
     screen.show(facts([(name, printable(value)) for name, value in rows], screen.width))
-
-
-def _rows(stored: StoredEntry) -> list[tuple[str, str]]:
-    from calibrary.registry.textconv import entry_rows
-
-    return [*entry_rows(stored.entry, "{:.10g}".format), ("commit", (stored.commit or "")[:12])]
 
 
 def _recorded(put: Recorded | None) -> list[tuple[str, str]]:

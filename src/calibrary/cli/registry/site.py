@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from calibrary.cli.registry.place import add_registry_flag
+from calibrary.cli.progress import Bar
+from calibrary.cli.registry.place import add_registry_flag, opened
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -45,23 +46,11 @@ def worker_count(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from rich.progress import Progress
-
     from calibrary.cli.console import errors, note, out, plain
-    from calibrary.jobs.site.building import build
-    from calibrary.jobs.site.place import check_out
-    from calibrary.registry.configuration import require_registry
 
-    registry, folder = require_registry(arguments.registry), arguments.out
-    check_out(folder)
-    remarks = note(arguments)
-    with Progress(console=remarks, transient=True, disable=not remarks.is_terminal or remarks.quiet) as bar:
-        task = bar.add_task("making pages", total=None)
-
-        def progress(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
-
-        site = build(registry, folder, workers=arguments.workers, progress=progress)
+    folder = arguments.out
+    with Bar(note(arguments), "making") as bar:
+        site = opened(arguments).write_site(folder, workers=arguments.workers, progress=bar)
     pages = sum(name.endswith(".html") for card in site.cards for name in card.files) + 1
     out(arguments).say(
         f"{len(site.cards)} entries in {pages} pages; open {plain(str(folder / 'index.html'))}"

@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
 from calibrary.errors import InputError, MissingTagError
-from calibrary.jobs.exchange.argument import Reading, entry_file
+from calibrary.jobs.exchange.argument import Reading, choose, entry_file
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import hash_serial, read_metadata
 from calibrary.parsers.imagery.identity import SERIAL_HASH_DIGITS
@@ -107,7 +106,9 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
         found = [_from_entry(parse_entry(data, path.name, require_digest=False), request)]
     else:
         source = _Source.of(path)
-        calibrations = _chosen(_read(path, reading), reading.camera, path.name)
+        calibrations = _read(path, reading)
+        if reading.camera is not None:
+            calibrations = [choose(calibrations, reading.camera, source=path.name)]
         found = [_from_calibration(one, source, request) for one in calibrations]
     _refuse_same_path([entry for entry, _ in found], path.name)
     proposals = registry.propose(
@@ -139,9 +140,7 @@ def save_file(registry: Registry, proposals: Proposals, path: Path, *, reason: s
 
 def _read(path: Path, reading: Reading) -> Sequence[Calibration]:
     try:
-        return parsers.read(
-            path, format=reading.format, image_size=reading.image_size, options=reading.options
-        )
+        return reading.read(path)
     except MissingTagError as error:
         wants_size = reading.image_size is None and not is_image(path) and "size" in error.message
         if wants_size and "--image-size" not in error.message:
@@ -149,14 +148,6 @@ def _read(path: Path, reading: Reading) -> Sequence[Calibration]:
                 f"{error.message}; state --image-size WxH", source=error.source, place=error.place
             ) from None
         raise
-
-
-def _chosen(calibrations: Sequence[Calibration], camera: int | None, source: str) -> Sequence[Calibration]:
-    if camera is None:
-        return calibrations
-    if not 1 <= camera <= len(calibrations):
-        raise InputError(f"has no camera {camera}, found {len(calibrations)}", source=source)
-    return calibrations[camera - 1 : camera]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

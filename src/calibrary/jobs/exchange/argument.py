@@ -10,13 +10,16 @@ from typing import Final
 from calibrary import parsers
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
+from calibrary.parsers.files import MAX_BYTES
+from calibrary.records import replace
 from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.registry import Registry
 
-__all__ = ["Argument", "Reading", "entry_file", "read_argument", "read_arguments"]
+__all__ = ["Argument", "Reading", "choose", "entry_file", "read_argument", "read_arguments"]
 
 ENTRY_MARK: Final = b"calibrary/entry-"
+LISTED: Final = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +45,7 @@ class Reading:
         image_size: (width, height) px, for files that do not say it.
         options: answers to what only a file's owner knows.
         camera: which one of a file with several, from 1.
+        max_bytes: the longest file that is read.
     """
 
     registry: Path | None = None
@@ -49,6 +53,49 @@ class Reading:
     image_size: ImageSize | None = None
     options: Mapping[str, str] | None = None
     camera: int | None = None
+    max_bytes: int = MAX_BYTES
+
+    def read(self, path: Path) -> list[Calibration]:
+        """Every camera in a file, whichever is chosen.
+
+        Raises:
+            InputError: the kinds that :func:`calibrary.parsers.read` lists.
+        """
+        return parsers.read(
+            path,
+            format=self.format,
+            image_size=self.image_size,
+            options=self.options,
+            max_bytes=self.max_bytes,
+        )
+
+
+def choose(
+    cameras: Sequence[Calibration], number: int | None, *, source: str, how: str = "--camera N"
+) -> Calibration:
+    """One of a file's cameras.
+
+    Args:
+        cameras: all of them.
+        number: which, from 1; None for the only one.
+        source: the file's name, for messages.
+        how: how to say which, for messages.
+
+    Raises:
+        InputError: there are several and no number, or none of that number.
+    """
+    if number is None and len(cameras) == 1:
+        return cameras[0]
+    more = f" and {len(cameras) - LISTED} more" if len(cameras) > LISTED else ""
+    listed = "; ".join(f"{at} {item.camera}" for at, item in enumerate(cameras[:LISTED], start=1)) + more
+    if number is None:
+        raise InputError(f"holds {len(cameras)} cameras, choose one with {how}: {listed}", source=source)
+    if not 1 <= number <= len(cameras):
+        raise InputError(
+            f"has no camera {number}; it holds {len(cameras)}, counted from 1, choose one with {how}: {listed}",
+            source=source,
+        )
+    return cameras[number - 1]
 
 
 def read_argument(text: str, reading: Reading) -> Argument:
@@ -90,8 +137,8 @@ def _read(text: str, reading: Reading, image_size: ImageSize | None) -> Argument
     if reading.format is None and (data := entry_file(path)) is not None:
         entry = parse_entry(data, path.name, require_digest=False)
         return Argument(label=text, calibration=entry.calibration)
-    calibrations = parsers.read(path, format=reading.format, image_size=image_size, options=reading.options)
-    return Argument(label=text, calibration=_chosen(calibrations, reading.camera, text))
+    calibrations = replace(reading, image_size=image_size).read(path)
+    return Argument(label=text, calibration=choose(calibrations, reading.camera, source=text))
 
 
 def _entry(text: str, registry: Path | None) -> Argument:
@@ -114,16 +161,3 @@ def entry_file(path: Path) -> bytes | None:
         return None
     data = path.read_bytes()
     return data if ENTRY_MARK in data else None
-
-
-def _chosen(calibrations: Sequence[Calibration], camera: int | None, source: str) -> Calibration:
-    if camera is None and len(calibrations) == 1:
-        return calibrations[0]
-    names = ", ".join(f"{at} {item.camera}" for at, item in enumerate(calibrations[:8], start=1))
-    if camera is None:
-        raise InputError(
-            f"contains {len(calibrations)} cameras; choose one with --camera: {names}", source=source
-        )
-    if not 1 <= camera <= len(calibrations):
-        raise InputError(f"has no camera {camera}, found {len(calibrations)}: {names}", source=source)
-    return calibrations[camera - 1]

@@ -16,7 +16,7 @@ SHOWN_AFTER_S = 1.0
 
 
 class Bar:
-    """Called with how many are done and of how many; quick work never draws it."""
+    """Called with how many are done, of how many, and of what; quick work never draws it."""
 
     def __init__(self, console: Console, words: str) -> None:
         self._console = console
@@ -34,7 +34,7 @@ class Bar:
         if self._progress is not None:
             self._progress.stop()
 
-    def __call__(self, done: int, total: int) -> None:
+    def __call__(self, done: int, total: int, what: str) -> None:
         """So many are done."""
         if self._progress is None:
             if (
@@ -43,20 +43,22 @@ class Bar:
                 or time.monotonic() - self._start < SHOWN_AFTER_S
             ):
                 return
-            self._begin(total)
+            self._begin()
         if self._progress is not None and self._task is not None:
-            self._progress.update(self._task, completed=done, total=total)
+            self._progress.update(
+                self._task, description=f"{self._words} {what}", completed=done, total=total
+            )
 
-    def _begin(self, total: int) -> None:
+    def _begin(self) -> None:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         self._progress = Progress(
-            TextColumn(self._words),
+            TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeRemainingColumn(),
             console=self._console,
             transient=True,
         )
-        self._task = self._progress.add_task(self._words, total=total)
+        self._task = self._progress.add_task(self._words)
         self._progress.start()

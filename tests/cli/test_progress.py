@@ -7,8 +7,8 @@ import io
 import pytest
 from rich.console import Console
 
-from calibrary.cli.registry import progress
-from calibrary.cli.registry.progress import Bar
+from calibrary.cli import progress
+from calibrary.cli.progress import Bar
 
 
 def drawn(*, terminal: bool) -> str:
@@ -16,7 +16,7 @@ def drawn(*, terminal: bool) -> str:
     out = io.StringIO()
     with Bar(Console(file=out, force_terminal=terminal, width=80), "checking") as bar:
         for done in range(1, 6):
-            bar(done, 5)
+            bar(done, 5, "entries")
     return out.getvalue()
 
 
@@ -26,5 +26,5 @@ def test_quick_work_draws_none() -> None:
 
 def test_long_work_draws_one_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "SHOWN_AFTER_S", 0.0)
-    assert "checking" in drawn(terminal=True)
+    assert "checking entries" in drawn(terminal=True)
     assert drawn(terminal=False) == ""

@@ -1,0 +1,178 @@
+"""Whole registries checked against flights, brought in, handed on and pinned: the work behind ``Fleet``'s methods."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+from calibrary.atomic import write_files
+from calibrary.errors import RegistryError
+from calibrary.jobs.audit.answers import named
+from calibrary.jobs.audit.page import audit_page
+from calibrary.jobs.audit.report import report_of as audit_report
+from calibrary.jobs.audit.run import LEVELS, Audit, Request, audit
+from calibrary.jobs.exchange.add import AddRequest, Stated
+from calibrary.jobs.exchange.argument import Reading
+from calibrary.jobs.exchange.export import Export, export
+from calibrary.jobs.exchange.export import report_of as export_report
+from calibrary.jobs.exchange.import_ import Import, write_import
+from calibrary.jobs.exchange.import_ import report_of as import_report
+from calibrary.jobs.extract.flight_entries import flight_entries
+from calibrary.pages import render_page
+from calibrary.progress import Progress, labelled
+from calibrary.records import Json, to_json
+from calibrary.registry.git.writing import Written
+from calibrary.registry.locking import Lock, lock_json, lock_yaml, pinned, usable_paths
+from calibrary.registry.paths import find_path
+from calibrary.registry.registry import Registry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.validation import Finding
+
+__all__ = [
+    "LEVELS",
+    "AddRequest",
+    "AuditResult",
+    "ExportResult",
+    "ImportResult",
+    "LockResult",
+    "Reading",
+    "Stated",
+    "audited",
+    "exported",
+    "locked",
+    "named",
+]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AuditResult:
+    """What recent flights say of a registry.
+
+    Attributes:
+        audit: all of it, as the command line shows it.
+    """
+
+    audit: Audit
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether no finding needs attention; there may be notes."""
+        return self.audit.is_clean
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, the gravest first."""
+        return self.audit.findings
+
+    def to_html(self) -> str:
+        """The audit as a page."""
+        return render_page(audit_page(self.audit))
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/registry-audit-1.schema.json)."""
+        return to_json(audit_report(self.audit))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExportResult:
+    """What was exported, of which commit."""
+
+    export: Export
+    commit: str | None
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/registry-export-1.schema.json)."""
+        return to_json(export_report(self.export, self.commit))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LockResult:
+    """A lock of entries as they are, and what has no entry."""
+
+    lock: Lock
+    unanswered: tuple[str, ...]
+
+    def write(self, path: Path) -> None:
+        """Write the lock's file.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        write_files({path: lock_yaml(self.lock)})
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/lock-1.schema.json)."""
+        return lock_json(self.lock)
+
+
+@dataclass(slots=True, eq=False)
+class ImportResult:
+    """Calibrations as they would be written; nothing is before :meth:`write`."""
+
+    registry: Registry
+    found: Import
+    written: Written | None = None
+
+    def write(self, reason: str | None = None) -> Written | None:
+        """Write what is due as one commit; None where nothing is.
+
+        Raises:
+            RegistryError: it cannot be written.
+        """
+        self.written = write_import(self.registry, self.found, reason=reason)
+        return self.written
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/registry-import-1.schema.json)."""
+        return to_json(import_report(self.found, self.written.commit if self.written is not None else None))
+
+
+def audited(
+    snapshot: Snapshot,
+    folders: Sequence[str | Path],
+    since: date | None,
+    stale_months: int,
+    workers: int,
+    progress: Progress | None,
+) -> AuditResult:
+    """As :meth:`calibrary.Fleet.audit`."""
+    request = Request(
+        folders=tuple(map(Path, folders)),
+        snapshot=snapshot,
+        today=date.today(),
+        since=since,
+        stale_months=stale_months,
+        workers=workers,
+        progress=labelled(progress, "images"),
+    )
+    return AuditResult(audit(request))
+
+
+def exported(
+    snapshot: Snapshot, form: str, out: Path, statuses: Collection[str], max_error_px: float | None
+) -> ExportResult:
+    """As :meth:`calibrary.Fleet.export`."""
+    stored = [one for one in snapshot.entries() if one.entry.status.value in statuses]
+    return ExportResult(export(stored, form, out, max_error_px=max_error_px), snapshot.commit)
+
+
+def locked(snapshot: Snapshot, what: Sequence[str | Path], *, recursive: bool) -> LockResult:
+    """As :meth:`calibrary.Fleet.lock`."""
+    paths: list[str] = []
+    unanswered: list[str] = []
+    for one in what:
+        if Path(one).is_dir():
+            found, without = flight_entries(snapshot, Path(one), recursive=recursive)
+            paths += found
+            unanswered += without
+        else:
+            paths.append(find_path(snapshot.index().paths, str(one)))
+    if not what:
+        paths = usable_paths(snapshot)
+    if not paths:
+        raise RegistryError(
+            "no entry to pin: none is approved or held; 'calibrary registry approve KEY' puts one to use"
+        )
+    return LockResult(pinned(snapshot, paths), tuple(unanswered))

@@ -1,0 +1,359 @@
+"""What a fleet's registry answers; nothing here changes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import date
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from calibrary.api.limits import PolicyLike, policy_of
+from calibrary.api.registry_results import Blame, CheckResult, EntryListing, FleetAnswer, History, ShownEntry
+from calibrary.api.stated import CameraLike, overlay
+from calibrary.calibration import Calibration, CameraKey
+from calibrary.errors import InputError, RegistryError
+from calibrary.jobs.exchange.resolve import Question, answer, asked
+from calibrary.progress import Progress, labelled
+from calibrary.registry.check_registry import (
+    check_all,
+    check_range,
+    check_signatures,
+    check_work_tree,
+    parse_range,
+)
+from calibrary.registry.configuration import require_registry
+from calibrary.registry.entry import Entry
+from calibrary.registry.fields import differences
+from calibrary.registry.history import recorded
+from calibrary.registry.registry import Registry, open_snapshot
+from calibrary.registry.snapshot import Snapshot, StoredEntry
+
+if TYPE_CHECKING:
+    from calibrary.api.changes import FleetChanges
+    from calibrary.api.exchange import AuditResult, ExportResult, LockResult
+    from calibrary.jobs.site.building import Site
+    from calibrary.jobs.site.server import Server
+
+__all__ = ["FleetView"]
+
+
+@dataclass(frozen=True, eq=False)
+class FleetView:
+    """A registry. What it answers is of one state, which is found when it is first asked for and then kept.
+
+    Attributes:
+        place: its folder.
+        at: which state: a commit, tag, branch or day; None for the one that is checked out.
+    """
+
+    place: Path
+    at: str | None = None
+
+    @classmethod
+    def named(cls, path: Path | None = None, at: str | None = None) -> Self:
+        """The registry at a path, else the one that $CALIBRARY_REGISTRY or the current folder means.
+
+        Raises:
+            RegistryError: none is meant; a path that holds none is found out when the registry is first used.
+        """
+        return cls(require_registry(path), at)
+
+    @cached_property
+    def snapshot(self) -> Snapshot:
+        """Its entries; a plain folder of them will do."""
+        return open_snapshot(self.place, self.at)
+
+    @cached_property
+    def registry(self) -> Registry:
+        """The registry in git.
+
+        Raises:
+            RegistryError: it is not in git.
+        """
+        return Registry.open(self.place)
+
+    @property
+    def commit(self) -> str | None:
+        """Which state, 40 hexadecimal digits; None for a plain folder."""
+        return self.snapshot.commit
+
+    def entries(self) -> Iterator[Entry]:
+        """Every entry, whatever its status.
+
+        Raises:
+            RegistryError: one cannot be read.
+        """
+        return (stored.entry for stored in self.snapshot.entries())
+
+    def resolve(
+        self,
+        camera: str | Path | Calibration | CameraKey | None = None,
+        *,
+        stated: CameraLike | None = None,
+        on: date | None = None,
+    ) -> FleetAnswer:
+        """The calibration that applies to a camera.
+
+        Args:
+            camera: an image of it, its KEY such as "dji/fc6310r", a calibration or key of it.
+            stated: what is known of the camera besides, in the place of what the image or entry says.
+            on: the day it is for, as entries may be valid for some only; today when not given.
+
+        Raises:
+            InputError: the image cannot be read, or make and model are not known.
+            RegistryError: the KEY is of several models, or several entries fit equally well; they are named.
+
+        >>> fleet = calibrary.open_registry("fleet")
+        >>> answer = fleet.resolve("survey/DJI_0001.JPG")
+        >>> answer.status, answer.calibration.intrinsics.fx
+        (<Status.APPROVED: 'approved'>, 3659.5)
+        """
+        day = on or date.today()
+        return FleetAnswer(answer(self.snapshot, self._question(camera, stated), on=day), self.snapshot, day)
+
+    def _question(
+        self, camera: str | Path | Calibration | CameraKey | None, stated: CameraLike | None
+    ) -> Question:
+        if camera is None or isinstance(camera, str | Path):
+            return asked(self.snapshot, str(camera) if camera is not None else None, overlay(stated))
+        key = camera.camera if isinstance(camera, Calibration) else camera
+        known = asked(self.snapshot, None, lambda _: overlay(stated)(key))
+        return Question(key=known.key, known_by="what was said")
+
+    def listing(
+        self, words: Sequence[str] = (), *, statuses: Collection[str] = (), grades: Collection[str] = ()
+    ) -> EntryListing:
+        """The entries whose id holds every word, of these statuses and grades; of all where none are given.
+
+        >>> [stored.id for stored in calibrary.open_registry("fleet").listing(["fc6310r"]).entries]
+        ['dji/fc6310r/5472x3648']
+        """
+        unreadable: list[RegistryError] = []
+        found = tuple(
+            stored
+            for stored in self.registry.snapshot(self.at).entries(unreadable=unreadable.append)
+            if all(word.lower() in stored.id for word in words)
+            and (not statuses or stored.entry.status.value in statuses)
+            and (not grades or stored.entry.calibration.grade.value in grades)
+        )
+        return EntryListing(found, tuple(unreadable))
+
+    def show(self, key: str, *, against: str | None = None) -> ShownEntry:
+        """One entry.
+
+        Args:
+            key: KEY or KEY@REV: a commit, tag, branch, day or firmware.
+            against: the REV of another state to compare it with.
+
+        Raises:
+            RegistryError: there is no such entry or state, or several.
+
+        >>> calibrary.open_registry("fleet").show("fc6310r").stored.entry.status
+        <Status.APPROVED: 'approved'>
+        """
+        stored = self.registry.get(key)
+        who = recorded(self.registry.repo, stored)
+        if against is None:
+            return ShownEntry(stored, who)
+        other = f"{stored.id}@{against}"
+        return ShownEntry(stored, who, other, differences(self.registry.get(other).entry, stored.entry))
+
+    def file(self, stored: StoredEntry) -> bytes:
+        """An entry's YAML, as it is in the registry."""
+        return self.registry.snapshot(stored.commit).read(stored.path)
+
+    def history(self, key: str | None = None, *, most: int | None = None) -> History:
+        """The newest revisions of an entry, or of the whole registry.
+
+        Raises:
+            RegistryError: there is no such entry and never was.
+        """
+        return History(key, self.registry.history(key, most=most))
+
+    def blame(self, key: str, fields: Sequence[str] = ()) -> Blame:
+        """Which commit last changed each field of an entry.
+
+        Args:
+            key: of the entry.
+            fields: only these and those below them, such as "intrinsics" or "distortion.k1".
+
+        Raises:
+            RegistryError: there is no such entry.
+            InputError: it has none of these fields.
+        """
+        every = self.registry.blame(key)
+        kept = tuple(
+            one
+            for one in every
+            if not fields or any(one.field == name or one.field.startswith(f"{name}.") for name in fields)
+        )
+        if not kept:
+            there = ", ".join(dict.fromkeys(one.field.partition(".")[0] for one in every))
+            raise InputError(f"{key} says nothing of {', '.join(fields)}; it has {there}")
+        return Blame(self.registry.get(key).id, kept)
+
+    def check(
+        self,
+        span: str | None = None,
+        *,
+        policy: PolicyLike | None = None,
+        work_tree: bool = False,
+        progress: Progress | None = None,
+    ) -> CheckResult:
+        """Whether every entry is sound: schema, digest, path, provenance, the policy's limits, one another.
+
+        Args:
+            span: REV..REV, to check only what changed between two revisions.
+            policy: in place of the registry's own.
+            work_tree: check the files of the checkout, committed or not.
+            progress: called with (entries done, entries in all, "entries").
+
+        Raises:
+            RegistryError: there are no such revisions, or the registry cannot be listed.
+
+        >>> calibrary.open_registry("fleet").check().is_good
+        True
+        """
+        limits, told = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
+        if work_tree:
+            return CheckResult(check_work_tree(self.snapshot, limits, progress=told))
+        if span is None:
+            return CheckResult(check_all(self.snapshot, limits, progress=told))
+        before, after = parse_range(span)
+        return CheckResult(check_range(self.snapshot, before, after, limits, progress=told))
+
+    def unsigned(self, signers: Path | None = None, span: str | None = None) -> tuple[str, ...]:
+        """The commits that no listed person signed, each with the reason.
+
+        Args:
+            signers: a file as of ssh-keygen(1), "ALLOWED SIGNERS"; without one only OpenPGP keys are known.
+            span: REV..REV, to look at these commits only.
+
+        Raises:
+            RegistryError: the registry is a plain folder, or there are no such revisions.
+        """
+        before, after = parse_range(span) if span is not None else (None, None)
+        return check_signatures(self.snapshot, signers, before=before, after=after)
+
+    def audit(
+        self,
+        folders: Sequence[str | Path],
+        *,
+        since: date | None = None,
+        stale_months: int = 24,
+        workers: int = 0,
+        progress: Progress | None = None,
+    ) -> AuditResult:
+        """Compare the registry with images of recent flights.
+
+        Args:
+            folders: of images, with their sub-folders.
+            since: leave out images of earlier days.
+            stale_months: age from which a calibration is a finding.
+            workers: processes that read images; 0 decides by itself.
+            progress: called with (images read, images in all, "images").
+
+        Raises:
+            InputError: a folder cannot be read, or there is no image.
+
+        >>> [finding.rule for finding in calibrary.open_registry("fleet").audit(["survey"]).findings]
+        []
+        """
+        from calibrary.api.exchange import audited
+
+        return audited(self.snapshot, folders, since, stale_months, workers, progress)
+
+    def changes_since(
+        self, rev: str, *, policy: PolicyLike = "fleet", progress: Progress | None = None
+    ) -> FleetChanges:
+        """Every entry that differs from what it was at a commit, tag or day, worst first."""
+        from calibrary.api.changes import fleet_since
+
+        return fleet_since(self.registry, rev, policy, progress)
+
+    def changes_of_firmware(
+        self, old: str, new: str, *, policy: PolicyLike = "fleet", progress: Progress | None = None
+    ) -> FleetChanges:
+        """Every camera that was calibrated with two firmware versions, worst first."""
+        from calibrary.api.changes import fleet_by_firmware
+
+        return fleet_by_firmware(self.registry, old, new, policy, progress)
+
+    def export(
+        self,
+        format: str,  # noqa: A002  as in calibrary.read
+        out: str | Path,
+        *,
+        statuses: Collection[str] = ("approved", "held"),
+        max_error_px: float | None = None,
+    ) -> ExportResult:
+        """Write all entries in the form that another program reads.
+
+        Args:
+            format: csv, yaml, odm, opensfm, colmap, or the name of any format that is written.
+            out: a file; a folder for a file each.
+            statuses: of the entries.
+            max_error_px: largest error from a distortion model that the format lacks; 0.05 when not given.
+
+        Raises:
+            InputError: there is nothing to write, or it cannot be written.
+
+        >>> [one.entry for one in calibrary.open_registry("fleet").export("odm", "cameras.json").export.written]
+        ['dji/fc6310r/5472x3648']
+        """
+        from calibrary.api.exchange import exported
+
+        return exported(self.registry.snapshot(self.at), format, Path(out), statuses, max_error_px)
+
+    def lock(self, what: Sequence[str | Path] = (), *, recursive: bool = False) -> LockResult:
+        """Pin entries as they are, so that a run can be repeated on the same ones; nothing is written yet.
+
+        Args:
+            what: KEYs, and folders of images for the entries that apply to these; every usable entry if empty.
+            recursive: go into the folders' sub-folders.
+
+        Raises:
+            RegistryError: there is no such entry, or none to pin.
+        """
+        from calibrary.api.exchange import locked
+
+        return locked(self.snapshot, what, recursive=recursive)
+
+    def write_site(
+        self, out: str | Path, *, workers: int | None = None, progress: Progress | None = None
+    ) -> Site:
+        """Write the registry as web pages into a folder that is new, empty or an earlier site.
+
+        Raises:
+            InputError: the folder holds something else.
+        """
+        from calibrary.jobs.site.building import build
+        from calibrary.jobs.site.place import check_out
+
+        check_out(Path(out))
+        return build(self.place, Path(out), workers=workers, progress=labelled(progress, "pages"))
+
+    def server(
+        self,
+        *,
+        port: int = 0,
+        workers: int | None = None,
+        progress: Progress | None = None,
+        told: Callable[[str], None] | None = None,
+    ) -> Server:
+        """A web server for the registry's pages, for this machine only; enter it, then call its ``run``.
+
+        Args:
+            port: 0 for any that is free.
+            workers: processes that make the pages.
+            progress: called with (pages done, pages in all, "pages").
+            told: called with what happens later: that pages were made anew, or why not.
+
+        Raises:
+            InputError: the port is taken.
+        """
+        from calibrary.jobs.site.server import Server
+
+        return Server(self.place, port=port, workers=workers, progress=labelled(progress, "pages"), told=told)

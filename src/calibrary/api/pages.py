@@ -1,0 +1,19 @@
+"""Pages to look at and to hand on: one HTML file, written whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from calibrary.atomic import write_files
+from calibrary.jobs.extract.outputs import check_page_place
+
+__all__ = ["check_page_place", "write_page"]
+
+
+def write_page(path: Path, html: str) -> None:
+    """Write a page.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    write_files({path: html.encode()})

@@ -1,0 +1,287 @@
+"""What a registry answers and what changes in it, each with its JSON form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+from calibrary.calibration import Calibration, CameraKey
+from calibrary.errors import InputError, RegistryError
+from calibrary.jobs.exchange.add import save_file
+from calibrary.jobs.exchange.resolve import Answer, resolution_report
+from calibrary.records import Json, to_json
+from calibrary.registry import history, snapshot
+from calibrary.registry.check_registry import Checked, document_of
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.fields import FieldChange, differences
+from calibrary.registry.git.errors import Conflict, FileConflictError
+from calibrary.registry.git.writing import Written
+from calibrary.registry.history import (
+    EntryRevision,
+    FieldOrigin,
+    Recorded,
+    blame_report,
+    log_report,
+)
+from calibrary.registry.init import DRIVER, DRIVER_COMMAND, Initialised, install_driver
+from calibrary.registry.paths import id_of
+from calibrary.registry.proposals import Proposals, change_report
+from calibrary.registry.registry import Registry
+from calibrary.registry.resolution import RejectedEntry
+from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.sync import field_conflicts, sync_report
+from calibrary.registry.textconv import entry_rows, entry_text
+
+__all__ = [
+    "Blame",
+    "CheckResult",
+    "EntryListing",
+    "FileConflictError",
+    "FleetAnswer",
+    "History",
+    "NewRegistry",
+    "ProposedChange",
+    "ShownEntry",
+    "conflict_changes",
+    "entry_text",
+    "field_conflicts",
+    "id_of",
+    "sync_report",
+]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FleetAnswer:
+    """What a registry says of one camera.
+
+    Attributes:
+        answer: all of it, as the command line shows it.
+        snapshot: the state of the registry that was asked.
+        on: the day it is for.
+    """
+
+    answer: Answer
+    snapshot: Snapshot
+    on: date
+
+    @property
+    def commit(self) -> str | None:
+        """Of the registry, 40 hexadecimal digits; None for a plain folder."""
+        return self.snapshot.commit
+
+    @property
+    def camera(self) -> CameraKey:
+        """The camera that was asked for, as far as it is known."""
+        return self.answer.question.key
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """Its K and distortion at the camera's image size; None where no entry answers."""
+        found = self.answer.resolution
+        return found.calibration if found is not None else None
+
+    @property
+    def entry(self) -> Entry | None:
+        """The entry that answers, as its file says it."""
+        found = self.answer.resolution
+        return found.entry if found is not None else None
+
+    @property
+    def status(self) -> Status | None:
+        """Whether the entry is approved or held."""
+        return self.entry.status if self.entry is not None else None
+
+    @property
+    def reason(self) -> str | None:
+        """Why this entry and no other."""
+        found = self.answer.resolution
+        return found.why if found is not None else None
+
+    @property
+    def near(self) -> tuple[RejectedEntry, ...]:
+        """Other entries of the same make and model, each with its ``path`` and ``reason``."""
+        return self.answer.near
+
+    def to_dict(self) -> dict[str, Json]:
+        """The answer as plain data for JSON (schemas/resolution-1.schema.json)."""
+        return to_json(resolution_report(self.snapshot, self.answer, on=self.on))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EntryListing:
+    """Entries of a registry, and what is wrong with those that cannot be read."""
+
+    entries: tuple[StoredEntry, ...]
+    unreadable: tuple[RegistryError, ...]
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
+        return to_json(snapshot.EntryListing.of(self.entries))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShownEntry:
+    """An entry as it is or was.
+
+    Attributes:
+        stored: the entry, with its path and commit.
+        recorded: who put its calibration into the registry; None in a plain folder.
+        against: KEY@REV of the state it is compared with, if any.
+        changes: the fields that differ from that state.
+    """
+
+    stored: StoredEntry
+    recorded: Recorded | None
+    against: str | None = None
+    changes: tuple[FieldChange, ...] | None = None
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Every field by its name, numbers to ten digits with their uncertainty."""
+        return entry_rows(self.stored.entry, "{:.10g}".format)
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
+        shown = history.ShownEntry(
+            **self.stored.members, recorded=self.recorded, against=self.against, changes=self.changes
+        )
+        return to_json(shown)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """The revisions of an entry, or of a whole registry where ``key`` is None, newest first."""
+
+    key: str | None
+    revisions: tuple[EntryRevision, ...]
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/registry-log-1.schema.json)."""
+        return to_json(log_report(self.revisions, self.key))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blame:
+    """Which commit last changed each field of an entry."""
+
+    id: str
+    origins: tuple[FieldOrigin, ...]
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/registry-blame-1.schema.json)."""
+        return to_json(blame_report(self.origins, self.id))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CheckResult:
+    """What a check found.
+
+    Attributes:
+        checked: all of it, as the command line shows it.
+        unsigned: the commits that are not signed by a listed person; None where that was not asked.
+    """
+
+    checked: Checked
+    unsigned: tuple[str, ...] | None = None
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is no error and no unsigned commit; there may be warnings."""
+        return self.checked.report.is_good and not self.unsigned
+
+    def with_signatures(self, unsigned: tuple[str, ...]) -> CheckResult:
+        """The same, with the commits that are not signed by a listed person."""
+        return CheckResult(self.checked, unsigned)
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/registry-check-1.schema.json)."""
+        return to_json(document_of(self.checked, self.unsigned))
+
+
+@dataclass(slots=True, eq=False)
+class ProposedChange:
+    """Entries beside the current ones, checked; nothing is written before :meth:`write`.
+
+    Attributes:
+        registry: to write to.
+        proposals: each entry with its changes, and what the check says of them.
+        source: the file that they were read from.
+        written: the commit, once it is written.
+    """
+
+    registry: Registry
+    proposals: Proposals
+    source: Path | None = None
+    written: Written | None = None
+
+    def write(self, reason: str | None = None) -> Written:
+        """Write it as one commit.
+
+        Raises:
+            FileConflictError: an entry was changed since it was proposed; nothing was written.
+            RegistryError: a check failed, there is nothing to write, or it cannot be written.
+        """
+        if self.source is not None:
+            self.written = save_file(self.registry, self.proposals, self.source, reason=reason)
+        else:
+            self.written = self.registry.save(self.proposals, reason=reason)
+        return self.written
+
+    def to_dict(self) -> dict[str, Json]:
+        """What was written, or would be, as plain data for JSON (schemas/registry-change-1.schema.json)."""
+        return to_json(change_report(self.registry.repo.path, self.proposals, self.written))
+
+
+@dataclass(slots=True, eq=False)
+class NewRegistry:
+    """A registry that was created or copied.
+
+    Attributes:
+        made: what was done, as the command line shows it.
+        shows_fields: whether its git shows entries by their fields.
+    """
+
+    made: Initialised
+    shows_fields: bool = False
+
+    @property
+    def place(self) -> Path:
+        """Its folder."""
+        return self.made.registry.repo.path
+
+    @property
+    def driver(self) -> str:
+        """The command that does what :meth:`show_fields` does."""
+        return f"git -C {self.place} config {DRIVER} '{DRIVER_COMMAND}'"
+
+    def show_fields(self) -> None:
+        """Let this repository's git show entries by their fields.
+
+        Raises:
+            RegistryError: its configuration cannot be written.
+        """
+        install_driver(self.made.registry.repo)
+        self.shows_fields = True
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/registry-begun-1.schema.json)."""
+        return to_json(self.made.report(textconv=self.shows_fields))
+
+
+def conflict_changes(conflicts: Sequence[Conflict]) -> dict[str, tuple[FieldChange, ...]]:
+    """By path, the fields in which what was to be written differs from what another writer has written."""
+    found = {}
+    for conflict in conflicts:
+        if conflict.theirs is None or conflict.ours is None:
+            continue
+        try:
+            theirs, ours = (
+                parse_entry(data, conflict.path, require_digest=False)
+                for data in (conflict.theirs, conflict.ours)
+            )
+        except InputError:
+            continue
+        found[conflict.path] = differences(theirs, ours)
+    return found

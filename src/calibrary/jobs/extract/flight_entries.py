@@ -1,0 +1,43 @@
+"""The registry's entries that a flight's images resolve to."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+
+from calibrary.catalogue import load_catalogue
+from calibrary.errors import InputError
+from calibrary.jobs.extract.gather import find_images, gather
+from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.registry.snapshot import Snapshot
+
+__all__ = ["flight_entries"]
+
+
+def flight_entries(
+    snapshot: Snapshot, folder: Path, *, recursive: bool = False
+) -> tuple[list[str], list[str]]:
+    """The entries that extract would use for these images.
+
+    Returns:
+        their paths, and for each camera without one a sentence that says so.
+
+    Raises:
+        InputError: the folder has no images.
+        RegistryError: the registry cannot be read.
+    """
+    images = find_images(folder, recursive=recursive)
+    if not images:
+        raise InputError("holds no images, and names no entry", source=str(folder))
+    knowledge = Knowledge(catalogue=load_catalogue(), registry=snapshot.index(), on=date.today())
+    paths: dict[str, None] = {}
+    unanswered = []
+    for metadata in gather(images, folder).states:
+        known = knowledge.of(metadata)
+        if known.resolution is not None:
+            paths[known.resolution.path] = None
+            continue
+        named = " ".join(text for text in (metadata.make, metadata.model) if text)
+        near = f" ({known.near[0].path}: {known.near[0].reason})" if known.near else ""
+        unanswered.append(f"no entry answers for {named or 'an image that names no camera'}{near}")
+    return list(paths), unanswered

@@ -1,0 +1,374 @@
+"""Undistorting images: a new camera for every size of image, its file, and one picture after another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal, TypeAlias
+
+from calibrary import parsers
+from calibrary.atomic import write_files
+from calibrary.calib.picture_files import Kind, Picture, decode, encode, reframed
+from calibrary.calib.undistort import Interpolation, Plan, Undistorter, plan
+from calibrary.calibration import Calibration, ImageSize
+from calibrary.distortion import NoDistortion
+from calibrary.errors import CalibraryError, InputError
+from calibrary.evidence.dji import is_dewarped
+from calibrary.jobs.extract.gather import find_images
+from calibrary.jobs.undistort.report import UndistortedCamera, UndistortedImage, UndistortReport
+from calibrary.parsers.discovery import format_named
+from calibrary.parsers.files import read_regular_file
+from calibrary.parsers.format import Format, WriteVerdict
+from calibrary.parsers.imagery import read_metadata
+from calibrary.progress import Progress
+from calibrary.records import replace
+
+__all__ = [
+    "ALPHAS",
+    "SAME_FOCAL",
+    "NewCamera",
+    "UndistortRequest",
+    "Undistorted",
+    "Undistortion",
+    "undistort",
+]
+
+SAME_FOCAL: Final = "same-focal"
+ALPHAS: Final[Mapping[str, float | None]] = {"same": None, "all": 1.0, "valid": 0.0}
+"""What of the images is kept, as OpenCV's alpha; None keeps K."""
+
+MAX_PICTURE_BYTES: Final = 4 * 1024**3
+KINDS: Final = {"jpg": {".jpg", ".jpeg", ".jpe"}, "tif": {".tif", ".tiff"}, "png": {".png"}}
+Size: TypeAlias = ImageSize | Literal["same-focal"] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UndistortRequest:
+    """What to undistort, and how.
+
+    Attributes:
+        images: files, and folders with all below them.
+        calibration: of the camera that took them.
+        source: the file that the calibration was read from.
+        out: folder for the pictures and their camera.
+        alpha: 0 leaves no pixel empty, 1 loses none, as OpenCV's; None keeps K.
+        size: of the pictures in px; "same-focal" for as many as keep the focal length in px; None for the image's.
+        max_angle_deg: of wide lenses, show so much off the axis.
+        interpolation: "nearest", "linear", "cubic" or "lanczos".
+        kind: "jpg", "png" or "tif"; None for the image's own.
+        quality: of JPEGs, 1 … 100.
+        mask: also write a mask of what is not empty.
+        format: of the new camera's file.
+        force: replace what is there already.
+    """
+
+    images: Sequence[Path]
+    calibration: Calibration
+    source: Path
+    out: Path
+    alpha: float | None = None
+    size: Size = None
+    max_angle_deg: float = 80.0
+    interpolation: str = "cubic"
+    kind: str | None = None
+    quality: int = 95
+    mask: bool = False
+    format: str = "opencv_storage"
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Undistorted:
+    """One picture and what came of it.
+
+    Attributes:
+        image: file before.
+        output: file after.
+        size: of the image in px; None where it was not undistorted.
+        warnings: what speaks against undistorting it.
+        error: why it was not undistorted.
+    """
+
+    image: Path
+    output: Path
+    size: ImageSize | None = None
+    warnings: tuple[str, ...] = ()
+    error: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewCamera:
+    """The camera of the new pictures that came from images of one size."""
+
+    plan: Plan
+    undistorter: Undistorter
+    calibration: Calibration
+    path: Path
+    verdict: WriteVerdict
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Undistortion:
+    """What was done.
+
+    Attributes:
+        request: what was asked for.
+        images: in the order they were given.
+        cameras: by the size of the images before.
+    """
+
+    request: UndistortRequest
+    images: tuple[Undistorted, ...]
+    cameras: Mapping[ImageSize, NewCamera]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether every image was undistorted."""
+        return all(one.error is None for one in self.images)
+
+    def report(self) -> UndistortReport:
+        """For machines."""
+        return UndistortReport(
+            calibration=self.request.source.name,
+            cameras=tuple(
+                UndistortedCamera(
+                    file=camera.path.name,
+                    format=self.request.format,
+                    verdict=camera.verdict.outcome,
+                    dropped=tuple(camera.verdict.dropped),
+                    image_size=size,
+                    calibration=camera.calibration,
+                    kept=camera.plan.kept,
+                    empty=camera.plan.empty,
+                    notes=camera.notes,
+                )
+                for size, camera in self.cameras.items()
+            ),
+            images=tuple(
+                UndistortedImage(
+                    file=one.image.name,
+                    output=one.output.relative_to(self.request.out).as_posix() if one.error is None else None,
+                    camera=self.cameras[one.size].path.name if one.size is not None else None,
+                    warnings=one.warnings,
+                    error=one.error,
+                )
+                for one in self.images
+            ),
+        )
+
+
+def undistort(request: UndistortRequest, progress: Progress | None = None) -> Undistortion:
+    """Undistort images, and write them with their new camera; an image that fails stops no other.
+
+    Args:
+        request: what and how.
+        progress: called with (images done, images in all, "images").
+
+    Raises:
+        InputError: the calibration is a guess or has no known distortion, no K is as it was asked for, there is no
+            image, or a file would be overwritten; nothing was written.
+    """
+    if not request.calibration.grade.is_metric:
+        raise InputError(
+            f"its K is a {request.calibration.grade.value}, a guess; pictures undistorted with it would pass for a "
+            "pinhole's. Wanted a calibration",
+            source=request.source.name,
+        )
+    cameras = _Cameras(request=request, record=format_named(request.format))
+    images = list(_outputs(request))
+    _refuse_overwriting(images, cameras.path(), request)
+    cameras.rehearse()
+    done: list[Undistorted] = []
+    try:
+        for one in images:
+            done.append(_undistorted(one, cameras))
+            if progress is not None:
+                progress(len(done), len(images), "images")
+    except KeyboardInterrupt as error:
+        error.args = (f"{len(done)} of {len(images)} images were undistorted",)
+        raise
+    return Undistortion(request=request, images=tuple(done), cameras=cameras.by_size)
+
+
+@dataclass(slots=True, kw_only=True)
+class _Cameras:
+    """Makes a camera, and writes its file, for every size of image that comes along."""
+
+    request: UndistortRequest
+    record: Format
+    by_size: dict[ImageSize, NewCamera] = field(default_factory=dict)
+
+    def of(self, size: ImageSize) -> NewCamera:
+        """The camera of images of one size.
+
+        Raises:
+            InputError: the calibration does not fit them, or its file cannot be written.
+        """
+        if size not in self.by_size:
+            self.by_size[size] = self._written(size)
+        return self.by_size[size]
+
+    def path(self, size: ImageSize | None = None, *, suffix: str | None = None) -> Path:
+        """The first camera's file has a plain name; others, which are rare, carry the size of their images."""
+        stem = "camera" if size is None or not self.by_size else "camera-{}x{}".format(*size)
+        return self.request.out / f"{stem}{suffix or self.record.suffixes[0]}"
+
+    def rehearse(self) -> None:
+        """Find out, before any image is read, whether there can be a camera of the calibration's own size.
+
+        Raises:
+            InputError: its distortion is unknown, no K is as it was asked for, or the format does not hold it.
+        """
+        made = self._planned(self.request.calibration)
+        parsers.encode([_pinhole(made)], self.record, name=self.path().name)
+
+    def _planned(self, source: Calibration) -> Plan:
+        given = self.request
+        return plan(
+            source,
+            alpha=given.alpha,
+            size=given.size if given.size != SAME_FOCAL else None,
+            same_focal=given.size == SAME_FOCAL,
+            max_angle_deg=given.max_angle_deg,
+        )
+
+    def _written(self, size: ImageSize) -> NewCamera:
+        given, source, notes = self.request, self.request.calibration, []
+        before = source.intrinsics.image_size
+        if size != before:
+            source = source.scaled(size)
+            notes.append(
+                f"the calibration is of {before[0]}×{before[1]} px; it was scaled to {size[0]}×{size[1]}"
+            )
+        made = self._planned(source)
+        if made.cropped_to_deg is not None:
+            notes.append(
+                f"the lens sees more than a plane shows well; {made.cropped_to_deg:g}° of it are kept"
+            )
+        undistorter = Undistorter(made, interpolation=Interpolation(given.interpolation))
+        calibration = _pinhole(made)
+        path, mask = self.path(size), self.path(size, suffix=".mask.png")
+        data, verdict = parsers.encode([calibration], self.record, name=path.name)
+        files = {path: data}
+        if given.mask:
+            files[mask] = encode(Picture(pixels=undistorter.mask(), kind=Kind.PNG))
+        _refuse_the_calibration(path, given)
+        _write(files, force=given.force)
+        return NewCamera(
+            plan=made,
+            undistorter=undistorter,
+            calibration=calibration,
+            path=path,
+            verdict=verdict,
+            notes=tuple(notes),
+        )
+
+
+def _outputs(request: UndistortRequest) -> Iterator[Undistorted]:
+    """Every image, and its place below the output folder as it was below the folder that was given."""
+    out, target = request.out, request.out.resolve()
+    for path in request.images:
+        if not path.is_dir():
+            yield Undistorted(image=path, output=_renamed(out / path.name, request.kind))
+            continue
+        images = [one for one in find_images(path, recursive=True) if target not in one.resolve().parents]
+        if not images:
+            raise InputError("holds no image", source=str(path))
+        for image in images:
+            yield Undistorted(image=image, output=_renamed(out / image.relative_to(path), request.kind))
+
+
+def _renamed(path: Path, kind: str | None) -> Path:
+    if kind is None or path.suffix.lower() in KINDS[kind]:
+        return path
+    return path.with_suffix(f".{kind}")
+
+
+def _refuse_overwriting(images: Sequence[Undistorted], camera: Path, request: UndistortRequest) -> None:
+    """Settle before anything is written what would be overwritten.
+
+    Raises:
+        InputError: an image itself, one output by another, or, unless forced, what is there already.
+    """
+    inputs = {one.image.resolve() for one in images}
+    outputs: dict[Path, Path] = {}
+    for one in images:
+        output = one.output.resolve()
+        if output in inputs:
+            raise InputError(
+                "it would overwrite an image it is made from; give another --out", source=str(one.output)
+            )
+        other = outputs.setdefault(output, one.image)
+        if other != one.image:
+            raise InputError(
+                f"both {other} and {one.image} would be written there; undistort them one by one",
+                source=str(one.output),
+            )
+    _refuse_the_calibration(camera, request)
+    there = (
+        [] if request.force else [path for path in (camera, *(one.output for one in images)) if path.exists()]
+    )
+    if there:
+        more = f" (and {len(there) - 1} more)" if len(there) > 1 else ""
+        raise InputError(
+            f"is there already{more}; --force replaces it, --out writes elsewhere", source=str(there[0])
+        )
+
+
+def _refuse_the_calibration(path: Path, request: UndistortRequest) -> None:
+    if path.resolve() == request.source.resolve():
+        raise InputError("it would overwrite the calibration; give another --out", source=str(path))
+
+
+def _undistorted(one: Undistorted, cameras: _Cameras) -> Undistorted:
+    """One picture, written; what is wrong with it is kept in it."""
+    given, image = cameras.request, one.image
+    try:
+        picture = decode(read_regular_file(image, max_bytes=MAX_PICTURE_BYTES), source=image.name)
+        height, width = picture.pixels.shape[:2]
+        camera = cameras.of((width, height))
+        old, new = camera.plan.source.intrinsics, camera.plan.intrinsics
+        keeps_focal = (old.fx, old.fy, old.image_size) == (new.fx, new.fy, new.image_size)
+        result = reframed(picture, camera.undistorter(picture.pixels), keeps_focal=keeps_focal)
+        result = replace(result, kind=Kind(given.kind) if given.kind else picture.kind)
+        _write({one.output: encode(result, quality=given.quality)}, force=given.force)
+    except CalibraryError as error:
+        named = str(error) if image.name in str(error) else f"{image.name}: {error}"
+        return replace(one, error=named)
+    return replace(one, size=(width, height), warnings=tuple(_doubts(image)))
+
+
+def _doubts(image: Path) -> Iterator[str]:
+    """What in an image's metadata speaks against undistorting it."""
+    try:
+        metadata = read_metadata(image)
+    except InputError:
+        return
+    if is_dewarped(metadata):
+        yield "the camera has undistorted this picture itself (DewarpFlag); a calibration of its raw ones does not fit"
+
+
+def _write(files: Mapping[Path, bytes], *, force: bool) -> None:
+    for path in files:
+        if path.exists() and not force:
+            raise InputError("is there already; --force replaces it", source=str(path))
+    write_files(files)
+
+
+def _pinhole(made: Plan) -> Calibration:
+    """The camera of the undistorted pictures."""
+    source = made.source
+    modes = [mode for mode in (source.camera.capture_mode, "undistorted") if mode]
+    return replace(
+        source,
+        camera=replace(source.camera, image_size=made.intrinsics.image_size, capture_mode=", ".join(modes)),
+        intrinsics=made.intrinsics,
+        distortion=NoDistortion(),
+        quality=None,
+        provenance=replace(
+            source.provenance, adaptation="undistorted", reference_size=source.intrinsics.image_size
+        ),
+        extras=(),
+    )
