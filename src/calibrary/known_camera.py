@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Any, Final, TypeAlias
 
 from calibrary.errors import InputError
 from calibrary.records import Json, Meta, Record
 
-__all__ = ["BANDS", "SUB_CAMERAS", "KnownCamera", "Name", "Projection", "Text", "normalise_sub_camera"]
+__all__ = [
+    "BANDS",
+    "SUB_CAMERAS",
+    "KnownCamera",
+    "Name",
+    "Projection",
+    "SensorWidth",
+    "Text",
+    "normalise_sub_camera",
+]
 
 VISIBLE: Final = frozenset({"rgb", "wide", "zoom", "medium-tele", "tele"})
 """Sub-cameras that take colour pictures; "rgb" is what a tag says when it does not say which of them."""
@@ -83,6 +93,19 @@ Pixels: TypeAlias = Annotated[int, Meta(ge=1, le=100_000)]
 SubCamera: TypeAlias = Annotated[str, Meta(extra_json_schema={"enum": sorted(SUB_CAMERAS)})]
 Band: TypeAlias = Annotated[str, Meta(extra_json_schema={"enum": sorted(BANDS | {"rgb"})})]
 Once = Meta(extra_json_schema={"uniqueItems": True})
+
+
+@dataclass(frozen=True, slots=True)
+class SensorWidth:
+    """Width of a camera's sensor as public databases list it by name: evidence, never a K by itself.
+
+    Attributes:
+        mm: width of the longer side.
+        source: the databases, in words.
+    """
+
+    mm: float
+    source: str
 
 
 class KnownCamera(Record):
@@ -198,18 +221,25 @@ class KnownCamera(Record):
     def fx_over_w_at(self, focal_mm: float | None) -> float | None:
         """Expected fx / W of the full frame at a focal length; a zoom lens moves it, other lenses do not.
 
+        A body whose lens comes off, or a zoom that only its pitch is known of, has focal length ÷ pitch.
+
         Args:
             focal_mm: as EXIF tells it, None when it does not.
 
         Returns:
             None where nothing is expected: no source, or a zoom lens at an unknown or impossible setting.
         """
-        if self.fx_over_w is None or self.zoom_mm is None or self.focal_mm is None:
+        if self.fx_over_w is not None and (self.zoom_mm is None or self.focal_mm is None):
             return self.fx_over_w
-        shortest, longest = self.zoom_mm
-        if focal_mm is None or not shortest * 0.95 <= focal_mm <= longest * 1.05:
+        if focal_mm is None:
             return None
-        return self.fx_over_w * focal_mm / self.focal_mm
+        if self.zoom_mm is not None and not self.zoom_mm[0] * 0.95 <= focal_mm <= self.zoom_mm[1] * 1.05:
+            return None
+        if self.fx_over_w is not None and self.focal_mm is not None:
+            return self.fx_over_w * focal_mm / self.focal_mm
+        if self.pitch_um is None or self.native_size is None:
+            return None
+        return focal_mm * 1000.0 / self.pitch_um / self.native_size[0]
 
     def answers(self, sub_camera: str) -> bool:
         """Whether a tag in the common vocabulary names this very camera."""

@@ -28,6 +28,7 @@ PAPERS = (
     "DESIGN.md",
     "LICENSE",
     "Makefile",
+    "NOTICE",
     "README.md",
     "pyproject.toml",
     "requirements-dev.lock",
@@ -134,8 +135,14 @@ def test_the_metadata_says_what_pyproject_says(metadata: email.message.Message) 
 
 
 def test_the_licence_travels_with_the_wheel(unpacked_wheel: Path) -> None:
-    (licence,) = unpacked_wheel.glob("*.dist-info/licenses/LICENSE")
-    assert licence.read_bytes() == (ROOT / "LICENSE").read_bytes()
+    for name in ("LICENSE", "NOTICE"):
+        (paper,) = unpacked_wheel.glob(f"*.dist-info/licenses/{name}")
+        assert paper.read_bytes() == (ROOT / name).read_bytes()
+
+
+def test_the_wheel_carries_the_listed_sensor_widths(unpacked_wheel: Path) -> None:
+    path = "registry/catalogue/sensor_widths.tsv"
+    assert (unpacked_wheel / "calibrary" / path).read_bytes() == (ROOT / path).read_bytes()
 
 
 def test_the_wheel_declares_the_command(unpacked_wheel: Path) -> None:

@@ -199,6 +199,14 @@ def test_a_zoom_lens_moves_what_is_expected_and_another_does_not() -> None:
     assert prime.fx_over_w_at(None) == prime.fx_over_w_at(24.0) == prime.fx_over_w
 
 
+def test_a_body_known_by_its_pitch_has_focal_length_over_pitch() -> None:
+    body = CATALOGUE.find("SONY", "ILCE-6000").camera
+    assert body is not None
+    assert body.fx_over_w is None
+    assert body.fx_over_w_at(None) is None
+    assert body.fx_over_w_at(20.0) == pytest.approx(20.0 * 1000 / 3.91667 / 6000)
+
+
 def test_search_finds_every_word_anywhere_in_the_names() -> None:
     assert [camera.title for camera in CATALOGUE.search("phantom RTK")] == ["Phantom 4 RTK"]
     assert {camera.sub_camera for camera in CATALOGUE.search("m30t")} == {"wide", "thermal"}

@@ -1,0 +1,127 @@
+"""Sensor widths by make and model, as the databases of OpenSfM and AliceVision list them.
+
+A width is evidence for cameras that the catalogue does not know, never a K by itself: a name can be shared by
+two cameras, and the lists hold slips. The file is read only when such a camera is met, one maker at a time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Final
+
+from calibrary.known_camera import SensorWidth
+
+__all__ = ["sensor_width"]
+
+AGREEMENT: Final = 0.03
+"""Databases, or two entries that a name may mean, that differ by more say nothing."""
+
+OTHER_NAMES: Final = {
+    "asahi": ("pentax",),
+    "eastman": ("kodak",),
+    "fuji": ("fujifilm",),
+    "hewlett": ("hp", "hewlett-packard"),
+    "hmd": ("nokia", "hmd"),
+    "jk": ("kodak",),
+    "konica": ("konica-minolta", "konica"),
+    "lge": ("lg", "lge"),
+    "minolta": ("minolta", "konica-minolta"),
+    "om": ("olympus",),
+    "ricoh": ("ricoh", "pentax"),
+}
+"""The databases' makers where they are not the first word of EXIF Make."""
+
+ADDED_WORDS: Final = frozenset({"camera", "digital", "zoom"})
+"""What cameras append to their Model and the databases leave out."""
+
+SHORTEST_TAIL: Final = 3
+"""Letters and digits of a Model that may stand for the end of a longer name ("DSC-P52")."""
+
+
+def sensor_width(make: str | None, model: str | None) -> SensorWidth | None:
+    """The width listed for a camera, None where there is none, or where the lists disagree.
+
+    Args:
+        make: EXIF Make; the databases know the makers by one word.
+        model: EXIF Model, with or without the maker's name before it.
+    """
+    if not make or not model:
+        return None
+    first = re.split(r"[\s\-_,.]", make.casefold().strip(), maxsplit=1)[0]
+    makers = OTHER_NAMES.get(first, (first,))
+    for name in _names(model, {first, *makers}):
+        found = [width for maker in makers for width in _found(maker, name)]
+        if found:
+            return _agreed(found)
+    return None
+
+
+def _names(model: str, makers: set[str]) -> Iterator[str]:
+    """The Model as the databases may spell it, the closest spelling first."""
+    words = model.casefold().replace("_", " ").split()
+    while len(words) > 1 and re.split(r"[\-,.]", words[0])[0] in makers:
+        words = words[1:]
+    yield _squeezed(" ".join(words))
+    shorter = list(words)
+    while len(shorter) > 1 and shorter[-1] in ADDED_WORDS:
+        shorter.pop()
+        yield _squeezed(" ".join(shorter))
+
+
+def _found(maker: str, name: str) -> tuple[SensorWidth, ...]:
+    listed = _of_maker(maker)
+    if name in listed.whole:
+        return listed.whole[name]
+    long_enough = len(name) >= SHORTEST_TAIL and any(c.isdigit() for c in name)
+    return listed.tails.get(name, ()) if long_enough else ()
+
+
+def _agreed(found: list[SensorWidth]) -> SensorWidth | None:
+    widths = [one.mm for one in found]
+    return found[0] if max(widths) / min(widths) - 1.0 <= AGREEMENT else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Listed:
+    """One maker's cameras by squeezed name, and by the ends of their names at word boundaries."""
+
+    whole: dict[str, tuple[SensorWidth, ...]]
+    tails: dict[str, tuple[SensorWidth, ...]]
+
+
+@cache
+def _of_maker(maker: str) -> _Listed:
+    whole: dict[str, tuple[SensorWidth, ...]] = {}
+    tails: dict[str, tuple[SensorWidth, ...]] = {}
+    for line in re.findall(rf"^{re.escape(maker)}[ ][^\n]*", _text(), re.IGNORECASE | re.MULTILINE):
+        camera, opensfm, alicevision = line.split("\t")
+        words = camera.casefold().split()[1:]
+        widths = tuple(_widths(opensfm, alicevision))
+        for start in range(len(words)):
+            kept = tails if start else whole
+            name = _squeezed(" ".join(words[start:]))
+            kept[name] = (*kept.get(name, ()), *widths)
+    return _Listed(whole, tails)
+
+
+def _widths(opensfm: str, alicevision: str) -> Iterator[SensorWidth]:
+    if alicevision == "=":
+        yield SensorWidth(float(opensfm), "OpenSfM and AliceVision")
+        return
+    if opensfm:
+        yield SensorWidth(float(opensfm), "OpenSfM")
+    if alicevision:
+        yield SensorWidth(float(alicevision), "AliceVision")
+
+
+@cache
+def _text() -> str:
+    return (files("calibrary.registry") / "catalogue" / "sensor_widths.tsv").read_text(encoding="utf-8")
+
+
+def _squeezed(text: str) -> str:
+    return "".join(c for c in text if c.isalnum())
