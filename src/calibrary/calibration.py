@@ -88,7 +88,7 @@ GRADE_MEANINGS = {
     Grade.ADJUSTED: "estimated by the bundle adjustment of a reconstruction",
     Grade.DESIGN: "design value of the manufacturer for the camera model",
     Grade.DERIVED: "focal length divided by pixel pitch or sensor size",
-    Grade.PRIOR: "rough value such as the 35 mm equivalent, only for comparison",
+    Grade.PRIOR: "from the 35 mm equivalent, or from a listed sensor width that nothing confirms",
     Grade.SEED: "generic start for a self-calibration",
 }
 

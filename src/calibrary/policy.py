@@ -25,11 +25,13 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
         focal_symmetry_max: |fx − fy| / max(fx, fy) above this is an error.
         focal_symmetry_proven: above this a K is unproven (calibrated cameras hold 0.5 %); None to not ask.
         principal_point_drift_max: offset from the middle over the side, per axis.
-        focal_over_width: (low, high) of fx / W for an unknown camera, from the metadata of its images.
+        focal_over_width: (low, high) of fx / W for a K from images' metadata that nothing else tests, such as one on
+            an assumed or a stated sensor size.
         measured_over_width: the same for a calibration that was measured and handed over (fields of view of
             130 … 3 degrees: what a lens can be); None to hold it to ``focal_over_width`` as well.
         known_camera_tolerance: ± of a known camera's fx, None to hold known cameras to the band as well.
-        independent_sources_settle: whether two independent focal lengths that agree stand in for the band.
+        independent_sources_settle: whether the sources of an unknown camera decide in place of the band: valid where
+            two independent ones agree, unproven with one, rejected where they contradict each other.
         source_agreement: how near independent focal lengths must lie.
         skew_max: |skew| / fx; a bundle adjustment may leave a trace of it, metadata never does.
         group_spread_max: (max − min) / fx over the images of one camera.
@@ -98,7 +100,7 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
 
 
 FLEET = Policy(name="fleet")
-"""The default: the source document's errors, and what a fleet's real cameras need beside them."""
+"""The default: known cameras by what is known of them, unknown ones by what their images' sources prove."""
 
 SOURCE = Policy(
     name="source",

@@ -1,7 +1,8 @@
 """Whether a K may reach a solver: a policy's limits, every rule measured, a verdict.
 
 No rule stops another and a NaN fails. Two policies ship: ``source`` holds every camera to one band of focal
-lengths; ``fleet`` knows that most UAV cameras lie outside it, and judges a known camera by what is known of it.
+lengths; ``fleet`` knows that most UAV cameras lie outside it, and judges a known camera by what is known of it,
+and an unknown one by the sources in its images that confirm or contradict each other.
 """
 
 from __future__ import annotations
@@ -107,12 +108,14 @@ class Expected:
         spread: relative half-width that is known for this camera, None for the policy's.
         tolerance: of the registry entry, in place of the policy's; larger or smaller.
         source: "catalogue" or "registry".
+        by_exif_focal: whether it is EXIF's focal length over a known pitch, so that a wrong one shows in neither.
     """
 
     fx: float
     spread: float | None = None
     tolerance: float | None = None
     source: str
+    by_exif_focal: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +128,7 @@ class NamedFocal:
         tolerance: relative rounding of the source itself.
         cause: what most likely makes it disagree.
         independent: whether it shares nothing with the judged one, so that agreeing with it proves something.
+        confirms_within: how near it must be for that; None for the policy's source agreement.
     """
 
     name: str
@@ -132,6 +136,7 @@ class NamedFocal:
     tolerance: float = 0.0
     cause: str | None = None
     independent: bool = True
+    confirms_within: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,7 +147,9 @@ class Circumstances:
         expected: of a known camera.
         others: what other sources say, the judged one not among them.
         focal_mm, focal_35mm: EXIF's, where the K rests on them.
+        weighed: nothing is known of the camera, and the sources of an image are all there is.
         sensor_assumed: the K rests on an assumed sensor size.
+        sensor_given: it rests on one that the user stated.
         zoomed: the K rests on how the camera handles digital zoom.
         edits: what an editor did to the pixels since the camera wrote them.
         spread: how far K's numbers spread over the images of this camera, as a share of fx.
@@ -152,7 +159,9 @@ class Circumstances:
     others: tuple[NamedFocal, ...] = ()
     focal_mm: float | None = None
     focal_35mm: float | None = None
+    weighed: bool = False
     sensor_assumed: bool = False
+    sensor_given: bool = False
     zoomed: bool = False
     edits: tuple[str, ...] = ()
     spread: float | None = None
@@ -208,7 +217,7 @@ def validate(calibration: Calibration, policy: Policy, circumstances: Circumstan
     return Report(policy=policy.name, findings=findings)
 
 
-def _focal_symmetry(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
+def _focal_symmetry(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
     K = c.intrinsics
     measured = abs(K.fx - K.fy) / max(K.fx, K.fy)
     limit = policy.focal_symmetry_max
@@ -217,6 +226,9 @@ def _focal_symmetry(c: Calibration, policy: Policy, _: Circumstances) -> Iterato
         severity = Severity.ERROR
     elif policy.focal_symmetry_proven is not None and not measured <= policy.focal_symmetry_proven:
         severity, limit = Severity.UNPROVEN, policy.focal_symmetry_proven
+        if around.sensor_assumed and policy.assumed_sensor_is_unproven:
+            # Pixels are square, so a sensor of other proportions than the image's is not this camera's.
+            severity = Severity.ERROR
     message, remedy = f"fx and fy differ by {measured:.2%}, at most {limit:.2%}", None
     if severity is not Severity.PASS:
         message += ": a wrong sensor size, a transcoded frame, or corrupt EXIF"
@@ -257,23 +269,68 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
         usual = max(policy.known_camera_tolerance, expected.spread or 0.0)
         yield _against_known(c, expected, expected.tolerance if expected.tolerance is not None else usual)
         return
+    confirming = _confirming(c, policy, around)
+    if confirming is not None:
+        fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
+        message = f"fx = {fx_over_w:.3f} W, confirmed independently by {confirming.name}"
+        yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
+        return
+    if around.weighed and policy.independent_sources_settle and not around.sensor_assumed:
+        yield _unconfirmed(c, policy, around)
+        return
+    yield _within_band(c, policy)
+
+
+def _confirming(c: Calibration, policy: Policy, around: Circumstances) -> NamedFocal | None:
+    """An independent source that agrees, where the policy takes its word."""
+    if not policy.independent_sources_settle or around.sensor_assumed:
+        return None
+    # The rounding of an estimate can excuse a disagreement, but proves no agreement (a 35 mm equivalent of 1).
+    return next((o for o in around.others if o.independent and _apart(c, o) <= _near(o, policy)), None)
+
+
+def _near(other: NamedFocal, policy: Policy) -> float:
+    within = other.confirms_within
+    return policy.source_agreement if within is None else min(within, policy.source_agreement)
+
+
+def _unconfirmed(c: Calibration, policy: Policy, around: Circumstances) -> Finding:
+    """One source of an unknown camera: what no lens can be is rejected, and nothing else is proven."""
+    fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
+    low, high = policy.measured_over_width or policy.focal_over_width
+    usual = policy.focal_over_width
+    severity, limit = Severity.UNPROVEN, None
+    if not low <= fx_over_w <= high:
+        severity, limit = Severity.ERROR, low if fx_over_w < low else high
+        message = f"fx = {fx_over_w:.3f} W, expected {low:g} … {high:g} W of any lens"
+    else:
+        message = (
+            f"fx = {fx_over_w:.3f} W by {c.provenance.tag or c.provenance.kind} alone: nothing confirms it"
+        )
+        if around.sensor_given and usual[0] <= fx_over_w <= usual[1]:
+            severity, message = Severity.PASS, f"fx = {fx_over_w:.3f} W by the sensor that was given"
+    return Finding(
+        rule="focal-plausibility",
+        severity=severity,
+        measured=fx_over_w,
+        limit=limit,
+        message=message,
+        remedy=None if severity is Severity.PASS else f"{REGISTER}, or name the sensor (--sensor-width-mm)",
+    )
+
+
+def _within_band(c: Calibration, policy: Policy) -> Finding:
     fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
     measured = c.provenance.kind != "image-metadata" and c.grade.is_metric
     low, high = (policy.measured_over_width if measured else None) or policy.focal_over_width
     in_band = low <= fx_over_w <= high
-    # The rounding of an estimate can excuse a disagreement, but proves no agreement (a 35 mm equivalent of 1).
-    agreeing = [o for o in around.others if o.independent and _apart(c, o) <= policy.source_agreement]
-    if policy.independent_sources_settle and agreeing and not around.sensor_assumed:
-        message = f"fx = {fx_over_w:.3f} W, confirmed independently by {agreeing[0].name}"
-        yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
-        return
     message, remedy = f"fx = {fx_over_w:.3f} W, expected {low:g} … {high:g} W", None
     if not in_band:
         message += ": a 35 mm equivalent or a wrong sensor size, unless the lens has this focal length"
         knows = policy.known_camera_tolerance is not None
         way = REGISTER if knows else "use --policy fleet, which has limits for known cameras"
         remedy = f"check the sensor size; if the focal length is right, {way}"
-    yield Finding(
+    return Finding(
         rule="focal-plausibility",
         severity=Severity.PASS if in_band else Severity.ERROR,
         measured=fx_over_w,
@@ -333,19 +390,25 @@ def _leak_35mm(c: Calibration, policy: Policy, around: Circumstances) -> Iterato
 
 
 def _source_agreement(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    settles = policy.independent_sources_settle
+    confirmed = _confirming(c, policy, around) is not None
     for other in around.others:
         measured = _apart(c, other)
-        limit = max(policy.source_agreement, other.tolerance)
+        limit = max(_near(other, policy) if around.weighed else policy.source_agreement, other.tolerance)
         if measured <= limit:
             continue
-        # A known camera is judged by its expected fx; an unknown one stays unproven while its sources disagree.
-        settled = around.expected is not None or not policy.independent_sources_settle
+        # A known camera is judged by its expected fx; of an unknown one either source may be the wrong one.
+        is_known = around.expected is not None and not around.expected.by_exif_focal
+        severity = Severity.WARNING if is_known or not settles else Severity.UNPROVEN
+        far = measured > max(policy.source_agreement, other.tolerance)
+        if settles and around.weighed and far and not confirmed:
+            severity = Severity.ERROR
         message = f"{other.name} states fx = {other.fx:.1f} px, {other.fx / c.intrinsics.fx - 1.0:+.1%}"
         if other.cause:
             message += f": {other.cause}"
         yield Finding(
             rule="source-agreement",
-            severity=Severity.WARNING if settled else Severity.UNPROVEN,
+            severity=severity,
             measured=measured,
             limit=limit,
             message=message,

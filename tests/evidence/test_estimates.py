@@ -13,6 +13,7 @@ from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import Source, SourceEstimate
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
+from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2, micasense, p4_rtk, xmp
 
@@ -321,6 +322,33 @@ def test_the_35_mm_equivalent_of_a_wide_frame_is_given_what_a_crop_to_16_9_hides
     assert slack((4000, 2250)) == 0.09
     assert slack((2250, 4000)) == slack((4000, 3000)) == 1 / 50
     assert slack((4000, 2250), known=PHANTOM_3) == 1 / 50
+
+
+def test_a_thermal_camera_without_a_focal_length_has_the_catalogues_design() -> None:
+    chosen = collect(Scene(metadata=ImageMetadata(size=(640, 512)), known=M3T_THERMAL)).chosen
+    assert chosen is not None
+    assert (chosen.source, chosen.grade) == (Source.CATALOGUE_DESIGN, Grade.DESIGN)
+    assert chosen.intrinsics.fx == pytest.approx(1.185 * 640)
+
+
+@pytest.mark.parametrize("known", [P4_RTK, M3T_WIDE], ids=["drone", "visible camera beside a thermal one"])
+def test_another_camera_without_a_focal_length_has_lost_it(known: KnownCamera) -> None:
+    assert known.native_size is not None
+    assert collect(Scene(metadata=ImageMetadata(size=known.native_size), known=known)).chosen is None
+
+
+@pytest.mark.parametrize(("focal_mm", "fx"), [(2.6, 0.396 * 3840), (5.2, None)])
+def test_a_catalogues_fx_without_a_pitch_is_of_its_focal_length(focal_mm: float, fx: float | None) -> None:
+    action = KnownCamera(
+        make="SONY",
+        models=("HDR-AS300",),
+        title="action camera",
+        native_size=(3840, 2160),
+        focal_mm=2.6,
+        fx_over_w=0.396,
+    )
+    chosen = collect(Scene(metadata=ImageMetadata(size=(3840, 2160), focal_mm=focal_mm), known=action)).chosen
+    assert (chosen.intrinsics.fx if chosen is not None else None) == fx
 
 
 def test_72_dpi_is_no_focal_plane() -> None:

@@ -95,9 +95,8 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
 @cache
 def _shipped() -> Catalogue:
     makers = {item.name: item for item in (files("calibrary.registry") / "catalogue").iterdir()}
-    return Catalogue(
-        camera for name in sorted(makers) for camera in _cameras(makers[name].read_bytes(), name)
-    )
+    names = sorted(name for name in makers if name.endswith(".yaml"))
+    return Catalogue(camera for name in names for camera in _cameras(makers[name].read_bytes(), name))
 
 
 def _content(path: Path) -> bytes:

@@ -12,6 +12,7 @@ from calibrary.evidence.conflict import Conflict, conflicts
 from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import Dropped, Source, SourceEstimate
 from calibrary.evidence.frame import exif_contradiction
+from calibrary.evidence.weighing import weigh
 
 __all__ = ["Evidence", "collect"]
 
@@ -38,8 +39,9 @@ class Evidence:
 
     @property
     def chosen(self) -> SourceEstimate | None:
-        """The best estimate whose K may reach a solver."""
-        return next((w for w in self.estimates if w.grade.is_metric and w.pinhole), None)
+        """The best estimate of K: one of a grade that may reach a solver, else one that only lacks confirmation."""
+        usable = [one for one in self.estimates if one.pinhole and one.is_k]
+        return next((one for one in usable if one.grade.is_metric), usable[0] if usable else None)
 
     def calibration(self, camera: CameraKey, source_name: str | None = None) -> Calibration | None:
         """The chosen estimate as a calibration of ``camera``, or None when there is no K."""
@@ -89,6 +91,9 @@ def collect(scene: Scene) -> Evidence:
         # A guess for want of better is no estimate: it must neither confirm a K nor speak against one.
         found = [w for w in found if w.source is not Source.ASSUMED_SENSOR]
     dropped = tuple(f for f in findings if isinstance(f, Dropped))
+    if scene.weighs:
+        found, stale = weigh(scene, found)
+        dropped = (*dropped, *stale)
     evidence = Evidence(scene=scene, estimates=tuple(found), dropped=dropped)
     chosen = evidence.chosen
     if chosen is None:

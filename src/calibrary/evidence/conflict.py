@@ -5,17 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-
-from calibrary.evidence.context import Scene
-from calibrary.evidence.estimate import Source, SourceEstimate
-from calibrary.evidence.frame import files_frame
-
-__all__ = ["AGREEMENT", "Cause", "Conflict", "conflicts", "disagreement"]
-
 from enum import StrEnum
 
-AGREEMENT = 0.05
-"""Independent ways to one focal length agree within this; further apart is a conflict."""
+from calibrary.evidence.context import Scene
+from calibrary.evidence.estimate import AGREEMENT, Source, SourceEstimate
+from calibrary.evidence.frame import files_frame
+
+__all__ = ["Cause", "Conflict", "conflicts", "disagreement"]
 
 RATIO_SLACK = 0.03
 
@@ -76,14 +72,14 @@ def _cause(scene: Scene, chosen: SourceEstimate, other: SourceEstimate) -> Cause
     focal_mm, focal_35mm = metadata.focal_mm, metadata.focal_35mm
     if focal_mm is not None and focal_35mm is not None and _near(focal_mm / focal_35mm, 1.0):
         return Cause.LEAK_35MM
-    zoom = metadata.digital_zoom or 1.0
+    zoom = metadata.zoom
     if zoom > 1.0 and _near_either(ratio, zoom):
         return Cause.DIGITAL_ZOOM
     if any(_is_sibling(scene, estimate) for estimate in (other, chosen)):
         return Cause.OTHER_SUB_CAMERA
     sources = {chosen.source, other.source}
     wide = Source.FOCAL_35MM in sources and _is_wide_crop(scene, ratio)
-    if sources & {Source.GIVEN_SENSOR, Source.ASSUMED_SENSOR}:
+    if sources & {Source.GIVEN_SENSOR, Source.LISTED_SENSOR, Source.ASSUMED_SENSOR}:
         return Cause.CROP if wide else Cause.SENSOR_SIZE
     exif_size, size = metadata.exif_size, metadata.size
     if exif_size is not None and exif_size != size and _near_either(ratio, exif_size[0] / size[0]):

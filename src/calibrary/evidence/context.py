@@ -12,7 +12,7 @@ from calibrary.errors import FrameError, InputError
 from calibrary.evidence.estimate import Dropped, Source, SourceEstimate
 from calibrary.evidence.frame import adapt, files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.known_camera import KnownCamera, Projection
+from calibrary.known_camera import KnownCamera, Projection, SensorWidth
 
 __all__ = ["Finding", "Scene", "numbers"]
 
@@ -40,6 +40,8 @@ class Scene:
         siblings: the other cameras that share this Model.
         given_sensor_mm: (width, height) the user stated, None where not stated.
         assumed_sensor_mm: (width, height) to fall back on when nothing else tells, None to do without.
+        weighs: whether the sources of a camera that nothing is known of are weighed against each other.
+        listed: what public databases list as the width of its sensor, where they are asked.
     """
 
     metadata: ImageMetadata
@@ -47,6 +49,8 @@ class Scene:
     siblings: tuple[KnownCamera, ...] = ()
     given_sensor_mm: tuple[float, float] | None = None
     assumed_sensor_mm: tuple[float, float] | None = None
+    weighs: bool = False
+    listed: SensorWidth | None = None
 
     @property
     def focal_mm(self) -> float | None:

@@ -8,7 +8,7 @@ from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import AnyDistortion
 from calibrary.records import Record
 
-__all__ = ["Dropped", "Source", "SourceEstimate"]
+__all__ = ["AGREEMENT", "UNCONFIRMED", "Dropped", "Source", "SourceEstimate"]
 
 
 class Source(StrEnum):
@@ -24,6 +24,9 @@ class Source(StrEnum):
     CATALOGUE_PITCH = "catalogue-pitch"
     DJI_DESIGN = "dji-design"
     FIELD_OF_VIEW = "field-of-view"
+    CATALOGUE_DESIGN = "catalogue-design"
+    LISTED_SENSOR = "listed-sensor"
+    FULL_FRAME = "full-frame"
     ASSUMED_SENSOR = "assumed-sensor"
     FOCAL_35MM = "focal-35mm"
 
@@ -44,14 +47,40 @@ RESTS_ON = {
     Source.CAMERA_PERSPECTIVE: "Camera calibration",
     Source.CAMERA_FISHEYE: "Camera calibration",
     Source.SKYDIO_CALIBRATED: "Skydio calibration",
-    Source.GIVEN_SENSOR: "focal length, given sensor",
-    Source.FOCAL_PLANE: "focal length, focal plane",
-    Source.CATALOGUE_PITCH: "focal length, catalogue",
+    # Divided by a sensor's size, EXIF FocalLength is what is measured with; in doubt is the size.
+    Source.GIVEN_SENSOR: "given sensor",
+    Source.FOCAL_PLANE: "focal plane",
+    Source.CATALOGUE_PITCH: "catalogue",
     Source.DJI_DESIGN: "DJI design",
     Source.FIELD_OF_VIEW: "field of view",
-    Source.ASSUMED_SENSOR: "focal length, assumed sensor",
+    Source.CATALOGUE_DESIGN: "catalogue",
+    Source.LISTED_SENSOR: "listed sensor",
+    Source.FULL_FRAME: "35 mm equivalent",
+    Source.ASSUMED_SENSOR: "assumed sensor",
     Source.FOCAL_35MM: "35 mm equivalent",
 }
+
+
+SENSOR_SIZES = frozenset(
+    {
+        Source.GIVEN_SENSOR,
+        Source.FOCAL_PLANE,
+        Source.CATALOGUE_PITCH,
+        Source.LISTED_SENSOR,
+        Source.FULL_FRAME,
+        Source.ASSUMED_SENSOR,
+    }
+)
+"""Sources of a sensor's size, which EXIF FocalLength is divided by."""
+
+UNCONFIRMED = frozenset({Source.LISTED_SENSOR, Source.FULL_FRAME})
+"""Sources whose K is a prior until another one confirms it: a width by a camera's name, or by two equal numbers."""
+
+AGREEMENT = 0.05
+"""Independent ways to one focal length agree within this; further apart is a conflict."""
+
+SENSOR_AGREEMENT = 0.03
+"""Two statements of one sensor's width confirm each other within this: neither is rounded to whole millimetres."""
 
 
 class SourceEstimate(Record):
@@ -87,9 +116,18 @@ class SourceEstimate(Record):
     by_focal_plane: bool = False
     date: str | None = None
 
+    def confirms_within(self, other: SourceEstimate) -> float:
+        """How near another estimate must be for the two to confirm each other."""
+        return SENSOR_AGREEMENT if {self.source, other.source} <= SENSOR_SIZES else AGREEMENT
+
     def is_independent_of(self, other: SourceEstimate) -> bool:
         """Whether nothing that was written once stands behind both: only then does agreement prove anything."""
         return not self._rests_on & other._rests_on
+
+    @property
+    def is_k(self) -> bool:
+        """Whether it states a K, and not only a number to compare one with."""
+        return self.grade.is_metric or self.source in UNCONFIRMED
 
     @property
     def _rests_on(self) -> frozenset[str]:

@@ -121,7 +121,7 @@ def _zoomed(adapted: Adapted, metadata: ImageMetadata) -> Adapted:
     A camera that enlarges the zoomed part back to the full frame multiplies its focal length; one that writes
     the part as it is has cropped 1:1.
     """
-    zoom = metadata.digital_zoom or 1.0
+    zoom = metadata.zoom
     if zoom <= 1.0:
         return adapted
     current = adapted.intrinsics

@@ -39,8 +39,8 @@ def stated_sub_camera(metadata: ImageMetadata) -> str | None:
 def camera_key(metadata: ImageMetadata, sub_camera: str | None = None) -> CameraKey:
     """The camera of an image; ``sub_camera`` is what was inferred where no tag names it."""
     modes = ["dewarped"] if is_dewarped(metadata) else []
-    if metadata.digital_zoom is not None and metadata.digital_zoom > 1.0:
-        modes.append(f"zoom {metadata.digital_zoom:.3g}×")
+    if metadata.zoom > 1.0:
+        modes.append(f"zoom {metadata.zoom:.3g}×")
     return CameraKey(
         make=metadata.make,
         model=metadata.model,

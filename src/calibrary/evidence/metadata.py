@@ -14,6 +14,10 @@ from calibrary.calibration import ImageSize
 __all__ = ["FocalPlaneUnit", "ImageMetadata", "TagFault", "XmpProperty"]
 
 
+SMALLEST_ZOOM = 1.01
+"""Below it K moves less than it is known to."""
+
+
 class FocalPlaneUnit(StrEnum):
     """EXIF FocalPlaneResolutionUnit (0xA210); the value is the sentence for people."""
 
@@ -98,6 +102,12 @@ class ImageMetadata:
     xmp: tuple[XmpProperty, ...] = ()
     faults: tuple[TagFault, ...] = ()
     has_exif: bool = False
+
+    @property
+    def zoom(self) -> float:
+        """How much digital zoom enlarged the image; 1.0 for none, and for the 1.0007 of a phone's arithmetic."""
+        zoom = self.digital_zoom or 1.0
+        return zoom if zoom > SMALLEST_ZOOM else 1.0
 
     def xmp_values(self, schema: str, name: str) -> tuple[str, ...] | None:
         """The values of one XMP property, or None when it is absent."""

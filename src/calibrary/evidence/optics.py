@@ -1,8 +1,9 @@
-"""Focal length in millimetres over the size of a pixel, by every way a pixel's size is told; and 35 mm.
+"""Focal length in millimetres over the size of a pixel, by every source of a pixel's size; and 35 mm.
 
 EXIF FocalLength (0x920A) divided by a pixel pitch is metric. FocalLengthIn35mmFilm (0xA405) is not: it is a
 whole number of millimetres that refers to the diagonal of the *native* frame (43.27 mm for 36 × 24), so it is
-heard as a prior to compare with and never becomes a K.
+heard as a prior to compare with and never becomes a K. Equal to FocalLength it says something else: that the
+sensor is a 36 × 24 mm one, or that it was written as the focal length; which of the two, another source decides.
 """
 
 from __future__ import annotations
@@ -12,18 +13,38 @@ from collections.abc import Iterator
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.evidence.context import Finding, Scene
-from calibrary.evidence.estimate import Dropped, Source
+from calibrary.evidence.estimate import AGREEMENT, Dropped, Source
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
 
 __all__ = ["estimates"]
 
 DIAGONAL_35MM = math.hypot(36.0, 24.0)
+WIDTH_35MM = 36.0
+THERMAL = "thermal"
+EQUAL_FOCAL = 0.01
+"""FocalLength and its equivalent are one number within this."""
+
+PITCH_UM = (0.7, 20.0)
+"""Pixels of sensors that write a focal plane resolution: from phones to binned frames of large sensors."""
+
+SQUARE_PIXELS = 0.05
+"""Canon's two resolutions differ by up to 2 % for square pixels."""
+
+SENSOR_ASPECT = (1.15, 1.95)
+"""Longer over shorter side, from 5:4 to 16:9 with slack; a frame outside of it was cut."""
+
+CUT_SLACK = 0.09
+"""For a frame that may have been cut out of a 4:3 one."""
+
+SMALL_SENSOR = 3.0
+"""35 mm equivalent over focal length: above it sensors are 4:3, and a 3:2 frame is a crop."""
 
 
 def estimates(scene: Scene) -> Iterator[Finding]:
-    """Given sensor, catalogue pitch, focal plane resolution, assumed sensor, 35 mm equivalent."""
+    """Every size of a pixel or sensor that is stated, the catalogue's fx, and the 35 mm equivalent."""
     yield from _metric(scene)
+    yield from _design(scene)
     yield from _prior(scene)
 
 
@@ -40,15 +61,64 @@ def _metric(scene: Scene) -> Iterator[Finding]:
     if scene.given_sensor_mm is not None:
         yield _by_sensor(scene, focal_mm, scene.given_sensor_mm, Source.GIVEN_SENSOR)
     known = scene.known
-    told = scene.given_sensor_mm is not None
+    stated = scene.given_sensor_mm is not None
     if known is not None and known.pitch_um is not None and known.native_size is not None:
-        told = True
+        stated = True
         yield _by_pitch(scene, focal_mm, known.pitch_um, known.native_size)
-    for finding in _by_focal_plane(scene, focal_mm):
-        told = told or not isinstance(finding, Dropped)
+    for finding in (*_by_focal_plane(scene, focal_mm), *_inferred(scene, focal_mm)):
+        stated = stated or not isinstance(finding, Dropped)
         yield finding
-    if not told and scene.assumed_sensor_mm is not None:
+    if not stated and scene.assumed_sensor_mm is not None:
         yield _by_sensor(scene, focal_mm, scene.assumed_sensor_mm, Source.ASSUMED_SENSOR)
+
+
+def _design(scene: Scene) -> Iterator[Finding]:
+    """The catalogue's own fx, where EXIF's focal length over a pitch cannot be had."""
+    known = scene.known
+    if known is None or known.native_size is None or known.zoom_mm is not None:
+        return
+    focal_mm, nominal = scene.metadata.focal_mm, known.focal_mm
+    if focal_mm is None:
+        # Thermal cameras write no FocalLength; another camera without one has lost it, and what else with it?
+        has_optics = known.sub_camera == THERMAL and nominal is not None and known.pitch_um is not None
+        tag = "catalogue focal length ÷ catalogue pitch"
+    else:
+        is_nominal = nominal is None or abs(focal_mm / nominal - 1.0) <= AGREEMENT
+        has_optics = known.exif_focal_trusted and known.pitch_um is None and is_nominal
+        tag = "catalogue fx"
+    over_width = known.fx_over_w_at(known.focal_mm)
+    if has_optics and over_width is not None:
+        focal = over_width * known.native_size[0]
+        intrinsics = _centred(focal, focal, known.native_size)
+        yield scene.estimate(Source.CATALOGUE_DESIGN, tag, Grade.DESIGN, intrinsics)
+
+
+def _inferred(scene: Scene, focal_mm: float) -> Iterator[Finding]:
+    """A camera that nothing is known of: the width listed for its name, and 36 mm where the equivalent says so."""
+    if not scene.weighs:
+        return
+    listed, focal_35mm = scene.listed, scene.metadata.focal_35mm
+    if listed is not None:
+        yield _by_width(scene, focal_mm, listed.mm, Source.LISTED_SENSOR, f"sensor width by {listed.source}")
+    if focal_35mm is not None and abs(focal_mm / focal_35mm - 1.0) <= EQUAL_FOCAL:
+        yield _by_width(
+            scene, focal_mm, WIDTH_35MM, Source.FULL_FRAME, "36 mm, for it is its 35 mm equivalent"
+        )
+
+
+def _by_width(scene: Scene, focal_mm: float, width_mm: float, source: Source, what: str) -> Finding:
+    """Focal length over the sensor's longer side, which the frame is taken to span."""
+    size = files_frame(scene.metadata)
+    focal = focal_mm / width_mm * max(size)
+    assumptions = (f"the image spans the sensor's {width_mm:g} mm",)
+    return scene.estimate(
+        source,
+        f"EXIF FocalLength ÷ {what}",
+        Grade.PRIOR,
+        _centred(focal, focal, size),
+        tolerance=EQUAL_FOCAL if source is Source.FULL_FRAME else 0.0,
+        assumptions=assumptions,
+    )
 
 
 def _by_sensor(scene: Scene, focal_mm: float, sensor_mm: tuple[float, float], source: Source) -> Finding:
@@ -91,6 +161,10 @@ def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
             reason=f"{resolution[0]:g} {unit.value} would be a sensor outside 1 … 100 mm diagonal",
         )
         return
+    odd = _odd_focal_plane(scene, per_mm) if scene.weighs else None
+    if odd is not None:
+        yield Dropped(source=Source.FOCAL_PLANE, tag=tag, reason=odd)
+        return
     assumptions = (
         ("FocalPlaneResolution is in pixels per inch",) if scene.metadata.focal_plane_unit is None else ()
     )
@@ -100,6 +174,20 @@ def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
         yield Dropped(source=Source.FOCAL_PLANE, tag=tag, reason=foreign)
         return
     yield scene.estimate(Source.FOCAL_PLANE, tag, Grade.DERIVED, intrinsics, assumptions=assumptions)
+
+
+def _odd_focal_plane(scene: Scene, per_mm: tuple[float, float]) -> str | None:
+    """Why a focal plane resolution is not one of a sensor that this image fills, None where it can be."""
+    pitch, (low, high) = 1000.0 / max(per_mm), PITCH_UM
+    if not low <= pitch <= high:
+        return f"would be pixels of {pitch:.2g} µm, expected {low:g} … {high:g} µm"
+    if abs(per_mm[0] / per_mm[1] - 1.0) > SQUARE_PIXELS:
+        return f"would be pixels {per_mm[1] / per_mm[0]:.2f} times as wide as high"
+    width, height = files_frame(scene.metadata)
+    aspect, (low, high) = max(width, height) / min(width, height), SENSOR_ASPECT
+    if not low <= aspect <= high:
+        return f"the image's sides are {aspect:.2f} to 1, which no sensor's are: it was cropped or resized"
+    return None
 
 
 def _prior(scene: Scene) -> Iterator[Finding]:
@@ -114,15 +202,28 @@ def _prior(scene: Scene) -> Iterator[Finding]:
         "EXIF FocalLengthIn35mmFilm",
         Grade.PRIOR,
         _centred(focal, focal, size),
-        # Cameras truncate as often as they round: 52.8 is written 52.
-        tolerance=max(1.0 / focal_35mm, 0.0 if scene.native_size else _crop_slack(size)),
+        tolerance=_slack_35mm(scene, size, focal_35mm),
         assumptions=assumptions,
     )
 
 
-def _crop_slack(size: ImageSize) -> float:
-    """How far a 16:9 frame of unknown origin may be off: cut from 4:3, its diagonal is 8.2 % short."""
-    return 0.09 if size[0] * 10 > size[1] * 16 else 0.0
+def _slack_35mm(scene: Scene, size: ImageSize, focal_35mm: float) -> float:
+    """How far a 35 mm equivalent may be off without anything being wrong.
+
+    Cameras truncate as often as they round: 52.8 is written 52. A frame of unknown origin may be cut out of 4:3,
+    whose diagonal is 8.2 % longer than that of 16:9 at one width, and 4.0 % than that of 3:2. And of an unknown
+    camera it is unknown whether its maker counts by the diagonal or by the width, which at 4:3 is 3.9 % more.
+    """
+    rounding = 1.0 / focal_35mm
+    if scene.native_size is not None:
+        return rounding
+    if not scene.weighs:
+        return max(rounding, CUT_SLACK if size[0] * 10 > size[1] * 16 else 0.0)
+    longer, shorter = max(size), min(size)
+    is_small = focal_35mm > SMALL_SENSOR * (scene.focal_mm or math.inf)
+    if longer * 10 > shorter * (14 if is_small else 16):
+        return max(rounding, CUT_SLACK)
+    return rounding + abs(DIAGONAL_35MM / WIDTH_35MM / math.hypot(1.0, shorter / longer) - 1.0)
 
 
 def _centred(fx: float, fy: float, size: ImageSize) -> Intrinsics:

@@ -243,7 +243,7 @@ class TestVerdicts:
         picture(tmp_path / "im" / "a.jpg", (4000, 3000), make="X", model="Y", focal_mm=(24, 1), focal_35mm=1)
         code, report, _ = extract("--sensor-width-mm", "6.17", "--sensor-height-mm", "4.63")
         assert code == 1
-        assert report["cameras"][0]["verdict"] == "rejected"
+        assert report["cameras"][0]["verdict"] == "unproven"
 
     def test_an_assumed_sensor_is_no_source_beside_a_real_one(self, tmp_path: Path, extract: Extract) -> None:
         xmp = packet(DJI, DewarpData=dewarp("5000"))
@@ -251,7 +251,8 @@ class TestVerdicts:
         code, report, _ = extract()
         [camera] = report["cameras"]
         assert [estimate["source"] for estimate in camera["sources"]] == ["dji-dewarp"]
-        assert (code, camera["verdict"]) == (0, "valid")
+        assert (code, camera["verdict"]) == (1, "unproven")
+        assert "drone-dji:DewarpData alone" in camera["why"]
 
     def test_a_bare_k_is_no_k_of_a_fisheye(self, tmp_path: Path, extract: Extract) -> None:
         xmp = packet(CAMERA, BandName="Green", **SEQUOIA)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Intrinsics
+from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.errors import FrameError
 from calibrary.evidence.collect import Evidence, collect
 from calibrary.evidence.conflict import disagreement
@@ -16,6 +17,7 @@ from calibrary.evidence.frame import adapt
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.knowledge import Knowledge, Known
+from calibrary.known_camera import SensorWidth
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import Circumstances, Expected, NamedFocal, Report, Verdict, validate
@@ -130,7 +132,7 @@ def judge(
     The K is one that an image carries, never an average: of the states with the best-graded estimate, the one
     with most images. The others are measured against it.
     """
-    heard = [(state, collect(_scene(state, sensor))) for state in states]
+    heard = [(state, collect(scene_of(state, sensor, policy))) for state in states]
     with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
     if not with_k:
         state, evidence = heard[0]
@@ -160,6 +162,34 @@ def judge(
     )
 
 
+def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
+    """What a state's sources are read against.
+
+    Of a camera that neither catalogue nor registry knows anything of, the sources are weighed against each other
+    where the policy settles by that; the sensor databases are asked then, and only then.
+    """
+    sides, camera = sensor.sides(state.metadata), state.known.camera
+    knows = camera is not None and (camera.pitch_um is not None or camera.fx_over_w is not None)
+    weighs = policy.independent_sources_settle and not knows and state.known.calibration is None
+    return Scene(
+        metadata=state.metadata,
+        known=camera,
+        siblings=state.known.siblings,
+        given_sensor_mm=sides if sensor.given else None,
+        # A default sensor under a camera that is known would only be wrong with more digits.
+        assumed_sensor_mm=None if sensor.given or knows or state.known.calibration is not None else sides,
+        weighs=weighs,
+        listed=_listed(state) if weighs else None,
+    )
+
+
+def _listed(state: State) -> SensorWidth | None:
+    camera = state.known.camera
+    if camera is not None and camera.sensor_width_mm is not None:
+        return SensorWidth(camera.sensor_width_mm, "the catalogue")
+    return sensor_width(state.metadata.make, state.metadata.model)
+
+
 def circumstances(evidence: Evidence, known: Known, *, spread: float | None = None) -> Circumstances:
     """What is known around the chosen estimate of one image."""
     chosen = evidence.chosen
@@ -174,28 +204,19 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
                 tolerance=estimate.tolerance,
                 cause=causes.get(estimate),
                 independent=chosen is None or estimate.is_independent_of(chosen),
+                confirms_within=estimate.confirms_within(chosen) if chosen is not None else None,
             )
             for estimate in evidence.estimates
             if estimate is not chosen
         ),
         focal_mm=metadata.focal_mm,
         focal_35mm=metadata.focal_35mm,
+        weighed=evidence.scene.weighs,
         sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
-        zoomed=metadata.digital_zoom is not None and metadata.digital_zoom > 1.0,
+        sensor_given=chosen is not None and chosen.source is Source.GIVEN_SENSOR,
+        zoomed=metadata.zoom > 1.0,
         edits=edits(metadata),
         spread=spread,
-    )
-
-
-def _scene(state: State, sensor: Sensor) -> Scene:
-    sides = sensor.sides(state.metadata)
-    return Scene(
-        metadata=state.metadata,
-        known=state.known.camera,
-        siblings=state.known.siblings,
-        given_sensor_mm=sides if sensor.given else None,
-        # A default sensor under a camera that is known would only be wrong with more digits.
-        assumed_sensor_mm=None if sensor.given or state.known.needs_no_sensor else sides,
     )
 
 
@@ -218,7 +239,7 @@ def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
         fx = adapt(native, metadata).intrinsics.fx
     except FrameError:
         return None
-    return Expected(fx=fx, spread=camera.spread, source="catalogue")
+    return Expected(fx=fx, spread=camera.spread, source="catalogue", by_exif_focal=camera.fx_over_w is None)
 
 
 def _spread(estimates: Sequence[SourceEstimate], evidence: Evidence) -> float | None:

@@ -15,6 +15,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError
+from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.cameras import Camera, circumstances
 from calibrary.jobs.extract.gather import find_files
 from calibrary.jobs.extract.knowledge import Knowledge
@@ -154,15 +155,28 @@ def find_calibrations(
     return found, unreadable
 
 
-def seed(key: CameraKey, size: ImageSize) -> Calibration:
-    """0.8 · max(W, H) and the middle of the frame: where a self-calibration may start, never a K."""
-    focal = 0.8 * max(size)
+def seed(key: CameraKey, size: ImageSize, equivalent_px: float | None = None) -> Calibration:
+    """Where a self-calibration may start, never a K: 0.8 · max(W, H) and the middle of the frame.
+
+    Args:
+        key: of the camera.
+        size: (width, height) px of the frame.
+        equivalent_px: the 35 mm equivalent in px by the diagonal, which is much nearer where there is one.
+    """
+    focal = 0.8 * max(size) if equivalent_px is None else equivalent_px
+    how = "0.8 × max(W, H)" if equivalent_px is None else "35 mm equivalent by the diagonal"
     return Calibration(
         camera=key,
         intrinsics=Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size),
         grade=Grade.SEED,
-        provenance=Provenance(kind="seed", tag="0.8 × max(W, H), principal point in the middle"),
+        provenance=Provenance(kind="seed", tag=f"{how}, principal point in the middle"),
     )
+
+
+def _equivalent_px(camera: Camera, policy: Policy) -> float | None:
+    """The 35 mm equivalent, unless the policy keeps the source document's start."""
+    estimates = camera.evidence.estimates if policy.independent_sources_settle else ()
+    return next((one.intrinsics.fx for one in estimates if one.source is Source.FOCAL_35MM), None)
 
 
 def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
@@ -174,7 +188,7 @@ def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
         steps.append(step)
         if calibration is not None:
             return Fallback(steps=tuple(steps), calibration=calibration, report=report)
-    start = seed(camera.key, size)
+    start = seed(camera.key, size, _equivalent_px(camera, policy))
     steps.append(
         Step(
             step=StepName.SEED,
@@ -284,10 +298,18 @@ def _judged(
     """Hold a fallback against the same policy; one that fails it is refused, not used."""
     around = circumstances(camera.evidence, camera.states[0].known)
     # The images' own K failed and is no measure of what replaces it; their 35 mm equivalent still is.
-    prior = {w.tag for w in camera.evidence.estimates if w.grade is Grade.PRIOR}
+    prior = {one.tag for one in camera.evidence.estimates if one.source is Source.FOCAL_35MM}
     others = tuple(other for other in around.others if other.name in prior)
     around = replace(
-        around, others=others, sensor_assumed=False, zoomed=False, edits=(), focal_mm=None, spread=None
+        around,
+        others=others,
+        weighed=False,
+        sensor_assumed=False,
+        sensor_given=False,
+        zoomed=False,
+        edits=(),
+        focal_mm=None,
+        spread=None,
     )
     report = validate(calibration, policy, around)
     # What is unproven stands in for a rejected K only: there is nothing to win by it over an unproven one.

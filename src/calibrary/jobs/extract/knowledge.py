@@ -48,11 +48,6 @@ class Known:
         """What people call the camera."""
         return self.camera.title if self.camera is not None else None
 
-    @property
-    def needs_no_sensor(self) -> bool:
-        """Whether the size of its pixels, or its K, is known: a default sensor could only be wrong."""
-        return self.calibration is not None or (self.camera is not None and self.camera.pitch_um is not None)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Knowledge:

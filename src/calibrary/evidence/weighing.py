@@ -1,0 +1,79 @@
+"""The sources of a camera that nothing is known of, weighed against each other.
+
+A focal plane resolution is the sensor's as long as the file is the camera's own. Programs that resize an image
+rewrite its size in EXIF and leave the resolution, so that it implies a smaller or larger sensor than the camera
+has. A width that is listed for the camera's name shows that; it is taken for a resized frame, not for a crop,
+because that is what nearly all such files are, and the assumption is recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from calibrary.calibration import Grade, same_aspect
+from calibrary.evidence.context import Scene
+from calibrary.evidence.estimate import AGREEMENT, UNCONFIRMED, Dropped, Source, SourceEstimate
+from calibrary.evidence.frame import files_frame
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.records import replace
+
+__all__ = ["weigh"]
+
+RESIZED = "the image was resized, not cropped"
+
+
+def weigh(
+    scene: Scene, estimates: Sequence[SourceEstimate]
+) -> tuple[list[SourceEstimate], tuple[Dropped, ...]]:
+    """The estimates that hold, with the grades that they confirm each other to, and those shown to be wrong."""
+    stale = _stale_focal_plane(estimates)
+    kept = [one for one in estimates if one is not stale]
+    dropped: tuple[Dropped, ...] = ()
+    if stale is not None and scene.listed is not None:
+        found = _width_mm(scene.metadata, stale)
+        reason = (
+            f"would be a sensor {found:.2f} mm wide, and {scene.listed.source} list {scene.listed.mm:g} mm: "
+            f"assumed that {RESIZED}, and the tag kept"
+        )
+        dropped = (Dropped(source=stale.source, tag=stale.tag, reason=reason),)
+    if stale is not None or _is_resized(scene.metadata):
+        kept = [replace(one, assumptions=(*one.assumptions, RESIZED)) for one in kept]
+    return sorted((_graded(one, kept) for one in kept), key=lambda one: one.rank), dropped
+
+
+def _stale_focal_plane(estimates: Sequence[SourceEstimate]) -> SourceEstimate | None:
+    """The focal plane's estimate where the listed width contradicts it and no third source takes its side."""
+    by_source = {one.source: one for one in estimates}
+    plane, listed = by_source.get(Source.FOCAL_PLANE), by_source.get(Source.LISTED_SENSOR)
+    if plane is None or listed is None or _agree(plane, listed, AGREEMENT):
+        return None
+    others = [one for one in estimates if one not in (plane, listed)]
+    sides = [_agree(one, plane, AGREEMENT) and not _agree(one, listed, AGREEMENT) for one in others]
+    return None if any(sides) else plane
+
+
+def _graded(estimate: SourceEstimate, estimates: Sequence[SourceEstimate]) -> SourceEstimate:
+    """A source that is a prior alone is as good as any other derived K once an independent one confirms it."""
+    confirmed = any(
+        one.is_independent_of(estimate) and _agree(one, estimate, estimate.confirms_within(one))
+        for one in estimates
+        if one.source is not Source.ASSUMED_SENSOR
+    )
+    is_raised = estimate.source in UNCONFIRMED and confirmed
+    return replace(estimate, grade=Grade.DERIVED) if is_raised else estimate
+
+
+def _agree(one: SourceEstimate, other: SourceEstimate, within: float) -> bool:
+    return abs(one.intrinsics.fx / other.intrinsics.fx - 1.0) <= within
+
+
+def _is_resized(metadata: ImageMetadata) -> bool:
+    """Whether EXIF states the file's size at another scale."""
+    exif_size = metadata.exif_size
+    return exif_size is not None and exif_size != metadata.size and same_aspect(exif_size, metadata.size)
+
+
+def _width_mm(metadata: ImageMetadata, estimate: SourceEstimate) -> float:
+    assert metadata.focal_mm is not None  # noqa: S101  an estimate by the focal plane has one
+    scale = max(files_frame(metadata)) / max(metadata.size)
+    return metadata.focal_mm * max(files_frame(metadata)) / (estimate.intrinsics.fx * scale)
