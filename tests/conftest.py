@@ -5,9 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from calibrary.jobs.demo import DemoImage
 
 if sys.dont_write_bytecode:
     # Some hundred tests start a Python, and each of them would compile numpy and the package anew. The sources stay
@@ -22,6 +26,18 @@ if sys.dont_write_bytecode:
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+
+
+Flight: TypeAlias = "tuple[Path, list[DemoImage]]"
+
+
+@pytest.fixture(scope="session")
+def demo_flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    """The flight of ``calibrary demo``, written once for all who only look at it."""
+    from calibrary.jobs.demo import write_flight  # noqa: PLC0415  slow to import, and few tests ask for it
+
+    out = tmp_path_factory.mktemp("demo") / "flight"
+    return out, write_flight(out)
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from calibrary.cli.main import main
 from tests.jobs.extract.fleet import P4R, picture
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes through /proc")
@@ -130,25 +131,22 @@ def test_worker_processes_end_with_the_command_and_say_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("board") / "frames"
+    board = ("--board", "checkerboard:9x6", "--square-mm", "40")
+    assert main(["calibrate", "synth", str(out), *board, "--frames", "4"]) == 0
+    return out
+
+
 @pytest.mark.parametrize("number", SIGNALS)
-def test_a_calibration_leaves_nothing_behind(tmp_path: Path, number: signal.Signals) -> None:
-    frames = tmp_path / "frames"
-    made = [
-        sys.executable,
-        "-m",
-        "calibrary",
-        "calibrate",
-        "synth",
-        str(frames),
-        "--board",
-        "checkerboard:9x6",
-    ]
-    subprocess.run([*made, "--square-mm", "40", "--frames", "4"], check=True, capture_output=True)
-    command = ["calibrate", "frames", "--square-mm", "40", "--workers", "2", "--report", "r.html"]
+def test_a_calibration_leaves_nothing_behind(tmp_path: Path, frames: Path, number: signal.Signals) -> None:
+    command = ["calibrate", str(frames), "--square-mm", "40", "--workers", "2", "--report", "r.html"]
     group = number is signal.SIGINT
     code, told = interrupted(command, tmp_path, number, processes(4), verbose=False, group=group)
     assert (code, told) == (SIGNALS[number], "calibrary: interrupted; nothing was half written\n")
-    assert [path.name for path in tmp_path.iterdir()] == ["frames"]
+    assert list(tmp_path.iterdir()) == []
+    assert len([*frames.iterdir()]) == 5
 
 
 def test_a_second_ctrl_c_does_not_disturb_the_first(tmp_path: Path, flight: Path) -> None:

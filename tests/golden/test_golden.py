@@ -14,7 +14,6 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.distortion import MODELS
-from calibrary.jobs.demo.flight import write_flight
 from calibrary.records import to_json
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
@@ -69,10 +68,9 @@ class TestLock:
 
 
 def test_the_demo_flight_gets_the_same_verdicts_and_numbers(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    demo_flight: tuple[Path, object], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_flight(tmp_path / "flight")
-    command = ["extract", "--image-dir", str(tmp_path / "flight"), "--recursive", "--json", "--dry-run"]
+    command = ["extract", "--image-dir", str(demo_flight[0]), "--recursive", "--json", "--dry-run"]
     old = json.loads((HERE / "reports" / "extract.json").read_text(encoding="utf-8"))
     assert main(command) == old["exit_code"]
     new = json.loads(capsys.readouterr().out)

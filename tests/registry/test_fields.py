@@ -17,6 +17,7 @@ def changed(before: Entry | None, after: Entry) -> dict[str, FieldChange]:
     return {change.name: change for change in differences(before, after)}
 
 
+@settings(max_examples=30)
 @given(entries())
 def test_an_entry_differs_in_nothing_from_itself_and_in_everything_from_none(entry: Entry) -> None:
     assert differences(entry, entry) == ()

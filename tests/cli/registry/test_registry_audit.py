@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from calibrary.cli.main import main
+from calibrary.jobs.demo import DemoImage
 from calibrary.registry.entry import Status
 from tests.cli.registry.fleets import P4R, add, commit_of, held, printed, run, xml
 from tests.jobs.extract.fleet import DEWARP, picture
@@ -303,15 +304,14 @@ def test_folders_within_one_another_count_once(
 
 
 def test_nothing_private_is_repeated_and_nothing_is_written(
-    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fleet: Path, demo_flight: tuple[Path, list[DemoImage]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from calibrary.jobs.demo import write_flight  # noqa: PLC0415  slow to import, and only this test's
-
-    private = {text for image in write_flight(tmp_path / "flight") for text in image.private}
+    folder, images = demo_flight
+    private = {text for image in images for text in image.private}
     before = commit_of(fleet), git(fleet, "status", "--porcelain")
     page = tmp_path / "audit.html"
-    code, out, err = run(capsys, "audit", tmp_path / "flight", "--html", page)
-    _, document, _ = run(capsys, "audit", tmp_path / "flight", "--json")
+    code, out, err = run(capsys, "audit", folder, "--html", page)
+    _, document, _ = run(capsys, "audit", folder, "--json")
     assert code == 1
     told = out + err + document + page.read_text()
     assert not [text for text in private if text in told]

@@ -1,4 +1,4 @@
-"""The flight, written once for all who look at it."""
+"""The flight under the name these tests know it by."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from typing import TypeAlias
 
 import pytest
 
-from calibrary.jobs.demo import DemoImage, write_flight
+from calibrary.jobs.demo import DemoImage
 
 Flight: TypeAlias = tuple[Path, list[DemoImage]]
 
 
 @pytest.fixture(scope="session")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    out = tmp_path_factory.mktemp("flight")
-    return out, write_flight(out)
+def flight(demo_flight: Flight) -> Flight:
+    return demo_flight
