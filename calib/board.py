@@ -166,7 +166,7 @@ class Board(Record):
                 + (
                     f"{name} only {held}"
                     if held is not None
-                    else f"and {name!r:.40} is no dictionary known here"
+                    else f"and {name!r:.40} is not a known dictionary"
                 )
                 + f"; expected one of {', '.join(DICTIONARIES)} that has enough"
             )

@@ -19,7 +19,7 @@ from calibrary.calib.detect import check_detectable, detect
 from calibrary.calib.found import NotFound, Reason, Remark
 from calibrary.calib.frames import Frame, Setting, frame_size, group_frames, read_frame, the_one_setting
 from calibrary.calib.observations import Observations, View
-from calibrary.calib.threads import one_thread
+from calibrary.calib.opencv_state import one_thread
 from calibrary.calib.view_quality import judge_repeats, judge_view
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import CalibrationError, InputError

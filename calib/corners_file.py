@@ -212,7 +212,7 @@ def _parsed(content: bytes, source: str | None) -> Any:
 def _unique(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
     found = dict(pairs)
     if len(found) != len(pairs):
-        raise ValueError("a key stands twice in one object")
+        raise ValueError("a duplicate key in one object")
     return found
 
 

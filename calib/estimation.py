@@ -26,7 +26,7 @@ from calibrary.calib.projection_difference import (
     projection_uncertainty,
 )
 from calibrary.calib.rejection import Gate, residual_lengths, view_rms
-from calibrary.calib.result import CalibrationResult, Dismissal, ViewResult, Why
+from calibrary.calib.result import CalibrationResult, Dismissal, DismissalReason, ViewResult
 from calibrary.calib.solve import Solution, solve
 from calibrary.calib.variance_factor import SplitHalf, split_half
 from calibrary.calib.verdict import LIMITS, BoardVerdict, Evidence, Limits, judge
@@ -100,7 +100,9 @@ def estimate(
         views=quality.views or 0,
         views_shown=len(observations.views),
         repeats=len(solution.repeats),
-        views_out=sum(view.without is not None and view.without.why is Why.MISFIT for view in views),
+        views_out=sum(
+            view.without is not None and view.without.reason is DismissalReason.MISFIT for view in views
+        ),
         corners_out=sum(len(view.corners_out) for view in views),
         geometry=seen,
         fx=calibration.intrinsics.fx,
@@ -177,11 +179,12 @@ def _usable(observations: Observations) -> tuple[Observations, dict[int, Dismiss
         points = observations.object_points(view)
         if len(view.ids) < FEWEST_CORNERS:
             dropped[index] = Dismissal(
-                why=Why.TOO_FEW_CORNERS, message=f"{len(view.ids)} corners, need {FEWEST_CORNERS}"
+                reason=DismissalReason.TOO_FEW_CORNERS,
+                message=f"{len(view.ids)} corners, need {FEWEST_CORNERS}",
             )
         elif _extent_ratio(points) < FLATTEST:
             dropped[index] = Dismissal(
-                why=Why.TOO_FEW_CORNERS, message="its corners lie on one line of the board"
+                reason=DismissalReason.TOO_FEW_CORNERS, message="its corners lie on one line of the board"
             )
     views = tuple(view for index, view in enumerate(observations.views) if index not in dropped)
     least = 3 if isinstance(observations.board, Board) else 1
@@ -269,7 +272,8 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
     if repeated is not None:
         of = usable.views[repeated].name
         return ViewResult(
-            name=view.name, without=Dismissal(why=Why.DUPLICATE, message=f"shows the pose of {of}")
+            name=view.name,
+            without=Dismissal(reason=DismissalReason.DUPLICATE, message=f"shows the pose of {of}"),
         )
     # A view rejected still has the pose it was judged by; what it misses by says why.
     alone = solution.at_its_pose(row)
@@ -280,7 +284,7 @@ def _view(view: View, row: int, usable: Observations, solution: Solution) -> Vie
         rms = float(view_rms(alone)[0])
         message = f"rms {rms:.2f} px, the others {float(np.nanmedian(view_rms(adjusted))):.2f} px"
         return ViewResult(
-            name=view.name, rms_px=rms, without=Dismissal(why=Why.MISFIT, message=message),
+            name=view.name, rms_px=rms, without=Dismissal(reason=DismissalReason.MISFIT, message=message),
             rotation=pose[0], translation_mm=pose[1], residuals_px=residuals,
         )  # fmt: skip
     return ViewResult(
@@ -302,10 +306,10 @@ def _with_warp(solution: Solution, *, asked: bool) -> tuple[WarpTest | None, Adj
     if asked or not adjusted.network.is_planar:
         return solution.warp, adjusted
     try:
-        tested, _, bent = warp_test(adjusted)
+        tested, _, warped = warp_test(adjusted)
     except CalibrationError:
         return None, adjusted
-    return tested, bent if tested.keeps_warp else adjusted
+    return tested, warped if tested.keeps_warp else adjusted
 
 
 def _uncertainty(calibration: Calibration) -> Uncertainty | None:

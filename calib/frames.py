@@ -119,7 +119,7 @@ def _named_after(path: Path) -> Iterator[None]:
 def _content(path: Path) -> bytes:
     try:
         if not path.is_file():
-            problem = "is a folder" if path.is_dir() else "does not exist, or is no ordinary file"
+            problem = "is a folder" if path.is_dir() else "does not exist, or is not a regular file"
             raise InputError(f"{problem}; give the frames as files", source=path.name)
         if (size := path.stat().st_size) > LARGEST_FILE:
             raise InputError(f"a file of {size} bytes; expected at most {LARGEST_FILE}", source=path.name)
@@ -220,8 +220,8 @@ def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
     if len(sizes) > 1:
         raise InputError(_differing("sizes", sizes, "calibrate one size at a time"))
     if len(focuses) > 1:
-        why = "each focus has a focal length of its own: lock it, and calibrate one at a time"
-        raise InputError(_differing("focus settings", focuses, why))
+        remedy = "each focus has a focal length of its own: lock it, and calibrate one at a time"
+        raise InputError(_differing("focus settings", focuses, remedy))
     return next(iter(groups))
 
 

@@ -136,7 +136,7 @@ def _corner_places(adjusted: Adjusted) -> FloatArray:
         points=np.broadcast_to(four, (views, 4, 3)).copy(),
         pixels=np.zeros((views, 4, 2)),
         seen=np.ones((views, 4), dtype=np.bool_),
-        bend=np.zeros((views, 4, 2)),
+        warp_shape=np.zeros((views, 4, 2)),
     )
     linear = linearise(board, adjusted.state)
     if linear is None:

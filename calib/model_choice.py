@@ -3,7 +3,7 @@
 Models are compared by Schwarz's criterion, BIC = n·ln(rss/n) + k·ln n with n measured coordinates and k
 parameters (G. Schwarz, "Estimating the dimension of a model", 1978). Parameters are added only where they lower it
 by more than 10. The rational model's extra terms are all radial, so for it this *is* the test of whether
-a radial pattern is left in the residuals. The warp's two parameters are tested by an F-test instead, because a bent
+a radial pattern is left in the residuals. The warp's two parameters are tested by an F-test instead, because a warped
 board is not a property of the camera.
 """
 
@@ -123,16 +123,16 @@ def warp_test(near: Adjusted) -> tuple[WarpTest, Adjusted, Adjusted]:
     """Solve without and with the board's warp, and compare.
 
     Returns:
-        The comparison, the flat board's adjustment and the bent one's.
+        The comparison, the flat board's adjustment and the warped one's.
 
     Raises:
         CalibrationError: the warp cannot be determined.
     """
     flat = adjust(near.network, replace(near.state, warp=np.zeros(2)))
-    bent = adjust(near.network, near.state, warp=True)
-    f, p = f_test(flat.rss, bent.rss, 2, bent.dof)
-    w0, w1 = bent.state.warp.tolist()
-    return WarpTest(f=f, dof=bent.dof, p=p, warp_mm=(w0, w1)), flat, bent
+    warped = adjust(near.network, near.state, warp=True)
+    f, p = f_test(flat.rss, warped.rss, 2, warped.dof)
+    w0, w1 = warped.state.warp.tolist()
+    return WarpTest(f=f, dof=warped.dof, p=p, warp_mm=(w0, w1)), flat, warped
 
 
 def f_test(rss: float, rss_with: float, extra: int, dof_with: int) -> tuple[float, float]:

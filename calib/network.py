@@ -29,14 +29,14 @@ class Network:
         points: (V, M, 3) mm, about the middle of the board.
         pixels: (V, M, 2) px.
         seen: (V, M) which corners count.
-        bend: (V, M, 2) mm by which a unit of each warp parameter lifts the point: (1 − u², 1 − v²).
+        warp_shape: (V, M, 2) mm by which a unit of each warp parameter lifts the point: (1 − u², 1 − v²).
         is_planar: whether the points lie in z = 0.
     """
 
     points: FloatArray
     pixels: FloatArray
     seen: BoolArray
-    bend: FloatArray
+    warp_shape: FloatArray
     is_planar: bool
 
     @classmethod
@@ -57,14 +57,16 @@ class Network:
         middle = board.points.mean(axis=0) if len(board.points) else np.zeros(3)
         lift = _bend(board)
         points, pixels = np.zeros((*shape, 3)), np.zeros((*shape, 2))
-        bend, seen = np.zeros((*shape, 2)), np.zeros(shape, dtype=np.bool_)
+        warp_shape, seen = np.zeros((*shape, 2)), np.zeros(shape, dtype=np.bool_)
         for row, view in enumerate(observations.views):
             n = counts[row]
             points[row, :n] = board.points[view.ids] - middle
             # A corner that counts for nothing must still have a harmless place: that of one which counts.
             points[row, n:] = points[row, 0] if n else 0.0
-            pixels[row, :n], bend[row, :n], seen[row, :n] = view.image_points, lift[view.ids], True
-        return cls(points=points, pixels=pixels, seen=seen, bend=bend, is_planar=isinstance(board, Board))
+            pixels[row, :n], warp_shape[row, :n], seen[row, :n] = view.image_points, lift[view.ids], True
+        return cls(
+            points=points, pixels=pixels, seen=seen, warp_shape=warp_shape, is_planar=isinstance(board, Board)
+        )
 
     def only(self, seen: BoolArray) -> Network:
         """The same views with other corners counting."""
@@ -77,7 +79,7 @@ class Network:
             points=self.points[rows],
             pixels=self.pixels[rows],
             seen=self.seen[rows],
-            bend=self.bend[rows],
+            warp_shape=self.warp_shape[rows],
         )
 
     @property
@@ -92,7 +94,7 @@ class Network:
 
 
 def _bend(board: Board | ControlPoints) -> FloatArray:
-    """(N, 2) 1 − u² and 1 − v², u and v from −1 to 1 over a board; a cloud of control points does not bend."""
+    """(N, 2) 1 − u² and 1 − v², u and v from −1 to 1 over a board; a cloud of control points has no warp."""
     points = board.points
     if not isinstance(board, Board):
         return np.zeros((len(points), 2))
@@ -150,14 +152,14 @@ def linearise(network: Network, state: State) -> Linear | None:
     lifted = network.points
     if state.warp.any():
         lifted = lifted.copy()
-        lifted[..., 2] += network.bend @ state.warp
+        lifted[..., 2] += network.warp_shape @ state.warp
     arms = lifted @ state.rotations.transpose(0, 2, 1)
     inside = arms + state.translations[:, None, :]
     if state.model is not Solvable.FISHEYE and (inside[..., 2] <= 0)[network.seen].any():
         return None
     with np.errstate(all="ignore"):
         pixels, by_parameter, by_point = state.model.project(state.parameters, inside)
-    by_warp = (by_point @ state.rotations[:, None, :, 2:3]) * network.bend[:, :, None, :]
+    by_warp = (by_point @ state.rotations[:, None, :, 2:3]) * network.warp_shape[:, :, None, :]
     by_global = np.concatenate([by_parameter, by_warp], axis=-1)
     by_pose = np.empty((views, corners, 2, 6))
     for axis, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):

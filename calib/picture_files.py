@@ -12,8 +12,8 @@ import io
 import struct
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrary.calib.opencv_state import quiet
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.records import replace
 
@@ -94,7 +95,7 @@ def decode(data: bytes, *, source: str) -> Picture:
 
     Raises:
         ParseError: it is broken.
-        UnsupportedModelError: it is no JPEG, PNG or TIFF, or one of a kind that OpenCV does not read.
+        UnsupportedModelError: it is not a JPEG, PNG or TIFF, or one of a kind that OpenCV does not read.
     """
     import cv2
 
@@ -102,7 +103,7 @@ def decode(data: bytes, *, source: str) -> Picture:
     # OpenCV turns TIFFs upright whatever it is asked for.
     unturned = _with_tiff_orientation_1(data) if kind is Kind.TIFF else data
     try:
-        with _quiet_opencv():
+        with quiet():
             pixels = cv2.imdecode(np.frombuffer(unturned, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise ParseError(f"the {kind.name} cannot be decoded: {error.err}", source=source) from None
@@ -147,7 +148,7 @@ def encode(picture: Picture, *, quality: int = 95) -> bytes:
         Kind.TIFF: [],
     }[picture.kind]
     try:
-        with _quiet_opencv():
+        with quiet():
             is_done, encoded = cv2.imencode(f".{picture.kind}", picture.pixels, settings)
     except cv2.error as error:
         raise UnsupportedModelError(f"cannot be stored as {picture.kind.name}: {error.err}") from None
@@ -199,19 +200,6 @@ _BAD_EXIF = (
 """What Pillow raises on an EXIF block that breaks its own rules."""
 
 
-@contextmanager
-def _quiet_opencv() -> Iterator[None]:
-    """OpenCV logs every odd tag to standard error; what matters comes back as an error."""
-    from cv2.utils import logging
-
-    before = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        logging.setLogLevel(before)
-
-
 def _what_reads_is_kept() -> AbstractContextManager[object]:
     """Pillow warns of every tag it cannot read; the others are as good as ever."""
     return warnings.catch_warnings(action="ignore")
@@ -225,7 +213,7 @@ def _kind(data: bytes, source: str) -> Kind:
     if _tiff_order(data) is not None:
         return Kind.TIFF
     raise UnsupportedModelError(
-        "it is no JPEG, PNG or TIFF; have your camera's or raw converter's program export it as one, with "
+        "it is not a JPEG, PNG or TIFF; have your camera's or raw converter's program export it as one, with "
         "its lens corrections off",
         source=source,
     )

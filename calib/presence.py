@@ -6,8 +6,6 @@ the board anew, at full resolution, and says why where it does not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +16,7 @@ from calibrary.calib.detect import detect
 from calibrary.calib.detectors.refinement import DETECTION_SIDE, reduced
 from calibrary.calib.found import Found
 from calibrary.calib.frames import Gray, frame_size, read_frame
+from calibrary.calib.opencv_state import one_thread, quiet
 
 __all__ = ["shows_board"]
 
@@ -42,7 +41,7 @@ def shows_board(path: Path, board: Board | None = None) -> bool:
     """
     import cv2
 
-    with _quiet_opencv(), _one_thread():
+    with quiet(), one_thread():
         gray = _small(path, DETECTION_SIDE if board is not None and board.has_markers else SIDE)
         if board is not None and board.has_markers:
             small, _ = reduced(gray, DETECTION_SIDE)
@@ -51,32 +50,6 @@ def shows_board(path: Path, board: Board | None = None) -> bool:
         found, _, lattice = cv2.findChessboardCornersSBWithMeta(small, (3, 3), cv2.CALIB_CB_LARGER)
     shape = np.shape(lattice)[:2]
     return bool(found) and len(shape) == 2 and _is_large(min(shape), max(shape), board)
-
-
-@contextmanager
-def _quiet_opencv() -> Iterator[None]:
-    """A flight's TIFFs are full of tags that OpenCV does not know and logs."""
-    from cv2.utils import logging
-
-    before = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        logging.setLogLevel(before)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """What the detector finds depends on how many threads look."""
-    import cv2
-
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
 
 
 def _is_large(shorter: int, longer: int, board: Board | None) -> bool:

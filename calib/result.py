@@ -17,11 +17,11 @@ from calibrary.calibration import Calibration
 from calibrary.records import Record
 from calibrary.validation import Finding
 
-__all__ = ["CalibrationResult", "Dismissal", "ViewResult", "Why"]
+__all__ = ["CalibrationResult", "Dismissal", "DismissalReason", "ViewResult"]
 
 
-class Why(StrEnum):
-    """Why a view does not count."""
+class DismissalReason(StrEnum):
+    """What kind of view does not count."""
 
     TOO_FEW_CORNERS = "too-few-corners"
     DUPLICATE = "duplicate"
@@ -29,14 +29,14 @@ class Why(StrEnum):
 
 
 class Dismissal(Record):
-    """Why a view does not count.
+    """A view that does not count, with the reason.
 
     Attributes:
-        why: by name.
+        reason: by name.
         message: in words, with its number.
     """
 
-    why: Why
+    reason: DismissalReason
     message: str
 
 

@@ -52,7 +52,7 @@ class Solution:
         adjusted: the minimum; its network says which corners counted.
         everything: all corners of the views that took part; those that repeat another take none.
         repeats: (view, the earlier view that shows the same pose).
-        warp: None for points that do not bend, or where the warp was not asked for.
+        warp: None for points on no board, or where the warp was not asked for.
         candidates: the models that were compared.
     """
 
@@ -167,10 +167,10 @@ def _chosen(
 
 def _bent_if_need_be(current: Adjusted) -> tuple[WarpTest | None, Adjusted]:
     try:
-        tested, flat, bent = warp_test(current)
+        tested, flat, warped = warp_test(current)
     except CalibrationError:
         return None, current
-    return tested, bent if tested.keeps_warp else flat
+    return tested, warped if tested.keeps_warp else flat
 
 
 def _is_bent(adjusted: Adjusted) -> bool:

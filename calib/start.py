@@ -18,7 +18,7 @@ from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network, State
-from calibrary.calib.threads import one_thread
+from calibrary.calib.opencv_state import one_thread
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError
 

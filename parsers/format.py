@@ -86,11 +86,11 @@ class Sniff:
 
     Attributes:
         sure: how strong it is.
-        why: what was seen, for people: "root <calibration> with <projection>".
+        reason: what was seen, for people: "root <calibration> with <projection>".
     """
 
     sure: Sure
-    why: str
+    reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

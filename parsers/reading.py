@@ -64,7 +64,7 @@ def identified(content: Content) -> Identity:
         # Nothing in the file speaks for either, so its name may.
         best = [claim for claim in best if content.suffix in claim.format.suffixes] or best
     if len(best) > 1:
-        sentence = " and ".join(f"{claim.format.name} ({claim.sniff.why})" for claim in best)
+        sentence = " and ".join(f"{claim.format.name} ({claim.sniff.reason})" for claim in best)
         raise AmbiguousFormatError(
             f"it is claimed equally by {sentence}; say which with --format NAME", source=content.name
         )

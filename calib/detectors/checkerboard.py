@@ -56,7 +56,7 @@ def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
     if shift > LARGEST_SHIFT * spacing or not is_even(lattice):
         return NotFound(
             reason=Reason.UNEVEN,
-            text=f"measuring moved a corner by {shift:.1f} px of a spacing of {spacing:.1f} px: it is no regular board",
+            text=f"measuring moved a corner by {shift:.1f} px of a spacing of {spacing:.1f} px: not a regular board",
         )
     lattice = upright(lattice, gray)
     if squares_share(gray, lattice) < FEWEST_SQUARES:

@@ -68,7 +68,7 @@ def _with_view(**changes: object) -> bytes:
         (b"", "is not JSON"),
         (b"\xff\xfe", "not UTF-8"),
         (b"[" * 100_000, "is not JSON"),
-        (b'{"schema": "corners-1", "schema": "corners-1"}', "stands twice"),
+        (b'{"schema": "corners-1", "schema": "corners-1"}', "duplicate key"),
         (b'{"views": [NaN]}', "NaN is not a number"),
         (b"9" * 5000, "is not JSON"),
         (b"[]", "expected a map"),

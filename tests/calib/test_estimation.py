@@ -13,7 +13,7 @@ from calibrary.calib.corners_file import decode_corners, encode_corners
 from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
-from calibrary.calib.result import CalibrationResult, Why
+from calibrary.calib.result import CalibrationResult, DismissalReason
 from calibrary.calib.synthesis import Shutter, observe, poses
 from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calibration import CameraKey, Grade, Intrinsics
@@ -215,7 +215,7 @@ def test_repeats_name_the_view_they_repeat() -> None:
     out = estimate(_burst()).views_out
     assert len(out) == 18
     assert out[0].without is not None
-    assert out[0].without.why is Why.DUPLICATE
+    assert out[0].without.reason is DismissalReason.DUPLICATE
     assert out[0].without.message == "shows the pose of view-000-0"
 
 
@@ -290,7 +290,9 @@ def test_views_without_enough_corners_are_listed_and_left_out() -> None:
     few = replace(seen.views[0], ids=np.arange(5), image_points=seen.views[0].image_points[:5])
     line = replace(seen.views[1], ids=np.arange(11), image_points=seen.views[1].image_points[:11])
     result = estimate(replace(seen, views=(few, line, *seen.views[2:])))
-    assert [view.without.why for view in result.views_out if view.without] == [Why.TOO_FEW_CORNERS] * 2
+    assert [view.without.reason for view in result.views_out if view.without] == [
+        DismissalReason.TOO_FEW_CORNERS
+    ] * 2
 
 
 def test_corners_of_no_board_at_all_are_refused() -> None:

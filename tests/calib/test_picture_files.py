@@ -198,7 +198,7 @@ def test_colours_of_a_jpeg_are_stored_at_full_resolution() -> None:
 
 
 def test_what_is_no_picture_is_told_what_would_be() -> None:
-    with pytest.raises(UnsupportedModelError, match=r"a\.heic: it is no JPEG, PNG or TIFF; .*export"):
+    with pytest.raises(UnsupportedModelError, match=r"a\.heic: it is not a JPEG, PNG or TIFF; .*export"):
         decode(b"\0\0\0\x18ftypheic" + bytes(100), source="a.heic")
 
 

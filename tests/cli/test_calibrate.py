@@ -480,7 +480,7 @@ def test_bad_frames_get_one_line_and_leave_nothing(
         (("--report", "page.txt"), "ends in .html"),
         (("--corners", "/dev/null/c.json"), "is a file; expected a folder"),
         (("--out", "k.xml"), "say which with --to"),
-        (("--out", "k.xml", "--to", "nonsense"), "no format that is written"),
+        (("--out", "k.xml", "--to", "nonsense"), "not a format that is written"),
         (("--report", "a.html", "--out", "a.html", "--to", "agisoft_xml"), "one name"),
     ],
 )

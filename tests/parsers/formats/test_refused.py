@@ -83,7 +83,7 @@ def test_it_is_recognised_and_refused_with_what_to_do(name: str, text: str, mess
         parsers.decode(data, name="x.cal", format=name)
     claim = format_named(name).sniff(Content(data, "x.cal"))
     assert claim is not None
-    assert claim.why
+    assert claim.reason
 
 
 @pytest.mark.parametrize(

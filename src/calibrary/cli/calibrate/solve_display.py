@@ -222,7 +222,7 @@ def _views(result: CalibrationResult, collected: Collected, width: int) -> list[
             rows.append((plain(view.name), f"{view.rms_px:.3f}", plain(said)))
         else:
             rms = f"{view.rms_px:.3f}" if view.rms_px is not None else "–"
-            why = f"[yellow]{view.without.why.value}[/]: {plain(view.without.message)}"
+            why = f"[yellow]{view.without.reason.value}[/]: {plain(view.without.message)}"
             rows.append((plain(view.name), rms, why))
     if shown > MOST_VIEWS:
         rows.append((f"and {shown - MOST_VIEWS} more", "", ""))

@@ -89,7 +89,7 @@ def _block(result: CalibrationResult, request: SolveRequest) -> dict[str, YamlVa
         "tilt_spread_deg": seen.tilt_spread_deg,
         "depth_ratio": seen.depth_ratio,
         "reach": seen.coverage.reach,
-        "left_out": {view.name: view.without.why.value for view in result.views_out if view.without},
+        "left_out": {view.name: view.without.reason.value for view in result.views_out if view.without},
         "corners_left_out": evidence.corners_out,
         "date_origin": result.date_origin,
         "programs": dict(result.versions),

@@ -107,7 +107,8 @@ class Places:
             if self.format not in {record.name for record in written}:
                 names = ", ".join(record.name for record in written)
                 raise InputError(
-                    f"{self.format!r:.40} is no format that is written; expected one of {names}", place="--to"
+                    f"{self.format!r:.40} is not a format that is written; expected one of {names}",
+                    place="--to",
                 )
             return self.format
         suffix = self.out.suffix.lower() if self.out is not None else ""

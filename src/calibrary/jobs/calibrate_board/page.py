@@ -173,7 +173,7 @@ def _views(result: CalibrationResult, collected: Collected) -> Details:
                 view.name,
                 Badge("counts", Tone.GOOD)
                 if view.without is None
-                else Badge(view.without.why.value, Tone.CAUTION),
+                else Badge(view.without.reason.value, Tone.CAUTION),
                 _short(view.rms_px),
                 str(len(given.ids)) if given is not None else "–",
                 _short(given.sharpness_px) if given is not None else "–",

@@ -12,7 +12,7 @@ from calibrary.calib.board import Board
 from calibrary.calib.collect import Collected
 from calibrary.calib.geometry import CELLS
 from calibrary.calib.observations import View
-from calibrary.calib.result import CalibrationResult, ViewResult, Why
+from calibrary.calib.result import CalibrationResult, DismissalReason, ViewResult
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate_board.figures import board_warp, corners_on_frame
 from calibrary.pages import Block, Figure, SideBySide
@@ -180,7 +180,11 @@ def _on_frame(view: View, fit: ViewResult, board: Board, collected: Collected, t
     path = collected.files.get(view.sha256 or "")
     if path is None:
         return None
-    out = ", which does not count" if fit.without is not None and fit.without.why is Why.MISFIT else ""
+    out = (
+        ", which does not count"
+        if fit.without is not None and fit.without.reason is DismissalReason.MISFIT
+        else ""
+    )
     caption = f"{told}, rms {fit.rms_px:.2f} px{out}: {view.name}. The square is the board's first corner, the line "
     caption += "its first row."
     try:

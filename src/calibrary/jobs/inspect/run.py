@@ -96,7 +96,7 @@ def _described(path: Path, reading: Reading) -> Inspected:
         record, reason = format_named(reading.format), "you said so"
     else:
         identity = parsers.identify(path)
-        record, reason = identity.format, identity.sniff.why
+        record, reason = identity.format, identity.sniff.reason
     sentences = record.convention.sentences() if record.convention is not None else ()
     return Inspected(
         path=path, format=record.name, title=record.title, reason=reason, sentences=tuple(sentences)
