@@ -40,7 +40,7 @@ from calibrary.calib.synthesis.files import write_frames
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.diff.comparison import Comparison, compare
-from calibrary.jobs.diff.structure import Kind
+from calibrary.jobs.diff.kinds import Kind
 from calibrary.records import replace
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)

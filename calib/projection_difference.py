@@ -68,6 +68,8 @@ class ProjectionDifference:
         p: chance of a mean square this large from noise alone; None where no covariance is known.
         image_size: (width, height) px.
         region: (R, C) where it is judged: both see something, and the noise is below a limit where it is known.
+        noise: (R, C, 2, n) px, what each of n independent standard normal numbers adds to the vectors: the square
+            root of their joint covariance; None where no covariance is known.
     """
 
     pixels: FloatArray
@@ -77,6 +79,7 @@ class ProjectionDifference:
     p: float | None
     image_size: ImageSize
     region: BoolArray
+    noise: FloatArray | None = None
 
     @property
     def lengths_px(self) -> FloatArray:
@@ -187,6 +190,7 @@ def projection_difference(
         p=None if propagated is None else _chance(vectors[region], propagated[region]),
         image_size=size,
         region=region.reshape(grid),
+        noise=None if propagated is None else propagated.reshape(*grid, 2, -1),
     )
 
 

@@ -14,7 +14,7 @@ from calibrary.calib.estimation import estimate
 from calibrary.calibration import Calibration
 from calibrary.cli.main import main
 from calibrary.jobs.diff.comparison import ChangeVerdict, compare
-from calibrary.jobs.diff.structure import Kind
+from calibrary.jobs.diff.kinds import Kind
 from calibrary.records import replace
 from calibrary.registry.init import init
 from calibrary.registry.registry import Registry

@@ -37,9 +37,10 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
         group_spread_max: (max − min) / fx over the images of one camera.
         assumed_sensor_is_unproven: whether a K on an assumed sensor size is unproven.
         distortion_monotonic: whether distortion must be one-to-one up to the image's corners.
-        drift_significance: a difference of two calibrations that noise makes more often than this is noise.
-        drift_focal: Δf / f from which a significant difference is a drift, unless it is shown to be smaller …
-        drift_px: … or the difference of the projections in px, the camera free to turn, where it is more than noise.
+        drift_significance: chance from which the measured uncertainty of two calibrations explains their difference.
+        drift_focal: change of the image scale, as a share of f, from which a difference of two calibrations matters …
+        drift_rms_px: … or of the projections over the whole frame, the camera free to turn, root mean square …
+        drift_max_px: … or its largest value.
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=60)]
@@ -57,7 +58,8 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
     distortion_monotonic: bool = True
     drift_significance: Fraction = 0.01
     drift_focal: Fraction = 0.0005
-    drift_px: Annotated[float, Meta(ge=0)] = 0.5
+    drift_rms_px: Annotated[float, Meta(ge=0)] = 0.5
+    drift_max_px: Annotated[float, Meta(ge=0)] = 1.0
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
@@ -95,8 +97,10 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
             value = getattr(self, name)
             if value is not None and not 0 <= value <= 1:
                 raise InputError(f"{name} is {value:g}, expected a fraction 0 … 1", source=self.name)
-        if not 0 <= self.drift_px < math.inf:
-            raise InputError(f"drift_px is {self.drift_px:g}, expected pixels, 0 or more", source=self.name)
+        for name in ("drift_rms_px", "drift_max_px"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise InputError(f"{name} is {value:g}, expected pixels, 0 or more", source=self.name)
 
 
 FLEET = Policy(name="fleet")

@@ -9,7 +9,7 @@ import pytest
 
 import calibrary
 from calibrary.jobs.diff.comparison import ChangeVerdict
-from calibrary.jobs.diff.structure import Kind
+from calibrary.jobs.diff.kinds import Kind
 from calibrary.records import replace
 from calibrary.schemas import require
 from tests.api.workshop import CAMERA
@@ -49,7 +49,7 @@ def test_a_change_of_kind_is_named() -> None:
 
 
 def test_the_policys_limits_make_the_alarm(tmp_path: Path) -> None:
-    limits = "drift_focal: 0.05\ndrift_px: 500\n"
+    limits = "drift_focal: 0.05\ndrift_rms_px: 500\ndrift_max_px: 500\n"
     (tmp_path / "lenient.yaml").write_text(f"schema: calibrary/policy-1\nname: lenient\n{limits}")
     assert not calibrary.compare(CAMERA, moved(), policy=tmp_path / "lenient.yaml").alarm
 

@@ -10,9 +10,9 @@ from calibrary.calibration import Calibration
 from calibrary.jobs.diff import comparison as diff
 from calibrary.jobs.diff import fleet
 from calibrary.jobs.diff.fleet import Change
+from calibrary.jobs.diff.kinds import Structural
 from calibrary.jobs.diff.page import comparison_page, fleet_page
 from calibrary.jobs.diff.report import diff_report, fleet_diff_report
-from calibrary.jobs.diff.structure import Structural
 from calibrary.jobs.exchange.argument import Reading, read_arguments
 from calibrary.pages import render_page
 from calibrary.policy import FLEET
@@ -45,18 +45,28 @@ class CompareResult:
 
     @property
     def verdict(self) -> diff.ChangeVerdict:
-        """Identical, within noise, significant but negligible, a drift, or structural."""
+        """Identical, within noise, negligible, unresolved, a drift, or structural."""
         return self.comparison.verdict
 
     @property
     def alarm(self) -> bool:
-        """Whether it needs attention: a drift, or a change of kind other than a resize."""
+        """Whether it needs attention: a difference that matters and that no measured uncertainty explains."""
         return self.comparison.alarm
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why, in sentences."""
         return self.comparison.reasons
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the comparison cannot say, in sentences: parts of the frame that are unknown, a missing distortion."""
+        return self.comparison.warnings
+
+    @property
+    def advice(self) -> str:
+        """Which of the two to use and what to do, in one sentence."""
+        return self.comparison.advice
 
     @property
     def structural(self) -> tuple[Structural, ...]:
@@ -119,7 +129,7 @@ def compare(
         policy: whose limits make an alarm: a policy, "fleet", "source" or a policy file.
 
     Raises:
-        InputError: a file cannot be read.
+        InputError: a file cannot be read, or a K is not in pixels.
         FrameError: no scale and no crop brings the two to one frame, and no cause is known for that.
         CalibrationError: they see too little in common.
 

@@ -37,15 +37,16 @@ examples:
   calibrary diff --since v1.0                            every entry that changed since, worst first
   calibrary diff --firmware 01.08..01.09                 every camera that was calibrated with both
 
-exit code 1: a drift (significant, and at least 0.05 % of the focal length or 0.5 px; a policy may say otherwise),
-or a change of kind other than a resize.
+exit code 1: the projections differ by 0.5 px rms, 1 px at most or 0.05 % of the focal length (a policy may say
+otherwise) and no measured uncertainty explains it; or the frame, the lens or a convention changed.
 """
 
 EXIT_ALARM = 1
 STYLES = {
     "identical": "green",
     "within noise": "green",
-    "significant but negligible": "cyan",
+    "negligible": "green",
+    "unresolved": "yellow",
     "drift": "red",
     "structural": "yellow",
 }
@@ -120,7 +121,7 @@ PARAMETERS = (
 
 
 def _show(screen: Screen, comparison: Comparison, labels: tuple[str, str], altitude_m: float) -> None:
-    """The inputs, the numbers, the reasons, and last the verdict."""
+    """The inputs, the numbers, the reasons, the verdict, and last what to do."""
     from calibrary.cli.console import plain, printable
     from calibrary.cli.tables import facts
 
@@ -141,12 +142,15 @@ def _show(screen: Screen, comparison: Comparison, labels: tuple[str, str], altit
         screen.say("")
     for reason in comparison.reasons:
         screen.say(plain(reason))
+    for warning in comparison.warnings:
+        screen.say(f"[yellow]{plain(warning)}[/]")
     kinds = ", ".join(one.kind.value for one in comparison.structural)
     screen.say("")
     screen.say(
         f"[bold {STYLES[verdict]}]{verdict}{f': {kinds}' if kinds else ''}[/]"
         + ("  [red]needs attention[/]" if comparison.alarm else "")
     )
+    screen.say(plain(comparison.advice))
 
 
 def _parameters(numbers: Numbers, width: int) -> list[Text]:
@@ -173,22 +177,21 @@ def _cell(value: float | None, form: str) -> str:
 
 
 def _findings(numbers: Numbers, altitude_m: float) -> list[tuple[str, str]]:
+    from calibrary.jobs.diff.wording import length, percent, pixels
+
     seen, ground = numbers.difference, numbers.ground(altitude_m)
-    region = f"{seen.region.mean():.0%} of the frame" if not seen.region.all() else "the whole frame"
-    lens = [] if numbers.lens_compared else [("distortion", "one of the two is unknown; only K was compared")]
     return [
-        ("focal length", f"{numbers.focal_change:+.3%}"),
+        ("focal length", f"{percent(numbers.focal_change)}; image scale {percent(numbers.scale.change)}"),
         (
             "projection",
-            f"{seen.rms_px:.3g} px rms, {seen.max_px:.3g} px at most over {region}, {seen.centre_rms_px:.3g} px in "
-            f"the centre; the camera turned by {seen.rotation_deg:.3g}°",
+            f"{pixels(seen.rms_px)} rms, {pixels(seen.max_px)} at most over the frame, "
+            f"{pixels(seen.centre_rms_px)} in the centre; the camera turned by {round(seen.rotation_deg, 4):g}°",
         ),
         (
             "on the ground",
-            f"from {altitude_m:g} m (GSD {ground.gsd_cm:.2f} cm): {ground.rms_cm:.2g} cm rms, {ground.max_cm:.2g} cm "
-            f"at most; heights {ground.height_cm:+.2g} cm",
+            f"from {altitude_m:g} m (GSD {length(ground.gsd_cm / 100)}): {length(ground.rms_cm / 100)} rms, "
+            f"{length(ground.max_cm / 100)} at most; heights {length(ground.height_cm / 100, signed=True)}",
         ),
-        *lens,
         ("σ of A", numbers.spread_a.source),
         ("σ of B", numbers.spread_b.source),
     ]
@@ -227,7 +230,7 @@ CHANGES = (
     Column(name="entry"),
     Column(name="verdict", rank=1),
     Column(name="Δf / f", rank=2, right=True),
-    Column(name="rms px", rank=3, right=True),
+    Column(name="rms", rank=3, right=True),
     Column(name="reason", rank=4, wraps=True),
 )
 
@@ -236,6 +239,7 @@ def _show_fleet(screen: Screen, changes: Sequence[Change]) -> None:
     from collections import Counter
 
     from calibrary.cli.console import plain
+    from calibrary.jobs.diff.wording import percent, pixels
 
     if not changes:
         screen.say("no entry differs")
@@ -255,8 +259,8 @@ def _show_fleet(screen: Screen, changes: Sequence[Change]) -> None:
             (
                 plain(change.id),
                 f"[{STYLES.get(verdict, 'dim')}]{verdict}[/]",
-                f"{numbers.focal_change:+.3%}" if numbers is not None else "–",
-                f"{numbers.difference.rms_px:.3g}" if numbers is not None else "–",
+                percent(numbers.focal_change) if numbers is not None else "–",
+                pixels(numbers.difference.rms_px) if numbers is not None else "–",
                 plain(why),
             )
         )

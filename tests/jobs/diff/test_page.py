@@ -39,7 +39,17 @@ def test_a_drift_is_shown_with_its_numbers() -> None:
     told = text(page)
     assert page.badge is not None
     assert (page.badge.text, page.badge.tone) == ("drift", Tone.BAD)
-    for part in ("+0.100%", "+3.679", "80 m", "+8 cm", "× κ² = 2", "a.xml", "b.xml"):
+    for part in (
+        "+0.100%",
+        "+3.679",
+        "80 m",
+        "+8.0 cm",
+        "× κ² = 2",
+        "Which K to use",
+        comparison.advice,
+        "a.xml",
+        "b.xml",
+    ):
         assert part in told
     for reason in comparison.reasons:
         assert reason[1:] in told
@@ -60,17 +70,21 @@ def test_the_maps_show_the_difference_its_significance_and_its_uncertainty() -> 
     assert "Arrows of difference of the projections" in arrows.alt
     assert "σ" in z.alt
     inside = numbers.difference.region[::2, ::2]
+    inside &= ~numbers.unknown(comparison.policy)[::2, ::2]
     worst = float(numbers.difference.std_px[::2, ::2][inside].max())
     assert f"to {worst:.3g}"[:6] in sigma.alt
     assert np.mean(inside) < 1
-    assert "Grey: outside the region that is judged." in arrows.caption
+    assert "Grey: unknown, known to no better than the limit." in arrows.caption
 
 
 def test_a_change_of_kind_is_named() -> None:
     comparison = compare(camera(), camera(distortion=NoDistortion()))
-    told = text(page_of(comparison))
-    assert "structural: dewarp switched on" in told
-    assert f"Dewarp switched on: {comparison.structural[0].reason}" in told
+    page = page_of(comparison)
+    told = text(page)
+    assert "structural: distortion lost" in told
+    assert f"Distortion lost: {comparison.structural[0].reason}" in told
+    assert "Which K to use: A" in told
+    assert all(section.badge is None for section in page.sections)
 
 
 def test_frames_that_nothing_brings_together_have_no_numbers() -> None:
@@ -78,13 +92,16 @@ def test_frames_that_nothing_brings_together_have_no_numbers() -> None:
         camera(), intrinsics=replace(camera().intrinsics, image_size=(3648, 5472), cx=1824, cy=2736)
     )
     page = page_of(compare(camera(), portrait))
-    assert [section.title for section in page.sections] == ["Verdict", "Where both are from"]
-    assert "portrait" in text(page)
+    assert [section.title for section in page.sections] == [
+        "Which K to use: each for its own images",
+        "Where both are from",
+    ]
+    assert "turned" in text(page)
 
 
 def test_a_k_alone_is_said_to_be_one() -> None:
     told = text(page_of(compare(camera(), camera(distortion=None))))
-    assert "The distortion of one of the two is unknown; only K was compared." in told
+    assert "B does not state the distortion: only K was compared." in told
 
 
 def test_hostile_labels_and_sources_are_text() -> None:

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibrary.calibration import Calibration, Covariance, Grade, Intrinsics, Quality
+from calibrary.calibration import Calibration, Covariance, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.jobs.diff.structure import Kind, signatures
+from calibrary.jobs.diff.kinds import Kind
+from calibrary.jobs.diff.structure import signatures
 from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
 
@@ -45,17 +46,25 @@ def test_another_part_of_the_sensor_in_a_frame_of_the_same_size_is_a_crop() -> N
     assert kinds(camera(), changed(camera(), fx=3678.9 * 1.16, fy=3678.1 * 1.16)) == {Kind.CROP}
 
 
-def test_a_frame_on_end_is_a_portrait_and_nothing_else() -> None:
+def test_a_frame_on_its_side_was_turned_and_nothing_else() -> None:
     turned = changed(camera(), image_size=(3648, 5472), cx=1846.8, cy=2731.5)  # type: ignore[arg-type]  # a size
-    assert kinds(camera(), turned) == {Kind.PORTRAIT}
+    assert kinds(camera(), turned) == {Kind.TURNED}
 
 
 @pytest.mark.parametrize("lens", [NoDistortion(), BrownConrady(k1=1e-7, k2=0, p1=0, p2=0, k3=0)])
 def test_a_lens_whose_distortion_is_gone_is_corrected_in_the_camera(
     lens: NoDistortion | BrownConrady,
 ) -> None:
-    assert kinds(camera(), camera(distortion=lens)) == {Kind.DEWARP_ON}
-    assert kinds(camera(distortion=lens), camera()) == {Kind.DEWARP_OFF}
+    corrected = changed(camera(distortion=lens), fx=3675.2, fy=3674.9)
+    assert kinds(camera(), corrected) == {Kind.DEWARP_ON}
+    assert kinds(corrected, camera()) == {Kind.DEWARP_OFF}
+
+
+def test_a_distortion_that_is_gone_while_k_stayed_was_lost_by_a_file() -> None:
+    assert kinds(camera(), camera(distortion=NoDistortion())) == {Kind.DISTORTION_LOST}
+    assert kinds(camera(distortion=NoDistortion()), camera()) == {Kind.DISTORTION_LOST}
+    image = replace(camera(distortion=NoDistortion()), provenance=Provenance(kind="image-metadata"))
+    assert kinds(camera(), image) == {Kind.DEWARP_ON}
 
 
 def test_a_distortion_nobody_knows_is_not_a_distortion_that_is_gone() -> None:
@@ -134,7 +143,7 @@ def test_what_a_lens_bends_is_counted_in_pixels_across_and_down() -> None:
     patient = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 1000, 1e-15)
     straight = cv2.undistortImagePoints(corners[:, None], matrix, D, None, patient)[:, 0]
     bend_px = float(np.hypot(*(np.asarray(straight, dtype=np.float64) - corners).T).max())
-    (structural,) = signatures(anamorphic(), replace(anamorphic(), distortion=NoDistortion()))
+    (structural,) = signatures(anamorphic(), replace(anamorphic(fx=3677.2), distortion=NoDistortion()))
     assert structural.reason.startswith(f"a lens that bends the corners by {bend_px:.1f} px has ")
 
 
@@ -217,7 +226,7 @@ def test_a_turned_frame_swaps_its_tangential_terms_by_right() -> None:
         camera(distortion=replace(LENS, p1=0.0, p2=LENS.p1)),
         intrinsics=Intrinsics(fx=K.fy, fy=K.fx, cx=3648 - K.cy, cy=K.cx, image_size=(3648, 5472)),
     )
-    assert kinds(camera(distortion=replace(LENS, p2=0.0)), turned) == {Kind.PORTRAIT}
+    assert kinds(camera(distortion=replace(LENS, p2=0.0)), turned) == {Kind.TURNED}
 
 
 def test_half_a_pixel_between_two_solves_is_a_coincidence() -> None:

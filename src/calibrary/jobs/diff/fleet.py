@@ -25,6 +25,7 @@ Progress = Callable[[int, int], None]
 WORST_FIRST: Final = (
     ChangeVerdict.STRUCTURAL,
     ChangeVerdict.DRIFT,
+    ChangeVerdict.UNRESOLVED,
     ChangeVerdict.NEGLIGIBLE,
     ChangeVerdict.NOISE,
     ChangeVerdict.IDENTICAL,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, ImageSize, same_aspect
 from calibrary.errors import FrameError
+from calibrary.jobs.diff.wording import frame_size
 
 __all__ = ["FOCAL_SLACK", "CommonFrame", "common_frame"]
 
@@ -40,7 +41,7 @@ def common_frame(a: Calibration, b: Calibration) -> CommonFrame:
         return CommonFrame(a=a, b=b)
     if same_aspect(size_a, size_b[::-1]) and not same_aspect(size_a, size_b):
         raise FrameError(
-            f"{_x(size_a)} and {_x(size_b)} are one frame turned by 90°, and K does not say which way; "
+            f"{frame_size(size_a)} and {frame_size(size_b)} are one frame turned by 90°, and K does not say which way; "
             "provide both original files from the camera"
         )
     zoom = b.intrinsics.fx / a.intrinsics.fx
@@ -58,20 +59,20 @@ def _brought(
     size = larger.intrinsics.image_size
     same = same_aspect(size, target)
     if same and abs(zoom * size[0] / target[0] - 1) < abs(zoom - 1):
-        return larger.scaled(target), (f"{name} scaled {_x(size)} → {_x(target)}",)
+        return larger.scaled(target), (f"{name} scaled {frame_size(size)} → {frame_size(target)}",)
     by = _resampling(size, target, zoom)
     part = (min(size[0], round(target[0] / by)), min(size[1], round(target[1] / by)))
     box = ((size[0] - part[0]) / 2, (size[1] - part[1]) / 2, *part)
     cropped = larger.cropped(box)
-    steps = [f"{name} cropped {_x(size)} → {_x(part)} about its centre"]
+    steps = [f"{name} cropped {frame_size(size)} → {frame_size(part)} about its centre"]
     if part != target:
         if not same_aspect(part, target):
             raise FrameError(
-                f"a {_x(target)} image is neither {_x(size)} scaled nor a crop of it; "
+                f"a {frame_size(target)} image is neither {frame_size(size)} scaled nor a crop of it; "
                 "compare calibrations of the same sensor crop"
             )
         cropped = cropped.scaled(target)
-        steps.append(f"scaled to {_x(target)}")
+        steps.append(f"scaled to {frame_size(target)}")
     return cropped, tuple(steps)
 
 
@@ -86,11 +87,7 @@ def _resampling(size: ImageSize, target: ImageSize, zoom: float) -> float:
     ]
     if not held:
         raise FrameError(
-            f"a {_x(target)} image is neither {_x(size)} scaled nor a crop of it; "
+            f"a {frame_size(target)} image is neither {frame_size(size)} scaled nor a crop of it; "
             "compare calibrations of the same sensor crop"
         )
     return min(held, key=lambda by: abs(by / zoom - 1))
-
-
-def _x(size: ImageSize) -> str:
-    return f"{size[0]}×{size[1]}"

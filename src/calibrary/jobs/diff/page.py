@@ -7,16 +7,17 @@ from importlib.metadata import version
 
 import numpy as np
 
+from calibrary.arrays import BoolArray
 from calibrary.calibration import Calibration, Provenance
 from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, Numbers, Parameter
 from calibrary.jobs.diff.fleet import Change
+from calibrary.jobs.diff.wording import chance, length, percent, pixels
 from calibrary.pages import (
     Badge,
     Block,
     Bullets,
     Cell,
     Column,
-    Details,
     Figure,
     KeyValues,
     Link,
@@ -35,16 +36,18 @@ __all__ = ["badge_of", "comparison_page", "comparison_sections", "fleet_page"]
 TONES = {
     ChangeVerdict.IDENTICAL: Tone.GOOD,
     ChangeVerdict.NOISE: Tone.GOOD,
-    ChangeVerdict.NEGLIGIBLE: Tone.NEUTRAL,
+    ChangeVerdict.NEGLIGIBLE: Tone.GOOD,
+    ChangeVerdict.UNRESOLVED: Tone.CAUTION,
     ChangeVerdict.DRIFT: Tone.BAD,
     ChangeVerdict.STRUCTURAL: Tone.BAD,
 }
 MEANINGS = {
     ChangeVerdict.IDENTICAL: "Both say the same.",
-    ChangeVerdict.NOISE: "The two differ by no more than two calibrations of one camera do.",
-    ChangeVerdict.NEGLIGIBLE: "They differ by more than noise, and too little to be seen on a map.",
-    ChangeVerdict.DRIFT: "They differ by more than noise, and enough to be seen on a map.",
-    ChangeVerdict.STRUCTURAL: "They do not differ by degrees: something of another kind has changed.",
+    ChangeVerdict.NOISE: "They differ by no more than their measured uncertainty.",
+    ChangeVerdict.NEGLIGIBLE: "They differ by too little to be seen on a map.",
+    ChangeVerdict.UNRESOLVED: "They may be the same or not: their uncertainty is larger than the limits.",
+    ChangeVerdict.DRIFT: "They differ by enough to be seen on a map, and no noise explains it.",
+    ChangeVerdict.STRUCTURAL: "Something of another kind has changed than the values of one camera.",
 }
 IN_PX = frozenset({"fx", "fy", "cx", "cy", "skew"})
 
@@ -78,11 +81,11 @@ def comparison_sections(
 ) -> tuple[Section, ...]:
     """The parts of a comparison, in the order in which somebody who has to decide wants them."""
     numbers = comparison.numbers
-    sections = [Section(title="Verdict", badge=badge_of(comparison), blocks=tuple(_verdict(comparison)))]
+    sections = [Section(title=f"Which K to use: {comparison.use.value}", blocks=tuple(_verdict(comparison)))]
     if numbers is not None:
         sections += [
-            Section(title="In numbers", blocks=tuple(_in_numbers(numbers))),
-            Section(title="Over the image", blocks=tuple(_over_the_image(numbers))),
+            Section(title="Parameters", blocks=tuple(_in_numbers(numbers))),
+            Section(title="Over the image", blocks=tuple(_over_the_image(comparison, numbers))),
             Section(title="On the ground", blocks=tuple(_on_the_ground(numbers, altitude_m))),
         ]
     sections.append(Section(title="Where both are from", blocks=(_sources(comparison, labels),)))
@@ -129,18 +132,20 @@ def badge_of(comparison: Comparison) -> Badge:
 
 
 def _verdict(comparison: Comparison) -> Iterator[Block]:
-    tone = badge_of(comparison).tone
+    yield Note(text=comparison.advice, tone=badge_of(comparison).tone)
     kinds = {one.reason: one.kind.value for one in comparison.structural}
-    for reason in comparison.reasons:
-        kind = f"{kinds[reason]}: " if reason in kinds else ""
-        yield Note(text=_sentence(kind + reason), tone=tone)
+    yield Bullets(
+        tuple(
+            _sentence((f"{kinds[reason]}: " if reason in kinds else "") + reason)
+            for reason in comparison.reasons
+        )
+    )
+    for warning in comparison.warnings:
+        yield Note(text=_sentence(warning), tone=Tone.CAUTION)
     if comparison.steps:
         yield f"To be compared at all, {'; '.join(comparison.steps)}."
-    numbers = comparison.numbers
-    if numbers is None:
+    if comparison.numbers is None:
         yield "No scale and no crop brings the two to one frame, so their numbers are not compared."
-    elif not numbers.lens_compared:
-        yield "The distortion of one of the two is unknown; only K was compared."
 
 
 def _in_numbers(numbers: Numbers) -> Iterator[Block]:
@@ -153,26 +158,15 @@ def _in_numbers(numbers: Numbers) -> Iterator[Block]:
     )
     yield KeyValues(
         (
-            ("Δf / f", _signed(f"{numbers.focal_change:+.3%}")),
-            ("chance of it from noise", _chance(numbers.p)),
-        )
-    )
-    if numbers.chi2:
-        yield Details(
-            summary="The tests behind the chance",
-            blocks=(
-                Table(
-                    caption="χ² of the differences; the least likely counts once for each test that was made",
-                    columns=(
-                        Column("of"),
-                        Column("χ²", numeric=True),
-                        Column("degrees of freedom", numeric=True),
-                        Column("chance", numeric=True),
-                    ),
-                    rows=tuple((t.of, number(t.value), str(t.dof), _chance(t.p)) for t in numbers.chi2),
-                ),
+            ("focal length", _signed(percent(numbers.focal_change))),
+            ("uncertainty of the difference", numbers.basis.value),
+            *(
+                (("chance of it from noise", chance(numbers.significance.p)),)
+                if numbers.significance is not None
+                else ()
             ),
         )
+    )
     yield Bullets((f"σ of A: {numbers.spread_a.source}.", f"σ of B: {numbers.spread_b.source}."))
 
 
@@ -190,28 +184,29 @@ def _parameter(row: Parameter) -> tuple[Cell, ...]:
     )
 
 
-def _over_the_image(numbers: Numbers) -> Iterator[Block]:
-    seen = numbers.difference
+def _over_the_image(comparison: Comparison, numbers: Numbers) -> Iterator[Block]:
+    seen, policy, unknown = numbers.difference, comparison.policy, numbers.unknown(comparison.policy)
     yield KeyValues(
         (
-            ("root mean square", f"{number(seen.rms_px)} px"),
-            ("at most", f"{number(seen.max_px)} px"),
-            ("in the centre", f"{number(seen.centre_rms_px)} px"),
-            ("camera turned by", f"{number(seen.rotation_deg)}°"),
-            ("judged over", f"{seen.region.mean():.0%} of the frame"),
+            ("root mean square", f"{pixels(seen.rms_px)} (limit {policy.drift_rms_px:g} px)"),
+            ("at most", f"{pixels(seen.max_px)} (limit {policy.drift_max_px:g} px)"),
+            ("image scale", f"{_signed(percent(numbers.scale.change))} (limit {policy.drift_focal:.2%})"),
+            ("in the centre", pixels(seen.centre_rms_px)),
+            ("camera turned by", f"{number(round(seen.rotation_deg, 4))}°"),
+            ("unknown in", f"{unknown.mean():.0%} of the frame"),
         )
     )
     yield (
         "A camera that is free to turn takes up a part of any difference, and a reconstruction turns it so; "
         "that rotation is taken out first."
     )
-    yield SideBySide(tuple(_maps(numbers)))
+    yield SideBySide(tuple(_maps(numbers, seen.region & ~unknown)))
 
 
-def _maps(numbers: Numbers) -> Iterator[Figure]:
+def _maps(numbers: Numbers, known: BoolArray) -> Iterator[Figure]:
     seen = numbers.difference
-    points, vectors, inside = (grid[::EVERY, ::EVERY] for grid in (seen.pixels, seen.vectors, seen.region))
-    grey = "" if inside.all() else " Grey: outside the region that is judged."
+    points, vectors, inside = (grid[::EVERY, ::EVERY] for grid in (seen.pixels, seen.vectors, known))
+    grey = "" if inside.all() else " Grey: unknown, known to no better than the limit."
     yield arrow_map(
         points,
         vectors,
@@ -233,14 +228,12 @@ def _maps(numbers: Numbers) -> Iterator[Figure]:
         caption="How large the difference is against its own uncertainty: up to 2 or 3 is noise.",
         inside=inside,
     )
-    measured = numbers.spread_a.is_measured and numbers.spread_b.is_measured
     yield amount_map(
         points,
         std,
         seen.image_size,
         axis=Axis("1 σ of the difference", "px"),
-        caption="What both calibrations together are uncertain by"
-        + ("." if measured else ", as far as their grades tell: not both state it."),
+        caption=f"Uncertainty of the difference: {numbers.basis.value}.",
         inside=inside,
     )
 
@@ -251,12 +244,12 @@ def _on_the_ground(numbers: Numbers, altitude_m: float) -> Iterator[Block]:
         (
             ("altitude", f"{altitude_m:g} m"),
             ("a pixel on the ground", f"{number(ground.gsd_cm)} cm"),
-            ("root mean square", f"{number(ground.rms_cm)} cm"),
-            ("at most", f"{number(ground.max_cm)} cm"),
-            ("error of heights", _signed(f"{ground.height_cm:+.3g} cm")),
+            ("root mean square", length(ground.rms_cm / 100)),
+            ("at most", length(ground.max_cm / 100)),
+            ("error of heights", _signed(length(ground.height_cm / 100, signed=True))),
         )
     )
-    yield "Heights err with the focal length where nothing on the ground holds them: Δh = h · Δf / f."
+    yield "Heights err with the image scale where no control point holds them: Δh = h · Δf / f."
 
 
 def _sources(comparison: Comparison, labels: tuple[str, str]) -> Table:
@@ -304,8 +297,8 @@ def _overview(changes: Sequence[Change]) -> Iterator[Block]:
         Column("entry"),
         Column("verdict"),
         Column("Δf / f", numeric=True),
-        Column("rms (px)", numeric=True),
-        Column("at most (px)", numeric=True),
+        Column("rms", numeric=True),
+        Column("at most", numeric=True),
         Column("why"),
     )
     yield Table(
@@ -324,9 +317,9 @@ def _row(n: int, change: Change) -> tuple[Cell, ...]:
     return (
         Link(change.id, f"#entry-{n}") if n < MOST_SECTIONS else change.id,
         _badge(change),
-        _signed(f"{numbers.focal_change:+.3%}") if numbers is not None else "–",
-        number(numbers.difference.rms_px) if numbers is not None else "–",
-        number(numbers.difference.max_px) if numbers is not None else "–",
+        _signed(percent(numbers.focal_change)) if numbers is not None else "–",
+        pixels(numbers.difference.rms_px) if numbers is not None else "–",
+        pixels(numbers.difference.max_px) if numbers is not None else "–",
         kinds or "–",
     )
 
@@ -351,12 +344,6 @@ def _cell(value: float | None, form: str) -> str:
 
 def _signed(text: str) -> str:
     return text.replace("-", "−")
-
-
-def _chance(p: float) -> str:
-    if p >= 0.001:
-        return f"{p:.1%}"
-    return f"{p:.1g}" if p > 0 else "less than 1e-300"
 
 
 def _sentence(text: str) -> str:

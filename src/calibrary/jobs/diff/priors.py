@@ -1,12 +1,14 @@
-"""What spread a calibration has of which nobody measured any: by its grade, and said to be so.
+"""What a calibration's numbers are uncertain by: as measured, or else as its grade usually is, which is said.
 
 A K without a covariance is not an exact K. What its focal length is worth is known from where it came: an EXIF
 focal length is rounded and nominal, a maker's table is of the type and not of the unit, a bundle adjustment
-trades focal length for height. Distortion is given the spread that moves the corners by as many pixels.
+trades focal length for height. Distortion is given the spread that moves the corners by as many pixels. Such a spread
+is shown; it excuses a difference only between two independent measurements (:mod:`calibrary.jobs.diff.noise`).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,7 +19,7 @@ from calibrary.calibration import Calibration, Covariance, Grade
 from calibrary.distortion import Distortion
 from calibrary.records import replace
 
-__all__ = ["PRIORS", "Prior", "Spread", "spread_of"]
+__all__ = ["PRIORS", "Prior", "Spread", "spread_of", "std_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,36 +69,57 @@ class Spread:
 
 
 def spread_of(calibration: Calibration) -> Spread:
-    """The calibration's own covariance, inflated by its κ²; else its standard deviations; else its grade's prior."""
+    """The calibration's own covariance with its variance factor; else its standard deviations; else its grade's prior.
+
+    What a measured covariance does not name was fixed by the model, and its variance is 0.
+    """
     quality, names = calibration.quality, _names(calibration)
-    if quality is not None and quality.covariance is not None and set(names) <= set(quality.covariance.names):
-        inflated = quality.covariance.of(names) * quality.inflation
-        said = f", × κ² = {quality.inflation:.2g}" if quality.inflation > 1 else ""
-        return Spread(
-            covariance=Covariance.from_matrix(names, inflated),
-            source=f"its own covariance{said}",
-            is_measured=True,
-        )
-    prior = _prior(calibration, names)
-    if quality is not None and {"fx", "fy", "cx", "cy"} <= quality.std.keys():
-        own = np.array([quality.std.get(name, np.nan) for name in names]) * np.sqrt(quality.inflation)
-        known = np.isfinite(own)
-        prior[known, :], prior[:, known] = 0.0, 0.0
-        prior[known, known] = own[known] ** 2
-        source = "its own standard deviations" + (
-            "" if known.all() else " of K, its grade's of the distortion"
-        )
-        return Spread(covariance=Covariance.from_matrix(names, prior), source=source, is_measured=True)
+    if quality is not None:
+        inflated = f", × κ² = {quality.inflation:.2g}" if quality.inflation > 1 else ""
+        if quality.covariance is not None and "fx" in quality.covariance.names:
+            own = _padded(quality.covariance, names) * quality.inflation
+            return Spread(
+                covariance=Covariance.from_matrix(names, own),
+                source=f"its own covariance{inflated}",
+                is_measured=True,
+            )
+        if {"fx", "fy"} <= quality.std.keys():
+            variances = np.square([quality.std.get(name, 0.0) for name in names]) * quality.inflation
+            silent = [name for name in names if name not in quality.std]
+            return Spread(
+                covariance=Covariance.from_matrix(names, np.diag(variances)),
+                source=f"its own standard deviations{inflated}, without their correlations"
+                + (f" and without {', '.join(silent)}" if silent else ""),
+                is_measured=True,
+            )
     return Spread(
-        covariance=Covariance.from_matrix(names, prior),
-        source=f"what a K of grade {calibration.grade.value} is usually worth: it states none of its own",
+        covariance=Covariance.from_matrix(names, _prior(calibration, names)),
+        source=f"none stated; a K of grade {calibration.grade.value} is usually known to "
+        f"{PRIORS[calibration.grade].focal:.1%} of f",
         is_measured=False,
     )
+
+
+def std_of(calibration: Calibration, name: str) -> float:
+    """The standard deviation of one number as measured, its variance factor in it; 0 where none is known."""
+    quality = calibration.quality
+    if quality is None:
+        return 0.0
+    covariance = quality.covariance.std if quality.covariance is not None else {}
+    return quality.std.get(name, covariance.get(name, 0.0)) * math.sqrt(quality.inflation)
 
 
 def _names(calibration: Calibration) -> tuple[str, ...]:
     lens = calibration.distortion
     return ("fx", "fy", "cx", "cy", *(lens.coefficients if lens is not None else ()))
+
+
+def _padded(covariance: Covariance, names: tuple[str, ...]) -> FloatArray:
+    known = [name for name in names if name in covariance.names]
+    at = [names.index(name) for name in known]
+    C = np.zeros((len(names), len(names)))
+    C[np.ix_(at, at)] = covariance.of(tuple(known))
+    return C
 
 
 def _prior(calibration: Calibration, names: tuple[str, ...]) -> FloatArray:

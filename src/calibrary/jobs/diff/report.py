@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Annotated
 
 from calibrary.calibration import Calibration, ImageSize
+from calibrary.jobs.diff.advice import Use
 from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, Ground, Numbers, Parameter
 from calibrary.jobs.diff.fleet import Change
-from calibrary.jobs.diff.structure import Kind, Structural
+from calibrary.jobs.diff.kinds import Kind, Structural
+from calibrary.jobs.diff.noise import Basis
+from calibrary.policy import Policy
 from calibrary.records import Meta, Record
 
 __all__ = ["DiffReport", "FleetDiffReport", "diff_report", "fleet_diff_report"]
@@ -31,44 +33,33 @@ class Projection(Record):
     """Difference of what both see at infinity, the camera free to turn.
 
     Attributes:
-        rms_px, max_px: over the part of the frame that is judged.
+        rms_px, max_px: over the whole frame.
         centre_rms_px: over the middle of the frame.
         rotation_deg: how far the camera turned, which is taken out.
-        valid_share: of the frame, in which the difference is judged.
+        unknown_share: of the frame, where only one of the two projects or the difference is uncertain by more than the
+            limit: no agreement is shown there.
     """
 
     rms_px: Annotated[float, Meta(ge=0)]
     max_px: Annotated[float, Meta(ge=0)]
     centre_rms_px: Annotated[float, Meta(ge=0)]
     rotation_deg: Annotated[float, Meta(ge=0)]
-    valid_share: Annotated[float, Meta(ge=0, le=1)]
-
-
-class ChiSquareTest(Record):
-    """One test of whether some parameters differ by more than noise.
-
-    Attributes:
-        of: which parameters.
-        chi2: null where it is larger than every double.
-        dof: how many parameters they are.
-    """
-
-    of: str
-    chi2: float | None
-    dof: Annotated[int, Meta(ge=0)]
+    unknown_share: Annotated[float, Meta(ge=0, le=1)]
 
 
 class Significance(Record):
-    """The difference against the noise of both.
+    """The difference against its uncertainty.
 
     Attributes:
-        p: chance of a difference this large from noise alone.
-        tests: empty where the models differ.
+        basis: how the uncertainty of the difference is known.
+        p: chance of a difference this large from noise alone; null where no uncertainty may be assumed.
+        explains: whether noise explains all of the difference that matters; null as p.
         spread_a, spread_b: how the standard deviations of a and b are known.
     """
 
-    p: Annotated[float, Meta(ge=0, le=1)]
-    tests: tuple[ChiSquareTest, ...]
+    basis: Basis
+    p: Annotated[float, Meta(ge=0, le=1)] | None
+    explains: bool | None
     spread_a: str
     spread_b: str
 
@@ -79,7 +70,10 @@ class Difference(Record):
     Attributes:
         image_size: width and height in px of the frame that both were brought to.
         parameters: every number of both.
+        matters: whether it is beyond the policy's limits, whatever the noise.
         focal_change: of fx or fy, whichever is larger, as a share.
+        scale_change: of the image scale, as a share of f: what of the focal length's change the distortion does not
+            make up for.
         projection: in pixels.
         ground: on a map.
         significance: against noise.
@@ -88,7 +82,9 @@ class Difference(Record):
 
     image_size: ImageSize
     parameters: tuple[Parameter, ...]
+    matters: bool
     focal_change: float
+    scale_change: float
     projection: Projection
     ground: Ground
     significance: Significance
@@ -100,8 +96,11 @@ class DiffReport(Record, tag_field="schema", tag="calibrary/diff-1"):
 
     Attributes:
         verdict: what the comparison comes to.
-        alarm: whether a person has to look; then the exit code is 1.
+        alarm: whether it needs attention; then the exit code is 1.
         reasons: in sentences.
+        warnings: what the comparison cannot say, in sentences.
+        use: which of the two to use.
+        advice: what to do, in one sentence.
         structural: changes of kind.
         steps: what brought both to one frame; empty where the frames were the same.
         a, b: the two, b the later one.
@@ -111,6 +110,9 @@ class DiffReport(Record, tag_field="schema", tag="calibrary/diff-1"):
     verdict: ChangeVerdict
     alarm: bool
     reasons: Annotated[tuple[str, ...], Meta(min_length=1)]
+    warnings: tuple[str, ...]
+    use: Use
+    advice: str
     structural: tuple[Structural, ...]
     steps: tuple[str, ...]
     a: Side
@@ -124,8 +126,9 @@ class EntryChange(Record):
     Attributes:
         id: of the entry.
         verdict: null where there is nothing to compare with, or the two cannot be compared.
-        alarm: whether a person has to look.
+        alarm: whether it needs attention.
         reasons: in sentences.
+        advice: what to do; null where they were not compared.
         structural: changes of kind.
         focal_change: of fx or fy, whichever is larger, as a share.
         rms_px, max_px: of the difference of the projections.
@@ -135,6 +138,7 @@ class EntryChange(Record):
     verdict: ChangeVerdict | None
     alarm: bool
     reasons: Annotated[tuple[str, ...], Meta(min_length=1)]
+    advice: str | None
     structural: tuple[Kind, ...]
     focal_change: float | None
     rms_px: Annotated[float, Meta(ge=0)] | None
@@ -164,11 +168,14 @@ def diff_report(comparison: Comparison, labels: tuple[str, str], altitude_m: flo
         verdict=comparison.verdict,
         alarm=comparison.alarm,
         reasons=comparison.reasons,
+        warnings=comparison.warnings,
+        use=comparison.use,
+        advice=comparison.advice,
         structural=comparison.structural,
         steps=comparison.steps,
         a=Side(label=labels[0], calibration=comparison.a),
         b=Side(label=labels[1], calibration=comparison.b),
-        numbers=_difference(numbers, altitude_m) if numbers is not None else None,
+        numbers=_difference(numbers, altitude_m, comparison.policy) if numbers is not None else None,
     )
 
 
@@ -177,28 +184,26 @@ def fleet_diff_report(changes: Sequence[Change]) -> FleetDiffReport:
     return FleetDiffReport(changes=tuple(map(_entry_change, changes)))
 
 
-def _difference(numbers: Numbers, altitude_m: float) -> Difference:
-    seen = numbers.difference
+def _difference(numbers: Numbers, altitude_m: float, policy: Policy) -> Difference:
+    seen, found = numbers.difference, numbers.significance
     return Difference(
         image_size=numbers.a.intrinsics.image_size,
         parameters=numbers.parameters,
+        matters=numbers.matters(policy),
         focal_change=numbers.focal_change,
+        scale_change=numbers.scale.change,
         projection=Projection(
             rms_px=seen.rms_px,
             max_px=seen.max_px,
             centre_rms_px=seen.centre_rms_px,
             rotation_deg=seen.rotation_deg,
-            valid_share=float(seen.region.mean()),
+            unknown_share=float(numbers.unknown(policy).mean()),
         ),
         ground=numbers.ground(altitude_m),
         significance=Significance(
-            p=numbers.p,
-            tests=tuple(
-                ChiSquareTest(
-                    of=test.of, chi2=test.value if math.isfinite(test.value) else None, dof=test.dof
-                )
-                for test in numbers.chi2
-            ),
+            basis=numbers.basis,
+            p=found.p if found is not None else None,
+            explains=found.explains if found is not None else None,
             spread_a=numbers.spread_a.source,
             spread_b=numbers.spread_b.source,
         ),
@@ -214,6 +219,7 @@ def _entry_change(change: Change) -> EntryChange:
         verdict=found.verdict if found is not None else None,
         alarm=change.alarm,
         reasons=found.reasons if found is not None else (change.reason or "",),
+        advice=found.advice if found is not None else None,
         structural=tuple(one.kind for one in found.structural) if found is not None else (),
         focal_change=numbers.focal_change if numbers is not None else None,
         rms_px=numbers.difference.rms_px if numbers is not None else None,

@@ -8,18 +8,23 @@ is no crop of a measured one for being 3 % off. A signature says what probably h
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
-from enum import StrEnum
+from typing import Literal
 
 import numpy as np
 
-from calibrary.calibration import Calibration, ImageSize, same_aspect
+from calibrary.calibration import Calibration, CameraKey, ImageSize, same_aspect
 from calibrary.distortion import NoDistortion
 from calibrary.jobs.diff.frames import FOCAL_SLACK
-from calibrary.jobs.diff.priors import PRIORS
-from calibrary.records import Record
+from calibrary.jobs.diff.kinds import Kind, Structural
+from calibrary.jobs.diff.numbers import Numbers
+from calibrary.jobs.diff.orientation import is_turned, of_orientation, of_origin, quarter_turn
+from calibrary.jobs.diff.origin import Common, common_numbers, is_same
+from calibrary.jobs.diff.priors import PRIORS, std_of
+from calibrary.jobs.diff.wording import frame_size, listed, pixels
 
-__all__ = ["Kind", "Structural", "signatures"]
+__all__ = ["other_camera", "signatures"]
 
 SAME_RATIO = 0.01
 """How near a ratio of focal lengths must lie to a ratio of sides to be explained by it, were both exact."""
@@ -33,15 +38,17 @@ STRETCH = 0.01
 SIGMAS = 3.0
 """Focal lengths that are not known to these limits are held to this many of their standard deviations."""
 
-HALF_PIXEL_SLACK_PX = 0.02
-SAME_FOCAL = 2e-5
-"""One solve, written twice: another from other frames would not repeat a focal length to a tenth of its noise."""
-
 LEAK_SLACK = 0.02
 """Of a sensor's nominal size and an EXIF focal length, each rounded; a 35 mm equivalent is, to whole millimetres."""
 
 MEASURABLE_PX = 2.0
 """A lens that bends the corners by less may as well have none."""
+
+OTHER_LENS = 0.01
+"""Of the longer side, rms over the frame, the camera free to turn."""
+
+ONE_LENS = 0.3
+"""Of the distortion at one angle: two lenses differ by more."""
 
 CORRECTED_PX, CORRECTED_SHARE = 0.05, 0.05
 """What a camera that corrects its lens leaves of the bending, or a calibration of its frames makes up by noise."""
@@ -55,41 +62,45 @@ NOT_THE_SAME, AS_SWAPPED = 25.0, 9.21
 FULL_FRAME_MM = (36.0, 24.0)
 
 
-class Kind(StrEnum):
-    """What changed."""
-
-    RESIZE = "resize"
-    CROP = "crop"
-    PORTRAIT = "portrait"
-    DEWARP_ON = "dewarp switched on"
-    DEWARP_OFF = "dewarp switched off"
-    HALF_PIXEL = "half-pixel convention"
-    TANGENTIAL_SWAP = "p1 and p2 swapped"
-    DIRECTION = "distortion the other way round"
-    EQUIVALENT_LEAK = "35 mm equivalent"
-    STRETCH = "transcode"
-
-
-class Structural(Record):
-    """One change of kind.
-
-    Attributes:
-        kind: which.
-        reason: the numbers that show it, and what it means, in one sentence.
-    """
-
-    kind: Kind
-    reason: str
-
-
 def signatures(a: Calibration, b: Calibration) -> tuple[Structural, ...]:
     """Every change of kind that shows between ``a`` and the later ``b``, each in its own frame."""
     return (
         *_of_frames(a, b),
         *_of_focal_lengths(a, b),
-        *_of_principal_points(a, b),
+        *of_orientation(a, b),
+        *of_origin(a, b),
         *_of_distortions(a, b),
     )
+
+
+def other_camera(
+    a: Calibration, b: Calibration, numbers: Numbers, named: tuple[Structural, ...], *, matters: bool
+) -> Iterator[Structural]:
+    """Two cameras or lenses, by what they project or by the names they state, where nothing else explains it."""
+    if numbers.common.is_one_measurement or not matters or any(one.kind is not Kind.RESIZE for one in named):
+        return
+    seen = numbers.difference
+    one, two = (side.camera for side in (a, b))
+    if _names_differ(one, two):
+        yield Structural(
+            kind=Kind.OTHER_CAMERA, reason=f"A is of {one} and B of {two}: two cameras, or two lenses"
+        )
+    elif seen.rms_px >= OTHER_LENS * max(seen.image_size) and numbers.lens_compared:
+        yield Structural(
+            kind=Kind.OTHER_CAMERA,
+            reason=f"projections differ by {pixels(seen.rms_px)} rms, more than any drift: another lens, or another "
+            "camera",
+        )
+
+
+def _names_differ(one: CameraKey, two: CameraKey) -> bool:
+    """Whether both state a model, a serial or a sub-camera, and not the same: programs write one model in many ways."""
+    if one.model and two.model:
+        mine, others = (set(re.findall(r"[a-z0-9]+", key.model.lower())) for key in (one, two) if key.model)
+        if not mine & others:
+            return True
+    pairs = ((one.serial, two.serial), (one.sub_camera, two.sub_camera))
+    return any(x is not None and y is not None and x != y for x, y in pairs)
 
 
 def _of_frames(a: Calibration, b: Calibration) -> Iterator[Structural]:
@@ -97,9 +108,9 @@ def _of_frames(a: Calibration, b: Calibration) -> Iterator[Structural]:
     size_a, size_b = before.image_size, after.image_size
     if size_a == size_b or _is_stretched(a, b):
         return
-    sizes = f"{_x(size_a)} became {_x(size_b)}"
-    if _is_turned(a, b):
-        yield Structural(kind=Kind.PORTRAIT, reason=f"{sizes}: the frame was turned by 90°")
+    sizes = f"{frame_size(size_a)} became {frame_size(size_b)}"
+    if is_turned(a, b):
+        yield Structural(kind=Kind.TURNED, reason=f"{sizes}: {quarter_turn(a, b)}")
         return
     zoom, slack = after.fx / before.fx, _slack(a, b, SAME_RATIO)
     same = same_aspect(size_a, size_b)
@@ -119,22 +130,14 @@ def _slack(a: Calibration, b: Calibration, least: float) -> float:
 
 def _focal_std(calibration: Calibration) -> float:
     """Of fx, relative: as measured, else what its grade is worth."""
-    quality = calibration.quality
-    if quality is not None and "fx" in quality.std:
-        return quality.std["fx"] * math.sqrt(quality.inflation) / calibration.intrinsics.fx
-    return PRIORS[calibration.grade].focal
-
-
-def _is_turned(a: Calibration, b: Calibration) -> bool:
-    size_a, size_b = a.intrinsics.image_size, b.intrinsics.image_size
-    return same_aspect(size_a, size_b[::-1]) and not same_aspect(size_a, size_b)
+    return std_of(calibration, "fx") / calibration.intrinsics.fx or PRIORS[calibration.grade].focal
 
 
 def _is_stretched(a: Calibration, b: Calibration) -> bool:
     before, after = a.intrinsics, b.intrinsics
     aspects = math.hypot(PRIORS[a.grade].aspect, PRIORS[b.grade].aspect)
     stretch = (after.fx / after.fy) / (before.fx / before.fy)
-    return abs(stretch - 1) > max(STRETCH, SIGMAS * aspects) and not _is_turned(a, b)
+    return abs(stretch - 1) > max(STRETCH, SIGMAS * aspects) and not is_turned(a, b)
 
 
 def _is_part(whole: ImageSize, part: ImageSize, zoom: float, *, same: bool) -> bool:
@@ -148,6 +151,11 @@ def _is_part(whole: ImageSize, part: ImageSize, zoom: float, *, same: bool) -> b
 
 def _of_focal_lengths(a: Calibration, b: Calibration) -> Iterator[Structural]:
     before, after = a.intrinsics, b.intrinsics
+    if before.image_size == after.image_size and _is_swapped_focal(a, b):
+        was, now = (f"{K.fx:.6g}, {K.fy:.6g}" for K in (before, after))
+        reason = f"fx, fy were {was} and are {now} px: they changed places"
+        yield Structural(kind=Kind.FOCAL_SWAP, reason=reason)
+        return
     if _is_stretched(a, b):
         reason = (
             f"fx / fy was {before.fx / before.fy:.4f} and is {after.fx / after.fy:.4f}: a frame that was "
@@ -158,16 +166,40 @@ def _of_focal_lengths(a: Calibration, b: Calibration) -> Iterator[Structural]:
     zoom = (after.fx / after.image_size[0]) / (before.fx / before.image_size[0])
     if abs(zoom - 1) <= _slack(a, b, SAME_FIELD) or not same_aspect(before.image_size, after.image_size):
         return
-    leak = _equivalent(a, zoom) or _equivalent(b, 1 / zoom)
+    of_a, of_b = _equivalent(a, zoom), _equivalent(b, 1 / zoom)
+    leak = of_a or of_b
     if leak is not None:
         reason = (
             f"focal lengths differ × {max(zoom, 1 / zoom):.3f}, the crop factor of a sensor {leak:.1f} mm wide: "
             "a 35 mm equivalent stands where the focal length should"
         )
-        yield Structural(kind=Kind.EQUIVALENT_LEAK, reason=reason)
+        yield Structural(kind=Kind.EQUIVALENT_LEAK, reason=reason, faulty="B" if of_a else "A")
     elif before.image_size == after.image_size:
-        reason = f"fx × {zoom:.4f} in a frame of the same size: another part of the sensor fills it, or another lens"
-        yield Structural(kind=Kind.CROP, reason=reason)
+        field = f"fx × {zoom:.4f} in a frame of the same size"
+        if _is_same_lens(a, b):
+            reason = f"{field}: another part of the sensor fills it, or another lens"
+            yield Structural(kind=Kind.CROP, reason=reason)
+        else:
+            reason = f"{field}, and another distortion: another lens, or another camera"
+            yield Structural(kind=Kind.OTHER_CAMERA, reason=reason)
+
+
+def _is_swapped_focal(a: Calibration, b: Calibration) -> bool:
+    before, after = a.intrinsics, b.intrinsics
+    return is_same(before.fx, after.fy) and is_same(before.fy, after.fx) and not is_same(before.fx, before.fy)
+
+
+def _is_same_lens(a: Calibration, b: Calibration) -> bool:
+    """Whether both bend rays of one angle alike, as one lens does in front of any part of the sensor."""
+    if a.distortion is None or b.distortion is None:
+        return True
+    radius = 0.4 * min(one.image_size[0] / one.fx for one in (a.intrinsics, b.intrinsics))
+    xy = np.array([(radius, 0.0), (0.0, radius), (-radius, 0.0), (0.0, -radius)])
+    with np.errstate(all="ignore"):
+        bends = [one.distort(xy) - xy for one in (a.distortion, b.distortion)]
+    largest = max(float(np.nanmax(np.abs(bend), initial=0.0)) for bend in bends)
+    apart = float(np.nanmax(np.abs(bends[1] - bends[0]), initial=0.0))
+    return apart <= max(ONE_LENS * largest, MEASURABLE_PX / a.intrinsics.fx)
 
 
 def _equivalent(true: Calibration, ratio: float) -> float | None:
@@ -182,23 +214,15 @@ def _equivalent(true: Calibration, ratio: float) -> float | None:
     return width_mm if any(abs(ratio / factor - 1) <= slack for factor in (by_width, by_diagonal)) else None
 
 
-def _of_principal_points(a: Calibration, b: Calibration) -> Iterator[Structural]:
-    before, after = a.intrinsics, b.intrinsics
-    dx, dy = after.cx - before.cx, after.cy - before.cy
-    moved = abs(abs(dx) - 0.5) <= HALF_PIXEL_SLACK_PX and abs(dx - dy) <= HALF_PIXEL_SLACK_PX
-    zooms = after.fx / before.fx, after.fy / before.fy
-    if moved and before.image_size == after.image_size and all(abs(zoom - 1) <= SAME_FOCAL for zoom in zooms):
-        reason = (
-            f"cx and cy both moved by {dx:+.3f} px and the focal length did not: one of the two counts from "
-            "the centre of the first pixel, the other from its corner"
-        )
-        yield Structural(kind=Kind.HALF_PIXEL, reason=reason)
-
-
 def _of_distortions(a: Calibration, b: Calibration) -> Iterator[Structural]:
     if a.distortion is None or b.distortion is None:
         return
     bend_a, bend_b = _bend_px(a), _bend_px(b)
+    common = common_numbers(*_of_one_size(a, b))
+    lost = next(_lost(a, b, common, (bend_a, bend_b)), None)
+    if lost is not None:
+        yield lost
+        return
     if bend_a > MEASURABLE_PX and _is_corrected(b, bend_b, bend_a):
         reason = (
             f"a lens that bends the corners by {bend_a:.1f} px has {_left(bend_b)} now: "
@@ -215,13 +239,67 @@ def _of_distortions(a: Calibration, b: Calibration) -> Iterator[Structural]:
         return
     one, two = a.distortion.coefficients, b.distortion.coefficients
     # Where the frame was turned, the two change places by right.
-    if {"p1", "p2"} <= one.keys() & two.keys() and _is_swapped(a, b, one, two) and not _is_turned(a, b):
-        reason = f"p1 = {one['p1']:.4g} and p2 = {one['p2']:.4g} changed places: Metashape's order against OpenCV's"
-        yield Structural(kind=Kind.TANGENTIAL_SWAP, reason=reason)
+    if {"p1", "p2"} <= one.keys() & two.keys() and not is_turned(a, b):
+        yield from _of_tangential(a, b, one, two)
     k1, k2 = one.get("k1", 0.0), two.get("k1", 0.0)
     if k1 * k2 < 0 and min(bend_a, bend_b) > MEASURABLE_PX and 0.5 < -k1 / k2 < 2.0:
         reason = f"k1 was {k1:.4g} and is {k2:.4g}: one of the two maps observed to ideal, the other ideal to observed"
         yield Structural(kind=Kind.DIRECTION, reason=reason)
+
+
+def _of_one_size(a: Calibration, b: Calibration) -> tuple[Calibration, Calibration]:
+    size_a, size_b = a.intrinsics.image_size, b.intrinsics.image_size
+    if size_a == size_b or not same_aspect(size_a, size_b):
+        return a, b
+    return (a.scaled(size_b), b) if size_a > size_b else (a, b.scaled(size_a))
+
+
+def _lost(
+    a: Calibration, b: Calibration, common: Common, bends_px: tuple[float, float]
+) -> Iterator[Structural]:
+    """Coefficients that one of the two lacks while K is the same to the last digit: a file lost them, no camera did."""
+    if common.changed or not {"fx", "fy"} <= set(common.same) or bool(common.lost) is bool(common.gained):
+        return
+    name: Literal["A", "B"] = "B" if common.lost else "A"
+    missing, whole = (common.lost, a) if common.lost else (common.gained, b)
+    if whole.distortion is None:
+        return
+    stated = [coefficient for coefficient, value in whole.distortion.coefficients.items() if value]
+    if set(missing) < set(stated):
+        verb = "is" if len(missing) == 1 else "are"
+        yield Structural(
+            kind=Kind.COEFFICIENT_LOST,
+            reason=f"{listed(missing)} {verb} missing in {name}; every other number is the same to the last digit",
+            faulty=name,
+        )
+    elif not any(_is_of_images(one) for one in (a, b)):
+        yield Structural(
+            kind=Kind.DISTORTION_LOST,
+            reason=f"{name} has no distortion where the other has {pixels(max(bends_px))} of it in the corners, and "
+            "its K is the same to the last digit: it was lost on the way, or set to 0",
+            faulty=name,
+        )
+
+
+def _is_of_images(calibration: Calibration) -> bool:
+    """Whether a camera may have corrected the frame itself and left the K of its uncorrected frames in the tags."""
+    return calibration.provenance.kind == "image-metadata" or calibration.camera.capture_mode is not None
+
+
+def _of_tangential(
+    a: Calibration, b: Calibration, one: Mapping[str, float], two: Mapping[str, float]
+) -> Iterator[Structural]:
+    if _is_swapped(a, b, one, two):
+        reason = f"p1 = {one['p1']:.4g} and p2 = {one['p2']:.4g} changed places: Metashape's order against OpenCV's"
+        yield Structural(kind=Kind.TANGENTIAL_SWAP, reason=reason)
+    same_centre = is_same(a.intrinsics.cx, b.intrinsics.cx) and is_same(a.intrinsics.cy, b.intrinsics.cy)
+    if same_centre and any(one[p] and is_same(one[p], -two[p]) for p in ("p1", "p2")):
+        reason = (
+            f"p1, p2 were {one['p1']:.4g}, {one['p2']:.4g} and are {two['p1']:.4g}, {two['p2']:.4g}: "
+            "the opposite sign of the tangential terms"
+        )
+        if all(is_same(one[p], -two[p]) or is_same(one[p], two[p]) for p in ("p1", "p2")):
+            yield Structural(kind=Kind.TANGENTIAL_SIGN, reason=reason)
 
 
 def _is_corrected(calibration: Calibration, bend_px: float, raw_px: float) -> bool:
@@ -254,20 +332,10 @@ def _is_swapped(a: Calibration, b: Calibration, one: Mapping[str, float], two: M
     across = max(abs(one["p1"] - two["p2"]), abs(one["p2"] - two["p1"]))
     if not apart > 1e-5:
         return False
-    stds = [_std(a, "p1"), _std(a, "p2"), _std(b, "p1"), _std(b, "p2")]
+    stds = [std_of(side, name) for side in (a, b) for name in ("p1", "p2")]
     if across <= SWAPPED_EXACTLY * apart or not all(stds):
         return across < SWAPPED_ABOUT * apart
     variance = sum(std**2 for std in stds) / 2
     as_it_is = ((one["p1"] - two["p1"]) ** 2 + (one["p2"] - two["p2"]) ** 2) / variance
     changed = ((one["p1"] - two["p2"]) ** 2 + (one["p2"] - two["p1"]) ** 2) / variance
     return as_it_is > NOT_THE_SAME and changed < AS_SWAPPED
-
-
-def _std(calibration: Calibration, name: str) -> float:
-    """0 where nothing is known."""
-    quality = calibration.quality
-    return quality.std.get(name, 0.0) * math.sqrt(quality.inflation) if quality is not None else 0.0
-
-
-def _x(size: ImageSize) -> str:
-    return f"{size[0]}×{size[1]}"

@@ -1,0 +1,193 @@
+"""Which uncertainty the difference of two calibrations has, and whether that uncertainty explains it.
+
+Only what was measured may excuse a difference: the covariances of both. Where one of two independent measurements
+states none, it is taken to be as well known as the other. Where neither does, what their grades are usually worth
+stands in, and again only for two independent measurements. Two copies of one measurement have no noise between them.
+
+Two things are tested, each at half the significance level. The projections: among all pixels, the largest
+difference in units of its own standard deviation, against what noise makes of that maximum (drawn from the propagated
+covariance, since neighbouring pixels err together). And the image scale, which is what heights on a map follow.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+from scipy.special import chdtrc, ndtr
+
+from calibrary.arrays import BoolArray, FloatArray
+from calibrary.calib.projection_difference import ProjectionDifference
+from calibrary.calibration import Calibration, Covariance, Grade
+from calibrary.jobs.diff.origin import Common, has_other_source
+from calibrary.jobs.diff.priors import Spread
+
+__all__ = ["Basis", "Scale", "Significance", "basis_of", "covariances_of", "image_scale", "significance"]
+
+FLOOR_PX: Final = 0.02
+"""Standard deviation below which no pixel is believed to be known, whatever the covariance says."""
+DRAWS: Final = 4000
+EVERY: Final = 2
+"""Of the grid, for the draws: the fields are smooth."""
+TAIL: Final = 0.01
+"""Chance at which the tail of the maximum is matched."""
+
+MEASURED_GRADES: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
+
+
+class Basis(StrEnum):
+    """How the uncertainty of a difference is known."""
+
+    BOTH = "both state their uncertainty"
+    ONE = "one states its uncertainty and the other is taken to be as well known"
+    TYPICAL = "what calibrations of their grades are usually worth"
+    NONE = "unknown: at least one states no uncertainty"
+    COPY = "none: both hold one measurement"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scale:
+    """The change of the image scale between two projections.
+
+    Attributes:
+        change: as a share of f, along x or y, whichever is larger; positive where B magnifies more.
+        std: of that change; None where no covariance is known.
+    """
+
+    change: float
+    std: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Significance:
+    """The difference against its uncertainty.
+
+    Attributes:
+        p: chance of so much from noise alone, of the less likely of the two tests, counted twice.
+        explains: whether noise explains all of the difference that matters.
+    """
+
+    p: float
+    explains: bool
+
+
+def basis_of(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread], common: Common) -> Basis:
+    """How the uncertainty of the difference between two calibrations is known."""
+    if common.is_one_measurement:
+        return Basis.COPY
+    measured = [spread.is_measured for spread in spreads]
+    if all(measured):
+        return Basis.BOTH
+    if not has_other_source(a, b):
+        return Basis.NONE
+    if any(measured) and {a.grade, b.grade} <= MEASURED_GRADES:
+        return Basis.ONE
+    return Basis.TYPICAL
+
+
+def covariances_of(basis: Basis, spreads: tuple[Spread, Spread]) -> tuple[Covariance, Covariance] | None:
+    """Of both, as the basis has it; None where there is none."""
+    one, two = (spread.covariance for spread in spreads)
+    if basis in {Basis.BOTH, Basis.TYPICAL}:
+        return one, two
+    if basis is Basis.ONE:
+        # The propagation treats both models alike, so twice the one stands for both.
+        return (
+            (_times(one, 2.0), _times(two, 0.0))
+            if spreads[0].is_measured
+            else (_times(one, 0.0), _times(two, 2.0))
+        )
+    return None
+
+
+def image_scale(difference: ProjectionDifference) -> Scale:
+    """The scale along x and y that fits the difference best, each pixel weighed by how well it is known."""
+    region = difference.region
+    std = difference.std_px[region] if difference.std_px is not None else np.ones(int(region.sum()))
+    known = 1 / (std**2 + FLOOR_PX**2)
+    found = []
+    for axis in (0, 1):
+        at = difference.pixels[region][:, axis]
+        weights = known * (at - np.average(at, weights=known))
+        weights = weights / float(weights @ at)
+        noise = difference.noise[region][:, axis] if difference.noise is not None else None
+        found.append(
+            Scale(
+                change=float(weights @ difference.vectors[region][:, axis]),
+                std=float(np.linalg.norm(weights @ noise)) if noise is not None else None,
+            )
+        )
+    return max(found, key=lambda scale: abs(scale.change))
+
+
+def significance(
+    difference: ProjectionDifference, scale: Scale, *, level: float, matters_px: float, matters_scale: float
+) -> Significance | None:
+    """Hold a difference against its propagated noise.
+
+    Args:
+        difference: with noise.
+        scale: of the same difference.
+        level: chance below which noise is no explanation.
+        matters_px: pixels that differ by less need no explanation.
+        matters_scale: nor does a change of scale smaller than this.
+
+    Returns:
+        None where no covariance is known.
+    """
+    if difference.noise is None:
+        return None
+    whitening = _whitening(difference.noise)
+    z = np.linalg.norm(np.einsum("rcij,rcj->rci", whitening, np.nan_to_num(difference.vectors)), axis=-1)
+    z = np.where(difference.region, z, 0.0)
+    tail = _tail(difference, whitening)
+    large: BoolArray = np.asarray(difference.region & (np.nan_to_num(difference.lengths_px) >= matters_px))
+    by_pixel = min(1.0, tail * _rayleigh(float(z.max(initial=0.0))))
+    of_large = min(1.0, tail * _rayleigh(float(z[large].max(initial=0.0))))
+    by_scale = _two_sided(scale)
+    pixels_explained = of_large >= level / 2
+    scale_explained = by_scale >= level / 2 or abs(scale.change) < matters_scale
+    return Significance(
+        p=min(1.0, 2 * min(by_pixel, by_scale)), explains=pixels_explained and scale_explained
+    )
+
+
+def _two_sided(scale: Scale) -> float:
+    if scale.std is None or scale.change == 0:
+        return 1.0
+    return 2 * float(ndtr(-abs(scale.change) / scale.std)) if scale.std > 0 else 0.0
+
+
+def _whitening(noise: FloatArray) -> FloatArray:
+    """(R, C, 2, 2) W with WᵀW the inverse of each pixel's covariance."""
+    C = noise @ np.swapaxes(noise, -1, -2) + FLOOR_PX**2 * np.eye(2)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
+
+
+def _tail(difference: ProjectionDifference, whitening: FloatArray) -> float:
+    """How many times likelier the maximum over all pixels exceeds a large z than one pixel does.
+
+    Drawn, at the z that the maximum exceeds with a chance of 1 %; the ratio hardly changes beyond.
+    """
+    assert difference.noise is not None  # noqa: S101 — only called where it is known
+    rows = (slice(None, None, EVERY), slice(None, None, EVERY))
+    inside = difference.region[rows]
+    if not inside.any():
+        return 1.0
+    noise = (whitening @ difference.noise)[rows][inside]
+    draws = np.random.default_rng(0).standard_normal((noise.shape[-1], DRAWS))
+    fields = (noise.reshape(-1, noise.shape[-1]) @ draws).reshape(len(noise), 2, DRAWS)
+    z = float(np.quantile(np.sqrt((fields**2).sum(axis=1).max(axis=0)), 1 - TAIL))
+    return max(1.0, TAIL / max(_rayleigh(z), 1e-300))
+
+
+def _rayleigh(z: float) -> float:
+    """Chance that the length of a two-dimensional standard normal vector exceeds z."""
+    return float(chdtrc(2, z**2)) if math.isfinite(z) else 0.0
+
+
+def _times(covariance: Covariance, factor: float) -> Covariance:
+    return Covariance.from_matrix(covariance.names, covariance.matrix * factor)

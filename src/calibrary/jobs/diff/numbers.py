@@ -1,0 +1,251 @@
+"""Two calibrations of one frame, measured against each other: parameters, projections, image scale, uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+import numpy as np
+
+from calibrary.arrays import BoolArray
+from calibrary.calib.projection_difference import (
+    GRID,
+    ProjectionDifference,
+    pixel_grid,
+    projection_difference,
+)
+from calibrary.calibration import Calibration
+from calibrary.jobs.diff.noise import (
+    Basis,
+    Scale,
+    Significance,
+    basis_of,
+    covariances_of,
+    image_scale,
+    significance,
+)
+from calibrary.jobs.diff.origin import K_NAMES, Common, common_numbers
+from calibrary.jobs.diff.priors import Spread, spread_of
+from calibrary.policy import Policy
+from calibrary.records import Meta, Record, replace
+
+__all__ = ["Ground", "Numbers", "Parameter", "numbers_of"]
+
+BLIND_SHARE: Final = 0.05
+"""Of the frame, which one of two lenses projects and the other does not: too much for the rim of either."""
+LARGE_SHARE: Final = 0.1
+"""Of the frame that is known worse than the limit: too much for its corners alone."""
+
+
+class Parameter(Record):
+    """One number of both calibrations.
+
+    Attributes:
+        name: fx, fy, cx, cy, skew, or a coefficient of the distortion.
+        a, b: None where the calibration has no such number.
+        std_a, std_b: as measured; None where none is stated.
+        delta: b less a.
+        z: delta in standard deviations of the difference.
+    """
+
+    name: str
+    a: float | None
+    b: float | None
+    std_a: float | None
+    std_b: float | None
+    delta: float | None
+    z: float | None
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        a: float | None,
+        b: float | None,
+        std_a: float | None = None,
+        std_b: float | None = None,
+    ) -> Parameter:
+        """With the difference and what it is in standard deviations."""
+        delta = b - a if a is not None and b is not None else None
+        std = float(np.hypot(std_a, std_b)) if std_a is not None and std_b is not None else 0.0
+        z = delta / std if delta is not None and std > 0 else None
+        return cls(name=name, a=a, b=b, std_a=std_a, std_b=std_b, delta=delta, z=z)
+
+
+class Ground(Record):
+    """What a difference does to a map.
+
+    Attributes:
+        altitude_m: above ground.
+        gsd_cm: ground sampling distance there, looking straight down.
+        rms_cm, max_cm: of the difference in pixels, on the ground.
+        height_cm: error of heights by the difference in image scale, positive where B magnifies more.
+    """
+
+    altitude_m: Annotated[float, Meta(gt=0)]
+    gsd_cm: Annotated[float, Meta(ge=0)]
+    rms_cm: Annotated[float, Meta(ge=0)]
+    max_cm: Annotated[float, Meta(ge=0)]
+    height_cm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Numbers:
+    """What can be said once both calibrations are in one frame.
+
+    Attributes:
+        a, b: in that frame.
+        parameters: every number of both.
+        common: which of them are equal to the last digit.
+        difference: between the projections, over the whole frame, the camera turned so that its rms is least.
+        focal_change: Δf / f, of fx or fy, whichever is larger.
+        scale: change of the image scale, which is what of Δf / f the distortion does not make up for.
+        basis: how the uncertainty of the difference is known.
+        significance: the difference against that uncertainty; None where there is none.
+        spread_a, spread_b: what either is uncertain by, and how that is known.
+        blind: (R, C) where one of the two projects and the other does not.
+        lens_compared: False where one of the two distortions is unknown and K alone was compared.
+    """
+
+    a: Calibration
+    b: Calibration
+    parameters: tuple[Parameter, ...]
+    common: Common
+    difference: ProjectionDifference
+    focal_change: float
+    scale: Scale
+    basis: Basis
+    significance: Significance | None
+    spread_a: Spread
+    spread_b: Spread
+    blind: BoolArray
+    lens_compared: bool
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the uncertainty of the difference rests on a measured one."""
+        return self.basis in {Basis.BOTH, Basis.ONE}
+
+    def matters(self, policy: Policy) -> bool:
+        """Whether the projections differ by more than the policy's limits, whatever the noise."""
+        seen = self.difference
+        return (
+            seen.rms_px >= policy.drift_rms_px
+            or seen.max_px >= policy.drift_max_px
+            or abs(self.scale.change) >= policy.drift_focal
+            or float(self.blind.mean()) >= BLIND_SHARE
+        )
+
+    def unknown(self, policy: Policy) -> BoolArray:
+        """(R, C) where the comparison says nothing: one sees nothing, or measured noise exceeds the limit."""
+        std = self.difference.std_px
+        if std is None or not self.is_measured:
+            return self.blind
+        noisy = self.difference.region & (np.nan_to_num(std, nan=np.inf) > policy.drift_max_px)
+        return np.asarray(self.blind | noisy, dtype=np.bool_)
+
+    def is_noise_large(self, policy: Policy) -> bool:
+        """Whether the measured uncertainty itself exceeds the limits, so that agreement proves little."""
+        std = self.difference.std_px
+        if std is None or not self.is_measured:
+            return False
+        unknown = self.unknown(policy)
+        known = std[self.difference.region & ~unknown]
+        return (
+            float(unknown.mean()) >= LARGE_SHARE
+            or float(np.sqrt(np.mean(known**2))) >= policy.drift_rms_px
+            or (self.scale.std or 0.0) >= policy.drift_focal
+        )
+
+    def ground(self, altitude_m: float) -> Ground:
+        """What the difference does to a map made from a height."""
+        gsd_cm = 100 * altitude_m / self.a.intrinsics.fx
+        return Ground(
+            altitude_m=altitude_m,
+            gsd_cm=gsd_cm,
+            rms_cm=self.difference.rms_px * gsd_cm,
+            max_cm=self.difference.max_px * gsd_cm,
+            height_cm=100 * altitude_m * self.scale.change,
+        )
+
+
+def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
+    """Measure the difference of two calibrations of one frame size.
+
+    Raises:
+        CalibrationError: they see too little in common.
+    """
+    lens_compared = a.distortion is not None and b.distortion is not None
+    one, two = (a, b) if lens_compared else (replace(a, distortion=None), replace(b, distortion=None))
+    spreads = spread_of(one), spread_of(two)
+    common = common_numbers(one, two)
+    basis = basis_of(a, b, spreads, common)
+    difference = projection_difference(
+        one,
+        two,
+        weights=np.ones(GRID[::-1]),
+        covariances=covariances_of(basis, spreads),
+        trusted_px=float("inf"),
+    )
+    scale = image_scale(difference)
+    return Numbers(
+        a=a,
+        b=b,
+        parameters=_parameters(a, b),
+        common=common,
+        difference=difference,
+        focal_change=_focal_change(a, b),
+        scale=scale,
+        basis=basis,
+        significance=significance(
+            difference,
+            scale,
+            level=policy.drift_significance,
+            matters_px=min(policy.drift_rms_px, policy.drift_max_px),
+            matters_scale=policy.drift_focal,
+        ),
+        spread_a=spreads[0],
+        spread_b=spreads[1],
+        blind=_blind(one, two, difference),
+        lens_compared=lens_compared,
+    )
+
+
+def _blind(a: Calibration, b: Calibration, difference: ProjectionDifference) -> BoolArray:
+    """Where exactly one of the two has a direction for the pixel, or has it beyond what the other projects."""
+    flat = pixel_grid(a.intrinsics.image_size).reshape(-1, 2)
+    sees = [np.isfinite(one.unproject(flat)).all(axis=1).reshape(difference.region.shape) for one in (a, b)]
+    return np.asarray((sees[0] | sees[1]) & ~difference.region, dtype=np.bool_)
+
+
+def _focal_change(a: Calibration, b: Calibration) -> float:
+    before, after = a.intrinsics, b.intrinsics
+    return max((after.fx / before.fx - 1, after.fy / before.fy - 1), key=abs)
+
+
+def _parameters(a: Calibration, b: Calibration) -> tuple[Parameter, ...]:
+    spreads = [spread_of(one) for one in (a, b)]
+    std_a, std_b = (spread.covariance.std if spread.is_measured else {} for spread in spreads)
+    lenses = [c.distortion.coefficients if c.distortion is not None else {} for c in (a, b)]
+    skew = ("skew",) if a.intrinsics.skew or b.intrinsics.skew else ()
+    # Where the models differ a name they share means two things, and neither is subtracted from the other.
+    same_model = type(a.distortion) is type(b.distortion)
+    rows = [
+        Parameter.of(
+            name,
+            float(getattr(a.intrinsics, name)),
+            float(getattr(b.intrinsics, name)),
+            std_a.get(name),
+            std_b.get(name),
+        )
+        for name in (*K_NAMES, *skew)
+    ]
+    if same_model:
+        rows += [
+            Parameter.of(name, lenses[0][name], lenses[1][name], std_a.get(name), std_b.get(name))
+            for name in lenses[0]
+        ]
+    else:
+        rows += [Parameter.of(name, value, None, std_a.get(name)) for name, value in lenses[0].items()]
+        rows += [Parameter.of(name, None, value, None, std_b.get(name)) for name, value in lenses[1].items()]
+    return tuple(rows)

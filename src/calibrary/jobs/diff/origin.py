@@ -1,0 +1,105 @@
+"""Whether two calibrations are two measurements, or one measurement that was copied, edited or cut short.
+
+A number that is measured twice never comes out equal to the last digit. Where numbers do, the two files hold one
+measurement, and what differs between them was changed by a person or a program: no noise explains it. Numbers that
+a model fixes (a coefficient of 0, a principal point in the exact centre) are equal by right and prove nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from calibrary.calibration import Calibration
+
+__all__ = ["K_NAMES", "SAME", "Common", "common_numbers", "has_other_source", "is_same", "values_of"]
+
+K_NAMES: Final = ("fx", "fy", "cx", "cy")
+
+SAME: Final = 1e-7
+"""Two numbers this near, relative to the larger, are one number written twice: files hold seven digits and more."""
+FEWEST_COMMON: Final = 2
+COMMON_SHARE: Final = 1 / 3
+"""Of the numbers that are free, equal ones beyond chance."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Common:
+    """Which numbers of two calibrations are equal to the last digit.
+
+    Attributes:
+        same: free numbers that are equal.
+        changed: numbers that both have and that differ.
+        lost: coefficients that A has, and that B lacks or holds at 0.
+        gained: the same the other way round.
+    """
+
+    same: tuple[str, ...]
+    changed: tuple[str, ...]
+    lost: tuple[str, ...]
+    gained: tuple[str, ...]
+
+    @property
+    def is_one_measurement(self) -> bool:
+        """Whether two measurements would not have so many numbers in common."""
+        free = len(self.same) + len(self.changed) + len(self.lost) + len(self.gained)
+        return len(self.same) >= FEWEST_COMMON and len(self.same) >= COMMON_SHARE * free
+
+
+def common_numbers(a: Calibration, b: Calibration) -> Common:
+    """Compare the numbers of two calibrations of one frame size, digit by digit."""
+    one, two = values_of(a), values_of(b)
+    names = [name for name in dict.fromkeys([*one, *two]) if one.get(name) or two.get(name)]
+    same, changed, lost, gained = [], [], [], []
+    for name in names:
+        x, y = one.get(name, 0.0), two.get(name, 0.0)
+        if is_same(x, y):
+            same += [name] if _is_free(a, name, x) else []
+        elif not y and name not in K_NAMES:
+            lost.append(name)
+        elif not x and name not in K_NAMES:
+            gained.append(name)
+        else:
+            changed.append(name)
+    return Common(same=tuple(same), changed=tuple(changed), lost=tuple(lost), gained=tuple(gained))
+
+
+def has_other_source(a: Calibration, b: Calibration) -> bool:
+    """Whether their provenance states that they were measured apart: on other days, from other data, another way."""
+    one, two = a.provenance, b.provenance
+    frames = [{source.sha256 for source in provenance.sources} for provenance in (one, two)]
+    return (
+        one.kind != two.kind
+        or a.grade is not b.grade
+        or _differ(one.date, two.date)
+        or _differ(one.tool, two.tool)
+        or (all(frames) and frames[0].isdisjoint(frames[1]))
+    )
+
+
+def values_of(calibration: Calibration) -> Mapping[str, float]:
+    """Every number of K and of the distortion by its name."""
+    K, lens = calibration.intrinsics, calibration.distortion
+    pinhole = {name: float(getattr(K, name)) for name in (*K_NAMES, "skew")}
+    return pinhole | (lens.coefficients if lens is not None else {})
+
+
+def is_same(x: float, y: float) -> bool:
+    """Whether two numbers are one that was written twice."""
+    return abs(x - y) <= SAME * max(abs(x), abs(y))
+
+
+def _is_free(calibration: Calibration, name: str, value: float) -> bool:
+    """Whether a number was measured rather than fixed by the model."""
+    width, height = calibration.intrinsics.image_size
+    centre = {"cx": width / 2, "cy": height / 2}.get(name, math.nan)
+    at_the_centre = abs(value - centre) <= 0.5 * (1 + SAME)
+    covariance = calibration.quality.covariance if calibration.quality is not None else None
+    fixed = covariance is not None and not covariance.std.get(name, 0.0)
+    return value != 0 and not at_the_centre and not fixed
+
+
+def _differ(one: str | None, two: str | None) -> bool:
+    return one is not None and two is not None and one != two
