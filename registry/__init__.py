@@ -6,8 +6,8 @@ Four groups of modules, each building on the ones below it; none knows the comma
   (checked changes as commits), ``history``, ``sync`` (pull and push), ``init``, ``configuration`` (``registry.yaml``).
 * **Answers**: ``resolution`` with ``alias_cache`` and ``entry_match`` (which entry is a camera's), ``locking`` (a
   run's lock file), ``check`` and ``check_registry`` (everything that a schema cannot express).
-* **Entries**: ``entry``, ``entry_form`` and ``entry_yaml`` (its file), ``fields`` (as a table), ``textconv``,
-  ``firmware``, ``paths``.
+* **Entries**: ``entry``, ``entry_form`` and ``entry_yaml`` (its file), ``fields`` (as a table, for people
+  and for git diff), ``firmware``, ``paths``.
 * **git**: the sub-package ``git``, which knows no camera.
 
 The YAML files of ``catalogue`` are not the fleet's: they describe cameras in general, and

@@ -13,7 +13,7 @@ from calibrary.records import Meta, Record
 from calibrary.registry.check import CheckReport, check
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, commit_at, history, parse_rev
-from calibrary.registry.git.objects import CommitId
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.signatures import signatures
 from calibrary.registry.paths import CAMERAS, ROOT, SUFFIX, check_path, folder_of, id_of
@@ -53,8 +53,8 @@ class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"
     """
 
     verdict: Literal["good", "bad"]
-    commit: CommitId | None
-    before: CommitId | None
+    commit: ObjectId | None
+    before: ObjectId | None
     entries: Annotated[int, Meta(ge=0)]
     findings: tuple[Finding, ...]
     unsigned: tuple[str, ...] | None

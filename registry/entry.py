@@ -13,6 +13,7 @@ from msgspec import field
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.records import Json, Meta, Record, force_setattr, replace
+from calibrary.records.limits import require_declared
 from calibrary.registry import entry_form
 from calibrary.registry.entry_form import BLOCKS_WITH_EXTENSIONS, UNSTATED
 from calibrary.registry.firmware import FirmwareRange
@@ -62,6 +63,9 @@ class Alias(Record):
 
     make: Text
     model: Text
+
+    def __post_init__(self) -> None:
+        require_declared(self)
 
 
 class Sensor(Record):
@@ -161,7 +165,8 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
     """One camera of a registry.
 
     Raises:
-        InputError: the calibration cannot be an entry: make, model or image size is missing, or K is a guess.
+        InputError: the calibration cannot be an entry: make, model or image size is missing, K is a guess, its
+            provenance cannot be traced, or a value is out of the bounds of an entry's file.
     """
 
     _lifted: ClassVar[str | None] = "calibration"
@@ -188,8 +193,8 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
             raise InputError("an entry's firmware is a range of its own, not part of its camera")
         if not grade.is_metric:
             raise InputError(f"a K of grade {grade.value} is a guess, and a registry takes no guesses")
-        if self.tolerance is not None and not 0 < self.tolerance <= 1:
-            raise InputError(f"the tolerance is {self.tolerance}, expected a fraction above 0 and up to 1")
+        require_declared(self)
+        entry_form.require_entry_values(self.calibration)
         for name in self.extensions:
             block, _, key = name.rpartition("/")
             if not key.startswith("x-") or (block and not self._has(block)):

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast
 from calibrary.calibration import Calibration, Covariance, Grade, Provenance
 from calibrary.errors import InputError, ParseError
 from calibrary.records import Json, Meta
-from calibrary.records.limits import Limits, first_breach, narrow
+from calibrary.records.limits import Limits, narrow, require_within
 from calibrary.strictyaml import YamlValue
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ __all__ = [
     "digest",
     "migrated",
     "read",
+    "require_entry_values",
     "schema",
     "written",
 ]
@@ -117,14 +118,13 @@ def read(document: dict[str, Json]) -> dict[str, Json]:
     """
     if "status" not in document:
         raise InputError("lacks status")
-    if (path := first_breach(document, LIMITS)) is not None:
-        raise InputError("is out of its bounds", place=path)
     extensions = _take_extensions(document)
     document.pop("digest", None)
     calibration = {name: document.pop(name) for name in Calibration.__struct_fields__ if name in document}
-    _check_provenance(calibration.setdefault("provenance", None))
-    if calibration["provenance"] is None:
-        calibration["provenance"] = {"kind": UNSTATED.kind}
+    made = calibration.get("provenance")
+    if isinstance(made, dict) and made.get("kind") in NO_SOURCES:
+        raise InputError("does not name a source", place="provenance.kind")
+    calibration["provenance"] = made if made is not None else {"kind": UNSTATED.kind}
     if calibration.get("grade") in (Grade.PRIOR.value, Grade.SEED.value):
         raise InputError("is a guess", place="grade")
     if isinstance(camera := calibration.get("camera"), dict):
@@ -148,13 +148,19 @@ def _take_extensions(document: dict[str, Json]) -> dict[str, Json]:
     return found
 
 
-def _check_provenance(provenance: Json) -> None:
-    if not isinstance(provenance, dict):
+def require_entry_values(calibration: Calibration) -> None:
+    """Refuse a calibration that could not be read back from an entry's file.
+
+    Raises:
+        InputError: a value is out of its bounds, or its provenance names no source or not all that its kind needs.
+    """
+    require_within(calibration, LIMITS)
+    made = calibration.provenance
+    if made == UNSTATED:
         return
-    kind = provenance.get("kind")
-    if kind in NO_SOURCES:
-        raise InputError("does not name a source", place="provenance.kind")
-    missing = [name for name in TRACED_BY.get(str(kind), ()) if not provenance.get(name)]
+    if made.kind in NO_SOURCES:
+        raise InputError(f"{made.kind!r} does not name a source", place="provenance.kind")
+    missing = [name for name in TRACED_BY.get(made.kind, ()) if not getattr(made, name)]
     if missing:
         raise InputError(f"lacks {', '.join(missing)}", place="provenance")
 

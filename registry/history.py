@@ -20,9 +20,10 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import Field, FieldChange, entry_fields
 from calibrary.registry.git import history as git_history
 from calibrary.registry.git.history import Revision
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import ROOT, SUFFIX, find_path
-from calibrary.registry.snapshot import CommitId, ListedEntry, Snapshot, StoredEntry
+from calibrary.registry.snapshot import ListedEntry, Snapshot, StoredEntry
 from calibrary.registry.writing import SOURCE_FILE, SOURCE_SHA256
 
 __all__ = [
@@ -107,7 +108,7 @@ class Recorded(Record):
 
     by: str
     date: datetime
-    commit: CommitId
+    commit: ObjectId
     file: str | None
 
 
@@ -135,7 +136,7 @@ class LoggedCommit(Record):
         reason: why, as the commit states it.
     """
 
-    commit: CommitId
+    commit: ObjectId
     date: datetime
     author: str
     subject: str

@@ -20,12 +20,12 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git import maintenance
 from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.names import check_url, without_secret
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change
 from calibrary.registry.paths import CAMERAS, check_path
 from calibrary.registry.registry import Registry
-from calibrary.registry.snapshot import CommitId
 from calibrary.registry.writing import Note, write_changes
 
 __all__ = [
@@ -85,7 +85,7 @@ class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
     """
 
     registry: str
-    commit: CommitId
+    commit: ObjectId
     cloned_from: str | None
     files: tuple[str, ...]
     textconv: bool

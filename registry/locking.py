@@ -12,15 +12,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Final
 
 from msgspec import field
 
 from calibrary.errors import InputError, ParseError, RegistryError
-from calibrary.records import Json, Meta, Record, from_json, replace, to_json
+from calibrary.records import Meta, Record, from_json, replace, to_json
+from calibrary.records.limits import require_declared
 from calibrary.registry.entry import Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.resolution import RegistryIndex
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.writing import parsed
@@ -32,7 +34,6 @@ __all__ = [
     "Lock",
     "Locked",
     "Pin",
-    "lock_json",
     "lock_yaml",
     "locked",
     "parse_lock",
@@ -74,20 +75,6 @@ def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
     pins = tuple(_pin(path, data) for path, data in zip(wanted, snapshot.read_many(wanted), strict=True))
     # A folder's whole path tells about a disk, and a remote's address may hold a password.
     return Lock(registry=snapshot.place.name or None, commit=snapshot.commit, pins=pins)
-
-
-def lock_json(lock: Lock) -> dict[str, Json]:
-    """What the lock's file says (schemas/lock-1.schema.json)."""
-    entries: list[Json] = [
-        {"path": pin.path, "blob": pin.blob, "digest": pin.digest}
-        for pin in sorted(lock.pins, key=lambda pin: pin.path)
-    ]
-    return {
-        "schema": "calibrary/lock-1",
-        "registry": lock.registry,
-        "commit": lock.commit,
-        "entries": entries,
-    }
 
 
 def usable_paths(snapshot: Snapshot) -> list[str]:
@@ -177,9 +164,6 @@ LEGEND: Final = """\
 
 LAYOUT: Final = Layout(nulls=frozenset({"registry", "commit", "entries"}))
 
-ObjectId: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{40}$")]
-"""A git object's name."""
-
 
 class Pin(Record):
     """One entry, held fast.
@@ -194,6 +178,9 @@ class Pin(Record):
     blob: ObjectId
     digest: Annotated[str, Meta(pattern="^sha256:[0-9a-f]{64}$")]
 
+    def __post_init__(self) -> None:
+        require_declared(self)
+
 
 class Lock(Record, tag_field="schema", tag="calibrary/lock-1"):
     """The entries a run rests on.
@@ -207,6 +194,9 @@ class Lock(Record, tag_field="schema", tag="calibrary/lock-1"):
     registry: str | None = None
     commit: ObjectId | None = None
     pins: tuple[Pin, ...] = field(name="entries")
+
+    def __post_init__(self) -> None:
+        require_declared(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

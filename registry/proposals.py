@@ -15,9 +15,10 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Written
 from calibrary.registry.paths import ROOT, SUFFIX, folder_of
-from calibrary.registry.snapshot import CommitId, Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.validation import Finding, Severity
 
 __all__ = [
@@ -136,7 +137,7 @@ class ChangeReport(Record, tag_field="schema", tag="calibrary/registry-change-1"
     """
 
     registry: str
-    commit: CommitId | None
+    commit: ObjectId | None
     entries: tuple[ChangedEntry, ...]
     findings: tuple[Finding, ...]
     warnings: tuple[str, ...]

@@ -14,7 +14,7 @@ from datetime import date
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import RegistryError
@@ -23,13 +23,13 @@ from calibrary.registry.alias_cache import names_at, names_kept
 from calibrary.registry.configuration import Configuration
 from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import CAMERAS, ROOT, find_path, folder_of, id_of, is_entry, match_key
 from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
 from calibrary.registry.writing import parsed
 
 __all__ = [
-    "CommitId",
     "EntryListing",
     "ListedEntry",
     "Snapshot",
@@ -37,9 +37,6 @@ __all__ = [
     "entry_paths",
     "read_entry_file",
 ]
-
-CommitId: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{40}$")]
-"""A git object's id: 40 hexadecimal digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,8 +79,8 @@ class ListedEntry(EntryFields):
 
     id: str
     path: Annotated[str, Meta(pattern="^cameras/.+[.]yaml$")]
-    commit: CommitId | None
-    blob: CommitId | None
+    commit: ObjectId | None
+    blob: ObjectId | None
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         """Its place first: a calibration is long."""

@@ -16,11 +16,11 @@ from calibrary.registry.fields import Field, entry_fields
 from calibrary.registry.git import remotes
 from calibrary.registry.git.errors import Conflict, FileConflictError
 from calibrary.registry.git.names import check_url, without_secret
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.remotes import Pulled, set_remote
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change
 from calibrary.registry.paths import CAMERAS, find_path, id_of
-from calibrary.registry.snapshot import CommitId
 from calibrary.registry.writing import Note, write_changes
 
 __all__ = [
@@ -91,9 +91,9 @@ class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
     """
 
     remote: str
-    before: CommitId | None
-    commit: CommitId | None
-    theirs: CommitId | None
+    before: ObjectId | None
+    commit: ObjectId | None
+    theirs: ObjectId | None
     replayed: Annotated[int, Meta(ge=0)]
     warnings: tuple[str, ...]
     conflicts: tuple[EntryConflict, ...]

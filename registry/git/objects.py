@@ -14,10 +14,10 @@ from msgspec import Meta
 
 from calibrary.errors import RegistryError
 
-__all__ = ["HEX", "LARGEST_FILE", "Blob", "CommitId", "ObjectReader", "blob_id", "object_id"]
+__all__ = ["HEX", "LARGEST_FILE", "Blob", "ObjectId", "ObjectReader", "blob_id", "object_id"]
 
 HEX: Final = re.compile(r"[0-9a-f]{40}\Z")
-CommitId: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{40}$")]
+ObjectId: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{40}$")]
 LARGEST_FILE: Final = 1 << 20
 """Bytes; an entry with a full covariance takes some four thousand."""
 

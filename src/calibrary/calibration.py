@@ -30,6 +30,7 @@ from calibrary.interop import colmap, opencv
 from calibrary.interop.notebook import html_table
 from calibrary.quality import Covariance, Quality
 from calibrary.records import Json, Meta, Record, force_setattr, from_json, replace, to_json
+from calibrary.records.limits import require_declared
 
 __all__ = [
     "Box",
@@ -234,6 +235,9 @@ class SourceFile(Record):
 
     name: str
     sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
+
+    def __post_init__(self) -> None:
+        require_declared(self)
 
 
 class Provenance(Record):

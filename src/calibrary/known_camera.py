@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, TypeAlias
 
 from calibrary.errors import InputError
 from calibrary.records import Json, Meta, Record
+from calibrary.records.limits import require_declared
 
 __all__ = [
     "BANDS",
@@ -160,6 +161,7 @@ class KnownCamera(Record):
     sources: tuple[tuple[str, Text], ...] = ()
 
     def __post_init__(self) -> None:
+        require_declared(self)
         if self.sub_camera is not None and self.sub_camera not in SUB_CAMERAS:
             raise InputError(f"{self.sub_camera!r:.60} is not a sub-camera", place="sub_camera")
         if not BANDS | {"rgb"} >= {*self.bands}:

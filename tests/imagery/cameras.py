@@ -7,8 +7,9 @@ host and place is made up.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import timedelta
 
+from calibrary.jobs.demo.cameras import Band, Shot
 from tests.imagery import (
     ExifField,
     ExifTags,
@@ -62,53 +63,10 @@ class Head:
     private: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shot:
-    """What differs between two frames of one camera."""
-
-    taken: datetime
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float
-    yaw_deg: float
-
-    @property
-    def exif_time(self) -> str:
-        """As EXIF writes a date."""
-        return f"{self.taken:%Y:%m:%d %H:%M:%S}"
-
-    @property
-    def position(self) -> GpsPosition:
-        """For EXIF's GPS directory."""
-        return GpsPosition(
-            latitude_deg=self.latitude_deg, longitude_deg=self.longitude_deg, altitude_m=self.altitude_m
-        )
-
-    @property
-    def private(self) -> tuple[str, ...]:
-        """The position to 10 m, cut off and not rounded, so that it is found in any longer form of it."""
-        return tuple(f"{degrees:.8f}"[:-4] for degrees in (self.latitude_deg, self.longitude_deg))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
-    """One lens of a multispectral rig and its factory calibration.
-
-    Attributes:
-        name, index: as XMP has them.
-        wavelength_nm, width_nm: of the filter.
-        focal_mm: calibrated.
-        principal_point_mm: from the upper left corner.
-        distortion: k1, k2, k3, p1, p2, in MicaSense's order.
-    """
-
-    name: str
-    index: int
-    wavelength_nm: int
-    width_nm: int
-    focal_mm: float
-    principal_point_mm: tuple[float, float]
-    distortion: tuple[float, float, float, float, float]
+def _position(shot: Shot) -> GpsPosition:
+    return GpsPosition(
+        latitude_deg=shot.latitude_deg, longitude_deg=shot.longitude_deg, altitude_m=shot.altitude_m
+    )
 
 
 def phantom_4_rtk(shot: Shot) -> Head:
@@ -167,7 +125,7 @@ def rededge_m(shot: Shot, band: Band) -> Head:
         focal_plane_resolution=((266_666_667, 1_000_000), (266_666_667, 1_000_000)),
         focal_plane_unit=4,
         body_serial=serial,
-        position=shot.position,
+        position=_position(shot),
         overrides=(ExifField("ExifVersion", b"0230"),),
     )
     xmp = XmpPacket(
@@ -208,7 +166,7 @@ def _dji_exif(
         pixel_size=pixel_size,
         body_serial=body_serial,
         maker_note=b"DJI MakerNotes\0",
-        position=shot.position,
+        position=_position(shot),
         overrides=_DJI_CONSTANTS,
     )
 

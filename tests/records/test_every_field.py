@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import pickle
 import runpy
 from collections.abc import Iterator, Mapping
@@ -15,18 +16,18 @@ from hypothesis import strategies as st
 
 from calibrary.calibration import Calibration, CameraKey, Intrinsics, Provenance, SourceFile
 from calibrary.distortion import MODELS
-from calibrary.errors import ParseError
+from calibrary.errors import InputError, ParseError
 from calibrary.jobs.site.addresses import Place
 from calibrary.jobs.site.camera_page import camera_page
+from calibrary.known_camera import KnownCamera
 from calibrary.policy import Policy
 from calibrary.quality import Covariance, Quality
-from calibrary.records import Record, checker, flat, from_json, to_json
+from calibrary.records import Record, checker, flat, from_json, replace, to_json
 from calibrary.registry.entry import Alias, Entry, Sensor, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from calibrary.registry.fields import NOT_SHOWN, entry_fields
+from calibrary.registry.fields import NOT_SHOWN, entry_fields, entry_rows
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.locking import Lock, Pin
-from calibrary.registry.textconv import entry_rows
 from calibrary.schemas import require
 from tests.house.project import ROOT
 from tests.records.declared import neighbours, strategy_for
@@ -140,6 +141,41 @@ def test_every_field_of_an_entry_is_shown_or_named_as_not_shown(one: Entry, othe
     for path, changed in neighbours(one, other):
         assert isinstance(changed, Entry)
         assert entry_rows(changed) != entry_rows(one), path
+
+
+WILD = ("", " ", "x" * 1001, "Ä", "2019-13-45", math.nan, math.inf, -math.inf, -1.0, 0.0, 0.7, 2e6, -1, 0, 10**7,
+    (0, 5), ("",), ("a", "a"), {"fx": -1.0}, {"fx": math.nan})  # fmt: skip
+
+
+def _shape(value: object) -> object:
+    """What makes two values of one type; a list that is empty tells no type."""
+    if isinstance(value, tuple):
+        return tuple, *map(type, value[:1])
+    return (dict, *map(type, value.values())) if isinstance(value, dict) else type(value)
+
+
+def _wild(record: Record) -> Iterator[tuple[str, Record]]:
+    """The record with one field, anywhere inside it, that has an unlikely value of its type."""
+    for name in record.__struct_fields__:
+        mine = getattr(record, name)
+        values: list[tuple[str, Any]] = [(name, value) for value in WILD if _shape(mine) == _shape(value)]
+        if isinstance(mine, Record):
+            values = [(f"{name}.{path}", part) for path, part in _wild(mine)]
+        for path, value in values:
+            try:
+                yield path, replace(record, **{name: value})
+            except InputError:
+                continue
+
+
+@pytest.mark.parametrize(
+    "kind", [SourceFile, Alias, Sensor, Validity, FirmwareRange, Pin, Lock, KnownCamera, Entry]
+)
+@settings(SLOW, max_examples=3)
+@given(data=st.data())
+def test_what_can_be_made_can_be_read_back(kind: type[Record], data: st.DataObject) -> None:
+    for path, record in _wild(data.draw(strategy_for(kind))):
+        assert from_json(kind, over_a_file(to_json(record))) == record, path
 
 
 @pytest.mark.parametrize("name", ["brown", "unknown"])

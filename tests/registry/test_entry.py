@@ -139,4 +139,22 @@ def test_a_sensor_without_a_size_is_refused(sides: dict[str, float]) -> None:
 
 
 def test_provenance_is_the_calibrations() -> None:
-    assert an_entry(provenance=Provenance(kind="manual")).calibration.provenance.kind == "manual"
+    assert (
+        an_entry(provenance=Provenance(kind="manual", operator="A. B.")).calibration.provenance.kind
+        == "manual"
+    )
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (Provenance(kind="manual"), "lacks operator"),
+        (Provenance(kind="calibration-file", source="a.xml"), "lacks sha256"),
+        (Provenance(kind="unstated", tool="x"), "does not name a source"),
+        (Provenance(kind="seed"), "does not name a source"),
+        (Provenance(kind="Lab"), "provenance.kind: 'Lab', expected text that matches"),
+    ],
+)
+def test_an_entry_whose_provenance_could_not_be_read_back_is_not_made(made: Provenance, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        an_entry(provenance=made)

@@ -48,8 +48,8 @@ def test_the_blob_is_gits_own_whatever_the_line_ends(tmp_path: Path) -> None:
     told = subprocess.run(
         ["git", "hash-object", "entry"], cwd=tmp_path, capture_output=True, text=True, check=True
     )
-    assert pin_of("x", data).blob == told.stdout.strip()
-    assert pin_of("x", data.replace(b"\n", b"\r\n")) == pin_of("x", data)
+    assert pin_of("cameras/x/x.yaml", data).blob == told.stdout.strip()
+    assert pin_of("cameras/x/x.yaml", data.replace(b"\n", b"\r\n")) == pin_of("cameras/x/x.yaml", data)
 
 
 @pytest.mark.parametrize(

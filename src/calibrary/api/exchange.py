@@ -24,7 +24,7 @@ from calibrary.pages import render_page
 from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written
-from calibrary.registry.locking import Lock, lock_json, lock_yaml, pinned, usable_paths
+from calibrary.registry.locking import Lock, lock_yaml, pinned, usable_paths
 from calibrary.registry.paths import find_path
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
@@ -104,7 +104,7 @@ class LockResult:
 
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/lock-1.schema.json)."""
-        return lock_json(self.lock)
+        return to_json(self.lock)
 
 
 @dataclass(slots=True, eq=False)

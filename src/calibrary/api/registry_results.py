@@ -16,7 +16,7 @@ from calibrary.registry import history, snapshot
 from calibrary.registry.check_registry import Checked, document_of
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.fields import FieldChange, differences
+from calibrary.registry.fields import FieldChange, differences, entry_rows, entry_text
 from calibrary.registry.git.errors import Conflict, FileConflictError
 from calibrary.registry.git.writing import Written
 from calibrary.registry.history import (
@@ -33,7 +33,6 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import RejectedEntry
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.sync import field_conflicts, sync_report
-from calibrary.registry.textconv import entry_rows, entry_text
 
 __all__ = [
     "Blame",

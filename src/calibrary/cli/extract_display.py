@@ -25,7 +25,7 @@ from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.hand_off import Solver, seed_command
 from calibrary.jobs.extract.outputs import STALE, Outputs
-from calibrary.validation import Verdict
+from calibrary.validation import UNPROVEN_LEGEND, Verdict
 
 __all__ = ["Display", "judgement", "verdict"]
 
@@ -138,6 +138,8 @@ class Display:
 def judgement(outcome: Extraction, *, width: int) -> RenderableType:
     """Every camera, and the images no camera could be told from, in so many columns."""
     parts = [_cameras(outcome, width)]
+    if any(camera.verdict is Verdict.UNPROVEN for camera in outcome.cameras):
+        parts.append(Text(UNPROVEN_LEGEND, "dim"))
     if outcome.rejected:
         parts.append(_skipped(outcome.rejected))
     return Constrain(Group(*parts), width)

@@ -22,7 +22,7 @@ CASES = (
     ("this spring", "2026-04-02", None),
     ("today", "2026-06-15", None),
     ("unknown", None, "calibration date unknown"),
-    ("not a day", "spring 2019", "calibration date unknown"),
+    ("not a day", "2019-02-31", "calibration date unknown"),
     ("tomorrow", "2026-06-16", "calibration date in the future"),
     ("by a camera whose clock was never set", "2099-01-01", "calibration date in the future"),
 )

@@ -12,7 +12,7 @@ from calibrary.jobs.audit.run import LEVELS, Audit
 from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record
-from calibrary.registry.git.objects import CommitId
+from calibrary.registry.git.objects import ObjectId
 from calibrary.validation import Finding
 
 __all__ = ["AuditReport", "report_of"]
@@ -103,7 +103,7 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
 
     verdict: Literal["clean", "findings"]
     registry: str
-    commit: CommitId | None
+    commit: ObjectId | None
     policy: str
     on: date
     since: date | None

@@ -21,7 +21,7 @@ from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
 from calibrary.records import Meta, Record
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.objects import CommitId
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.snapshot import StoredEntry
 
 __all__ = ["TABLES", "Export", "ExportReport", "Exported", "NotExported", "export", "report_of"]
@@ -101,7 +101,7 @@ class ExportReport(Record, tag_field="schema", tag="calibrary/registry-export-1"
         dropped: what the format has no place for, in words.
     """
 
-    commit: CommitId | None
+    commit: ObjectId | None
     format: str
     written: tuple[Exported, ...]
     left_out: tuple[NotExported, ...]

@@ -21,7 +21,7 @@ from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.objects import CommitId
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Written
 from calibrary.registry.proposals import Proposal, Proposals, checked, proposal_of
 from calibrary.registry.registry import Registry
@@ -78,7 +78,7 @@ class ImportReport(Record, tag_field="schema", tag="calibrary/registry-import-1"
         findings: of the registry's check.
     """
 
-    commit: CommitId | None
+    commit: ObjectId | None
     due: Annotated[int, Meta(ge=0)]
     items: tuple[Item, ...]
     findings: tuple[Finding, ...]

@@ -14,10 +14,11 @@ from calibrary.jobs.exchange.identity import image_key
 from calibrary.parsers.image_names import is_image
 from calibrary.records import Record, replace
 from calibrary.registry.entry import Entry, Status
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Recorded, recorded
 from calibrary.registry.paths import find_path, find_paths, id_of
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
-from calibrary.registry.snapshot import CommitId, Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.writing import parsed
 
 __all__ = ["Answer", "Question", "ResolutionReport", "answer", "asked", "resolution_report"]
@@ -93,7 +94,7 @@ class ResolutionReport(Record, tag_field="schema", tag="calibrary/resolution-1")
     """
 
     registry: str
-    commit: CommitId | None
+    commit: ObjectId | None
     on: date | None
     camera: CameraKey
     known_by: str

@@ -15,7 +15,7 @@ from calibrary.jobs.onboard.proposal import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Decision, Onboarding
 from calibrary.records import Meta, Record
 from calibrary.registry.entry import Status
-from calibrary.registry.git.objects import CommitId
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Written
 from calibrary.validation import Finding
 
@@ -188,7 +188,7 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
     policy: str
     sorted: SortedFolder
     cameras: tuple[DecisionReport, ...]
-    branches: Mapping[str, CommitId]
+    branches: Mapping[str, ObjectId]
     page: str | None
 
 

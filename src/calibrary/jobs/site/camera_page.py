@@ -37,8 +37,8 @@ from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.drawn import amount_map, arrow_map
 from calibrary.registry.entry import UNSTATED, Entry, Status
+from calibrary.registry.fields import entry_rows
 from calibrary.registry.history import EntryRevision
-from calibrary.registry.textconv import entry_rows
 
 __all__ = ["camera_page"]
 
