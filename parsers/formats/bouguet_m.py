@@ -25,6 +25,7 @@ Source: J.-Y. Bouguet, "Camera Calibration Toolbox for Matlab", Description of t
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.conventions import Origin
@@ -36,7 +37,7 @@ from calibrary.parsers.convention import Convention, Native
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
 
-__all__ = ["FORMAT"]
+__all__ = ["DISTORTION", "FORMAT", "WANTED", "camera_of"]
 
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
@@ -71,23 +72,25 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the script."""
-    values = _values(data)
+    return [camera_of(_values(data), context)]
+
+
+def camera_of(values: Mapping[str, str], context: ReadContext) -> Calibration:
+    """The camera of the toolbox's variables, each as its numbers in MATLAB's own writing."""
     fx, fy = _vector(values, "fc", 2)
     cx, cy = _vector(values, "cc", 2)
     [alpha] = _vector(values, "alpha_c", 1) if "alpha_c" in values else (0.0,)
     distortion = _lens(_vector(values, "kc", (4, 5, 6)), context)
     size = context.size(_size(values))
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=fx * alpha)
-    return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size),
-            distortion=distortion,
-            grade=Grade.CALIBRATED,
-            quality=_quality(values),
-            provenance=context.provenance(),
-        )
-    ]
+    return Calibration(
+        camera=CameraKey(image_size=size),
+        intrinsics=CONVENTION.intrinsics(native, size),
+        distortion=distortion,
+        grade=Grade.CALIBRATED,
+        quality=_quality(values),
+        provenance=context.provenance(),
+    )
 
 
 def _values(data: bytes) -> dict[str, str]:
@@ -105,7 +108,7 @@ def _values(data: bytes) -> dict[str, str]:
     return values
 
 
-def _vector(values: dict[str, str], name: str, count: int | tuple[int, ...]) -> tuple[float, ...]:
+def _vector(values: Mapping[str, str], name: str, count: int | tuple[int, ...]) -> tuple[float, ...]:
     if name not in values:
         raise ParseError(f"it does not assign {name}, or the file is cut short there")
     return strict.numbers(values[name], count=count, place=name)
@@ -132,14 +135,14 @@ def _lens(kc: tuple[float, ...], context: ReadContext) -> Distortion:
     return BrownConrady(**dict(zip(("k1", "k2", "p1", "p2", "k3"), kc, strict=False)))
 
 
-def _size(values: dict[str, str]) -> ImageSize | None:
+def _size(values: Mapping[str, str]) -> ImageSize | None:
     if "nx" not in values and "ny" not in values:
         return None
     [width], [height] = (_vector(values, name, 1) for name in ("nx", "ny"))
     return strict.image_size(width, height, place="nx, ny")
 
 
-def _quality(values: dict[str, str]) -> Quality | None:
+def _quality(values: Mapping[str, str]) -> Quality | None:
     """One standard deviation of each; where something was held fixed, MATLAB writes NaN or nothing."""
     std: dict[str, float] = {}
     for key, names in (("fc_error", ("fx", "fy")), ("cc_error", ("cx", "cy"))):

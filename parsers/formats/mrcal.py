@@ -83,7 +83,9 @@ Span: TypeAlias = tuple[Json, str]
 
 
 def sniff(content: Content) -> Sniff | None:
-    """The key 'lensmodel' with one of mrcal's names."""
+    """The key 'lensmodel' with one of mrcal's names; PhotonVision's JSON has it beside other keys."""
+    if "cameraIntrinsics" in (content.text or ""):
+        return None
     if re.search(r"""['"]lensmodel['"]\s*:\s*['"]LENSMODEL_""", content.text or ""):
         return Sniff(Sure.MAGIC, "the key 'lensmodel' with a LENSMODEL_")
     return None

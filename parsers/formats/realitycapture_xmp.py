@@ -34,7 +34,7 @@ from calibrary.parsers.xml import parse_xml
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["FORMAT"]
+__all__ = ["COEFFICIENTS", "CONVENTION", "FILM_WIDTH_MM", "FORMAT", "MIDDLE", "TANGENTIAL", "brown"]
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "t1", "t2")
 CONVENTION = Convention(
@@ -154,15 +154,24 @@ def _distortion(fields: Mapping[str, str], context: ReadContext) -> Distortion |
         return NoDistortion()
     six = strict.numbers(text, count=len(COEFFICIENTS), place="DistortionCoeficients")
     c = {name: value if name in USED[model] else 0.0 for name, value in zip(COEFFICIENTS, six, strict=True)}
+    return brown(c, context, place="DistortionCoeficients")
+
+
+def brown(c: Mapping[str, float], context: ReadContext, *, place: str) -> Distortion:
+    """RealityCapture's lens of k1 to k4, t1 and t2.
+
+    Raises:
+        UnsupportedModelError: t1 and t2 are not zero, and nobody said which is which.
+    """
     if not any(c.values()):
         return NoDistortion()
-    p1, p2 = _tangential(c["t1"], c["t2"], context)
+    p1, p2 = _tangential(c["t1"], c["t2"], context, place)
     if c["k4"]:
         return MetashapeFrame(k1=c["k1"], k2=c["k2"], k3=c["k3"], k4=c["k4"], p1=p2, p2=p1)
     return BrownConrady(k1=c["k1"], k2=c["k2"], p1=p1, p2=p2, k3=c["k3"])
 
 
-def _tangential(t1: float, t2: float, context: ReadContext) -> tuple[float, float]:
+def _tangential(t1: float, t2: float, context: ReadContext, place: str) -> tuple[float, float]:
     """OpenCV's p1 and p2, once the caller has said which is which."""
     if not (t1 or t2):
         return 0.0, 0.0
@@ -171,7 +180,7 @@ def _tangential(t1: float, t2: float, context: ReadContext) -> tuple[float, floa
         raise UnsupportedModelError(
             "its tangential terms t1 and t2 are not zero, and readers disagree about their order; say it with "
             "--set tangential=opencv or tangential=swapped",
-            place="DistortionCoeficients",
+            place=place,
         )
     return (t1, t2) if order == "opencv" else (t2, t1)
 

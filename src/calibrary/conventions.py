@@ -17,6 +17,7 @@ class Origin(StrEnum):
     CORNER = "the outer corner of the top-left pixel"
     PIXEL_CENTRE = "the centre of the top-left pixel"
     IMAGE_CENTRE = "the middle of the image"
+    FIRST_IS_ONE = "the centre of the top-left pixel, which is (1, 1)"
 
 
 def canonical_from_file(
@@ -41,4 +42,6 @@ def _offset(origin: Origin, image_size: tuple[int, int]) -> tuple[float, float]:
         return 0.0, 0.0
     if origin is Origin.PIXEL_CENTRE:
         return 0.5, 0.5
+    if origin is Origin.FIRST_IS_ONE:
+        return -0.5, -0.5
     return image_size[0] / 2, image_size[1] / 2

@@ -1,0 +1,189 @@
+"""MATLAB's binary files of version 5 to 7: the small variables of one, as plain values.
+
+Nothing is allocated by what a header says: every array is as long as the bytes that are there, a compressed variable
+is unpacked no further than :data:`LARGEST`, and what is larger, or no camera's, is left out.
+
+Source: The MathWorks, "MAT-File Format" (matfile_format.pdf), 2018.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibrary.errors import ParseError
+from calibrary.records import Json
+
+__all__ = ["HEADER", "Variables", "variables"]
+
+HEADER = b"MATLAB 5.0 MAT-file"
+HEADER_BYTES = 128
+LARGEST = 4 * 1024 * 1024
+"""Of one variable; a calibration's struct with the corners of a thousand photographs takes half of that."""
+MOST_NUMBERS = 64
+MOST_VARIABLES = 10_000
+MAX_DEPTH = 12
+
+MATRIX, COMPRESSED = 14, 15
+CELL, STRUCT, OBJECT, CHAR, OPAQUE = 1, 2, 3, 4, 17
+NUMERIC = range(6, 16)
+KINDS = {
+    1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
+}  # fmt: skip
+TEXTS = {16: "utf-8", 17: "utf-16", 18: "utf-32"}
+
+
+@dataclass(frozen=True, slots=True)
+class Variables:
+    """What a file holds.
+
+    Attributes:
+        values: numbers, rows of numbers, text, and structs as mappings, by name.
+        classes: the MATLAB classes of variables that only MATLAB can open.
+    """
+
+    values: dict[str, Json]
+    classes: tuple[str, ...]
+
+
+class _Opaque(Exception):  # noqa: N818  it is no error: an object of a class that only MATLAB knows
+    """An object of a class, by the class's name."""
+
+
+def variables(data: bytes, *, source: str) -> Variables:
+    """The file's variables.
+
+    Raises:
+        ParseError: it is no such file, or is cut short or damaged.
+    """
+    mark = data[126:128]
+    if not data.startswith(HEADER) or mark not in (b"IM", b"MI"):
+        raise ParseError("it does not begin as a MATLAB file of version 5 to 7", source=source)
+    order = "<" if mark == b"IM" else ">"
+    values: dict[str, Json] = {}
+    classes: list[str] = []
+    try:
+        for count, (kind, payload) in enumerate(_elements(data[HEADER_BYTES:], order)):
+            if count == MOST_VARIABLES:
+                raise ParseError(f"there are over {MOST_VARIABLES} variables", source=source)
+            unpacked = (
+                _unpacked(payload, order) if kind == COMPRESSED else payload if kind == MATRIX else None
+            )
+            if unpacked is None:
+                continue
+            try:
+                name, value = _matrix(unpacked, order, 0)
+            except _Opaque as opaque:
+                classes.append(str(opaque))
+                continue
+            if name and value is not None:
+                values[name] = value
+    except (struct.error, zlib.error, ValueError, StopIteration, RuntimeError) as error:
+        raise ParseError(f"the MATLAB file is damaged or cut short: {error}", source=source) from None
+    return Variables(values, tuple(classes))
+
+
+def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Each element's type and bytes; four bytes or less may stand inside the tag."""
+    at = 0
+    while at < len(data):
+        kind, length = struct.unpack_from(order + "II", data, at)
+        if kind >> 16:
+            length, kind = kind >> 16, kind & 0xFFFF
+            start, following, most = at + 4, at + 8, 4
+        else:
+            start, following, most = at + 8, at + 8 + length, len(data)
+        if start + length > len(data) or length > most:
+            raise ValueError(f"an element of {length} bytes where {len(data) - start} are left")
+        yield kind, data[start : start + length]
+        # Elements are padded to eight bytes, compressed ones are not.
+        at = following if kind == COMPRESSED else -(-following // 8) * 8
+
+
+def _unpacked(payload: bytes, order: str) -> bytes | None:
+    """The matrix in a compressed element, None where it is too large or none."""
+    unpacker = zlib.decompressobj()
+    content = unpacker.decompress(payload, LARGEST)
+    if unpacker.unconsumed_tail:
+        return None
+    if not unpacker.eof:
+        raise ValueError("a compressed variable does not end")
+    kind, inner = next(_elements(content, order))
+    return inner if kind == MATRIX else None
+
+
+def _matrix(payload: bytes, order: str, depth: int) -> tuple[str, Json]:
+    """A variable's name and value, None for what no camera needs."""
+    if not payload:
+        return "", None
+    if depth > MAX_DEPTH:
+        raise ValueError("structs are nested too deeply")
+    parts = _elements(payload, order)
+    [flags] = struct.unpack_from(order + "I", next(parts)[1])
+    kind = flags & 0xFF
+    if kind == OPAQUE:
+        names = [text.decode("latin-1") for _, text in (next(parts), next(parts), next(parts))]
+        raise _Opaque(names[-1])
+    sides = next(parts)[1]
+    shape = struct.unpack(f"{order}{len(sides) // 4}i", sides)
+    name = next(parts)[1].decode("latin-1")
+    count = math.prod(shape) if min(shape, default=-1) >= 0 else -1
+    if count < 0:
+        raise ValueError(f"an array of shape {shape}")
+    if kind in NUMERIC:
+        return name, _numbers(next(parts, (9, b"")), shape, count, order)
+    if kind == CHAR:
+        return name, _text(next(parts, (16, b"")), order)
+    if kind in (STRUCT, OBJECT) and count == 1:
+        return name, _struct(parts, order, depth, is_object=kind == OBJECT)
+    if kind == CELL and count <= MOST_NUMBERS:
+        return name, [_matrix(inner, order, depth + 1)[1] for _, inner in parts]
+    return name, None
+
+
+def _numbers(part: tuple[int, bytes], shape: tuple[int, ...], count: int, order: str) -> Json:
+    """A number, a list for a row or a column, or a list of rows; the file runs down the columns. NaN is none."""
+    kind, data = part
+    if count > MOST_NUMBERS or kind not in KINDS:
+        return None
+    flat = np.frombuffer(data, dtype=order + KINDS[kind]).astype(np.float64)
+    if flat.size != count:
+        raise ValueError(f"{flat.size} numbers where the shape is {shape}")
+    if not np.isfinite(flat).all():
+        return None
+    if count == 1:
+        return float(flat[0])
+    values: Json = (flat if len(shape) != 2 or min(shape) < 2 else flat.reshape(shape, order="F")).tolist()
+    return values
+
+
+def _text(part: tuple[int, bytes], order: str) -> str:
+    kind, data = part
+    if kind in TEXTS:
+        suffix = "" if kind == 16 else "-le" if order == "<" else "-be"
+        return data.decode(TEXTS[kind] + suffix, "replace")
+    return data.decode("utf-16" + ("-le" if order == "<" else "-be") if kind == 4 else "latin-1", "replace")
+
+
+def _struct(parts: Iterator[tuple[int, bytes]], order: str, depth: int, *, is_object: bool) -> Json:
+    """One struct; an object's class name comes before its fields."""
+    if is_object:
+        next(parts)
+    [longest] = struct.unpack_from(order + "i", next(parts)[1])
+    names = next(parts)[1]
+    if not 0 < longest <= len(names) + 1:
+        return {}
+    keys = [
+        names[at : at + longest].split(b"\0")[0].decode("latin-1") for at in range(0, len(names), longest)
+    ]
+    table: dict[str, Json] = {}
+    for key in keys:
+        value = _matrix(next(parts)[1], order, depth + 1)[1]
+        if value is not None:
+            table[key] = value
+    return table

@@ -1,0 +1,111 @@
+"""MATLAB's ``cameraParameters`` and ``cameraIntrinsics`` as structs, in whatever container.
+
+In MATLAB's own words, after ``toStruct(cameraParams)``::
+
+    RadialDistortion       [k1 k2] or [k1 k2 k3]
+    TangentialDistortion   [p1 p2]
+    ImageSize              [rows columns]
+    IntrinsicMatrix        [fx 0 0; s fy 0; cx cy 1]          transposed, until R2022b
+    K                      [fx s cx; 0 fy cy; 0 0 1]          since
+    FocalLength, PrincipalPoint, Skew                         of cameraIntrinsics
+
+The centre of the first pixel is (1, 1), and p1 and p2 are OpenCV's. A struct of stereoParameters holds two of these,
+CameraParameters1 and CameraParameters2. Other programs that write an IntrinsicMatrix do not always transpose it: the
+zeros tell.
+
+Source: The MathWorks, "cameraParameters", "cameraIntrinsics" and "cameraIntrinsicsToOpenCV" of the Computer Vision
+Toolbox.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from calibrary.calibration import Calibration, ImageSize
+from calibrary.distortion import BrownConrady, Distortion, NoDistortion
+from calibrary.parsers.convention import Convention, Native, Origin
+from calibrary.parsers.document import Node
+from calibrary.parsers.format import ReadContext
+from calibrary.parsers.formats._one_camera import camera, native_of
+from calibrary.parsers.text import image_size
+from calibrary.records import Json, replace
+
+__all__ = ["CONVENTION", "cameras", "is_camera"]
+
+CONVENTION: Final = Convention(
+    origin=Origin.FIRST_IS_ONE,
+    coefficients=("k1", "k2", "k3", "p1", "p2"),
+    remarks=(
+        "IntrinsicMatrix is transposed, K is not",
+        "ImageSize is rows and columns",
+        "the third radial coefficient may be left out",
+    ),
+)
+MATRICES = ("K", "IntrinsicMatrix")
+MAX_DEPTH = 4
+MAX_CAMERAS = 100
+
+
+def is_camera(value: Json) -> bool:
+    """Whether a struct is a camera's."""
+    return isinstance(value, dict) and (
+        ("RadialDistortion" in value and any(key in value for key in (*MATRICES, "FocalLength")))
+        or {"IntrinsicMatrix", "ImageSize"} <= value.keys()
+    )
+
+
+def cameras(tree: Node, context: ReadContext) -> list[Calibration]:
+    """Every camera among the structs, by the name of its variable where there are several; empty without one."""
+    found = list(_structs(tree, "", 0))
+    if len(found) > MAX_CAMERAS:
+        tree.fail(f"{len(found)} cameras, expected at most {MAX_CAMERAS}")
+    return [_camera(node, context, name if len(found) > 1 else None, tag=name) for name, node in found]
+
+
+def _structs(node: Node, name: str, depth: int) -> Iterator[tuple[str, Node]]:
+    """The outermost structs that are cameras: a cameraParameters holds its own Intrinsics once more."""
+    if is_camera(node.value):
+        yield name, node
+    elif isinstance(node.value, dict) and depth < MAX_DEPTH:
+        for key, child in node.entries():
+            yield from _structs(child, f"{name}.{key}" if name else key, depth + 1)
+
+
+def _camera(node: Node, context: ReadContext, name: str | None, *, tag: str) -> Calibration:
+    item = camera(context, CONVENTION, _native(node), _size(node), _lens(node), name=name, tag=tag or None)
+    error = node.get("MeanReprojectionError")
+    if error is None or not isinstance(error.value, int | float) or not error.value > 0:
+        return item
+    note = f"MATLAB's mean reprojection error, which is no RMS, is {error.number():.4g} px"
+    return replace(item, notes=(*item.notes, note))
+
+
+def _native(node: Node) -> Native:
+    key = next((key for key in MATRICES if key in node), None)
+    if key is not None:
+        rows = node[key].matrix(3, 3)
+        return native_of(node[key], transposed=bool(rows[2][0] or rows[2][1]))
+    fx, fy = node["FocalLength"].numbers(2)
+    cx, cy = node["PrincipalPoint"].numbers(2)
+    skew = node.get("Skew")
+    return Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=0.0 if skew is None else skew.number())
+
+
+def _size(node: Node) -> ImageSize | None:
+    """Columns and rows; an empty ImageSize, or zeros, says nothing."""
+    found = node.get("ImageSize")
+    if found is None or found.value in ([], 0, 0.0) or found.value == [0, 0]:
+        return None
+    rows, columns = found.numbers(2)
+    return image_size(columns, rows, source=found.source, place=found.place)
+
+
+def _lens(node: Node) -> Distortion:
+    radial = node["RadialDistortion"].numbers((2, 3)) if "RadialDistortion" in node else (0.0, 0.0)
+    tangential = node.get("TangentialDistortion")
+    p1, p2 = (0.0, 0.0) if tangential is None else tangential.numbers(2)
+    if not any((*radial, p1, p2)):
+        return NoDistortion()
+    k1, k2, k3 = (*radial, 0.0)[:3]
+    return BrownConrady(k1=k1, k2=k2, k3=k3, p1=p1, p2=p2)

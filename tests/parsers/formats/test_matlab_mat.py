@@ -1,0 +1,194 @@
+"""MATLAB's files and structs, against SciPy's own writer and reader, and OpenCV."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import zlib
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.io
+
+from calibrary import parsers
+from calibrary.calibration import Calibration
+from calibrary.distortion import NoDistortion
+from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from calibrary.parsers.formats._mat5 import variables
+from tests.parsers.peers import assert_projects_as_opencv
+from tests.parsers.samples import Sample
+
+STRUCT: dict[str, Any] = {
+    "RadialDistortion": [-0.2131, 0.0447, 0.0062],
+    "TangentialDistortion": [-0.00037, 0.00081],
+    "ImageSize": [480, 752],
+    "IntrinsicMatrix": [[433.2, 0, 0], [0.7, 432.9, 0], [372.6, 239.3, 1]],
+    "WorldUnits": "mm",
+    "EstimateSkew": True,
+}
+OPENCV = (433.2, 432.9, 371.6, 238.3)
+BROWN = (-0.2131, 0.0447, -0.00037, 0.00081, 0.0062)
+WITHOUT_SKEW = {**STRUCT, "IntrinsicMatrix": [[433.2, 0, 0], [0, 432.9, 0], [372.6, 239.3, 1]]}
+BOUGUET: dict[str, Any] = {
+    "alpha_c": 0.0, "cc": [[371.6], [238.3]], "fc": [[433.2], [432.9]], "kc": [[value] for value in BROWN],
+    "nx": 752.0, "ny": 480.0, "fc_error": [[0.9], [1.2]], "cc_error": [[np.nan], [np.nan]], "n_ima": 20.0,
+    "omc_1": np.ones((3, 1)), "X_1": np.ones((3, 156)),
+}  # fmt: skip
+
+
+def mat(values: dict[str, Any], **how: Any) -> bytes:
+    buffer = io.BytesIO()
+    arrays = {
+        key: np.array(value, dtype=float) if isinstance(value, list) else value
+        for key, value in values.items()
+    }
+    scipy.io.savemat(buffer, arrays, **how)
+    return buffer.getvalue()
+
+
+def camera_struct(fields: dict[str, Any]) -> dict[str, Any]:
+    return {
+        key: np.array(value, dtype=float) if isinstance(value, list) else value
+        for key, value in fields.items()
+    }
+
+
+def read(data: bytes, **named: Any) -> list[Calibration]:
+    return parsers.decode(data, name="camera.mat", **named)
+
+
+SAMPLES = {
+    "matlab_mat": Sample(mat({"cameraParams": camera_struct(STRUCT)})),
+    "matlab_json": Sample(json.dumps(STRUCT).encode()),
+}
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_struct_counts_from_one_and_is_transposed(packed: bool) -> None:
+    data = mat(
+        {"points": np.ones((400, 3)), "cameraParams": camera_struct(WITHOUT_SKEW)}, do_compression=packed
+    )
+    [item] = read(data)
+    assert_projects_as_opencv(item, OPENCV, BROWN)
+    assert item.intrinsics.image_size == (752, 480)
+    assert item.provenance.tag == "cameraParams"
+
+
+def test_the_skew_stands_below_the_diagonal() -> None:
+    [item] = read(SAMPLES["matlab_mat"].data)
+    assert item.intrinsics.skew == 0.7
+    assert item.intrinsics.cx == 372.6 - 0.5
+
+
+@pytest.mark.parametrize("key", ["K", "IntrinsicMatrix"])
+def test_a_matrix_that_is_not_transposed_is_read_as_it_stands(key: str) -> None:
+    fields = {k: v for k, v in STRUCT.items() if k != "IntrinsicMatrix"}
+    fields[key] = [[433.2, 0.7, 372.6], [0, 432.9, 239.3], [0, 0, 1]]
+    [item] = parsers.decode(json.dumps({"camera": fields}).encode(), name="camera.json")
+    assert item.intrinsics == read(SAMPLES["matlab_mat"].data)[0].intrinsics
+
+
+def test_json_and_yaml_of_the_struct_are_the_same_camera() -> None:
+    [item] = parsers.decode(SAMPLES["matlab_json"].data, name="camera.json")
+    yaml = "".join(f"{key}: {json.dumps(value)}\n" for key, value in STRUCT.items())
+    [other] = parsers.decode(yaml.encode(), name="camera.yaml")
+    assert item.intrinsics == other.intrinsics == read(SAMPLES["matlab_mat"].data)[0].intrinsics
+
+
+def test_intrinsics_have_vectors_in_place_of_a_matrix() -> None:
+    fields = {
+        "FocalLength": [433.2, 432.9], "PrincipalPoint": [372.6, 239.3], "ImageSize": [480, 752],
+        "RadialDistortion": [-0.2131, 0.0447], "TangentialDistortion": [0, 0], "Skew": 0,
+    }  # fmt: skip
+    [item] = parsers.decode(json.dumps(fields).encode(), name="camera.json")
+    assert_projects_as_opencv(item, OPENCV, (-0.2131, 0.0447, 0, 0))
+
+
+def test_a_stereo_pair_is_two_cameras() -> None:
+    pair = {"stereoParams": {"CameraParameters1": STRUCT, "CameraParameters2": WITHOUT_SKEW}}
+    items = parsers.decode(json.dumps(pair).encode(), name="stereo.json", format="matlab_json")
+    assert [item.camera.sub_camera for item in items] == [
+        "stereoParams.CameraParameters1", "stereoParams.CameraParameters2",
+    ]  # fmt: skip
+
+
+def test_an_empty_image_size_is_asked_for() -> None:
+    with pytest.raises(MissingTagError, match="--image-size"):
+        parsers.decode(json.dumps({**STRUCT, "ImageSize": []}).encode(), name="camera.json")
+
+
+def test_bouguets_results_are_those_of_the_script() -> None:
+    [item] = read(mat(BOUGUET))
+    assert_projects_as_opencv(item, OPENCV, BROWN)
+    assert item.quality is not None
+    assert dict(item.quality.std) == {"fx": pytest.approx(0.3), "fy": pytest.approx(0.4)}
+    assert item.quality.views == 20
+
+
+def test_what_python_saves_has_opencvs_names() -> None:
+    K = [[433.2, 0, 371.6], [0, 432.9, 238.3], [0, 0, 1]]
+    [item] = read(mat({"mtx": K, "dist": [BROWN]}), image_size=(752, 480))
+    assert_projects_as_opencv(item, OPENCV, BROWN)
+    [item] = read(mat({"K": K}), image_size=(752, 480))
+    assert item.distortion is None
+
+
+def test_no_coefficient_is_no_distortion() -> None:
+    fields = {**STRUCT, "RadialDistortion": [0, 0], "TangentialDistortion": [0, 0]}
+    assert read(mat({"c": camera_struct(fields)}))[0].distortion == NoDistortion()
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_small_variables_are_what_scipy_loads(packed: bool) -> None:
+    values: dict[str, Any] = {
+        "scalar": 1.5, "row": np.arange(4.0)[None], "column": np.arange(3.0)[:, None],
+        "rows": np.arange(6.0).reshape(2, 3),
+        "small": np.array([[1, 2], [3, 4]], dtype=np.uint8), "text": "Äpfel", "long": np.ones((9, 9)),
+        "nested": {"a": 1.0, "b": {"c": np.eye(2)}},
+    }  # fmt: skip
+    data = mat(values, do_compression=packed)
+    ours = variables(data, source="a.mat").values
+    peer = scipy.io.loadmat(io.BytesIO(data), simplify_cells=True)
+    assert "long" not in ours
+    for name in ("scalar", "row", "column", "rows", "small"):
+        np.testing.assert_array_equal(np.array(ours[name]), peer[name])
+    assert ours["text"] == peer["text"]
+    assert ours["nested"] == {"a": 1.0, "b": {"c": [[1, 0], [0, 1]]}}
+
+
+def test_objects_and_newer_files_are_refused_with_the_lines_that_export_them() -> None:
+    names = (b"", b"MCOS", b"cameraParameters")
+    inner = struct.pack("<IIII", 6, 8, 17, 0) + b"".join(
+        struct.pack("<II", 1, len(name)) + name.ljust(-(-len(name) // 8) * 8, b"\0") for name in names
+    )
+    data = SAMPLES["matlab_mat"].data[:128] + struct.pack("<II", 14, len(inner)) + inner
+    with pytest.raises(UnsupportedModelError, match=r"class 'cameraParameters'.*toStruct.*jsonencode"):
+        read(data)
+    with pytest.raises(UnsupportedModelError, match=r"7\.3.*jsonencode"):
+        read(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b"\0"))
+
+
+def test_a_bomb_is_not_unpacked() -> None:
+    bomb = zlib.compress(b"\0" * 50_000_000, 9)
+    data = SAMPLES["matlab_mat"].data[:128] + struct.pack("<II", 15, len(bomb)) + bomb
+    with pytest.raises(ParseError, match="no camera; the variables are none"):
+        read(data)
+
+
+@pytest.mark.parametrize(
+    ("values", "match"),
+    [
+        ({"a": 1.0}, "no camera; the variables are 'a'"),
+        ({"c": camera_struct({**STRUCT, "IntrinsicMatrix": np.eye(2)})}, "c.IntrinsicMatrix"),
+        ({"c": camera_struct({**STRUCT, "RadialDistortion": [1, 2, 3, 4]})}, "4 numbers, expected 2 or 3"),
+        (
+            {"c": camera_struct({**STRUCT, "IntrinsicMatrix": [[1, 2, 3], [4, 5, 6], [7, 8, 9]]})},
+            "not a camera matrix",
+        ),
+    ],
+)
+def test_a_broken_file_names_what_is_wrong(values: dict[str, Any], match: str) -> None:
+    with pytest.raises(ParseError, match=match):
+        read(mat(values))
