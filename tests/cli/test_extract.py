@@ -243,7 +243,7 @@ def test_an_interruption_says_that_nothing_was_written(
         raise KeyboardInterrupt
 
     picture(tmp_path / "input/a.jpg", **P4R)
-    monkeypatch.setattr("calibrary.jobs.extract.run.run", interrupted)
+    monkeypatch.setattr("calibrary.api.images.run", interrupted)
     assert extract() == 130
     assert "nothing was half written" in capsys.readouterr().err
     assert left_in(tmp_path) == []

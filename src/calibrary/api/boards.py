@@ -1,4 +1,4 @@
-"""Frames of a calibration board in, a calibration with its verdict out."""
+"""Frames of a calibration board in, a calibration with its verdict out; and boards to print."""
 
 from __future__ import annotations
 
@@ -6,22 +6,34 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
 from pathlib import Path
+from typing import Literal, TypeAlias
 
-from calibrary.calib.board import parse_board
+from calibrary.api.fleet import Fleet
+from calibrary.api.stated import CameraLike, overlay
+from calibrary.atomic import write_files
+from calibrary.calib.board import Board, parse_board
 from calibrary.calib.collect import Collected, NamedRemark
+from calibrary.calib.control_points import read_control_points
 from calibrary.calib.lens_models import Solvable
+from calibrary.calib.printing import Page, lay_out, page_size, to_pdf, to_svg
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.calibration import Calibration, CameraKey
+from calibrary.calibration import Calibration, CameraKey, ImageSize
+from calibrary.conventions import Origin
 from calibrary.errors import InputError
+from calibrary.jobs.calibrate_board.entry import camera_named, entry_of, require_key
 from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
+from calibrary.jobs.calibrate_board.outputs import Files, Places
 from calibrary.jobs.calibrate_board.report import report_of
-from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe, read_seed
+from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe, read_seed, saved_corners
 from calibrary.progress import Progress, counted
 from calibrary.records import Json, replace, to_json
+from calibrary.registry.entry import Entry
 from calibrary.validation import Finding
 
-__all__ = ["CalibrateResult", "calibrate"]
+__all__ = ["CalibrateResult", "Places", "calibrate", "camera_of_entry", "write_board"]
+
+Frames: TypeAlias = str | Path | Sequence[str | Path]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,10 +43,12 @@ class CalibrateResult:
     Attributes:
         result: all of it, as the command line shows it.
         collected: the corners it was solved from.
+        request: how it was solved.
     """
 
     result: CalibrationResult
     collected: Collected
+    request: SolveRequest
 
     @property
     def verdict(self) -> BoardVerdict:
@@ -61,24 +75,50 @@ class CalibrateResult:
         """The frames that show no board, or that cannot be read, each with its reason."""
         return self.collected.rejected
 
+    @property
+    def entry(self) -> Entry:
+        """The registry's entry that it becomes, for :meth:`calibrary.Fleet.propose_entry`.
+
+        Raises:
+            InputError: the calibration is refused, or make and model of its camera are not known.
+        """
+        return entry_of(self.result, self.request)
+
+    def write(self, places: Places) -> Files:
+        """Write its page, its corners and its calibration; of a refused calibration the page only.
+
+        Raises:
+            InputError: a file cannot be written.
+            UnsupportedModelError: the format does not hold this lens.
+        """
+        files = places.files(self.result, self.collected)
+        write_files(files.content)
+        return files
+
     def to_dict(self) -> dict[str, Json]:
         """The result as plain data for JSON (schemas/calibration-result-1.schema.json)."""
         return to_json(report_of(self.result))
 
 
 def calibrate(
-    frames: str | Path | Sequence[str | Path],
+    frames: Frames | None = None,
     *,
-    square_mm: float,
+    square_mm: float | None = None,
     board: str | None = None,
     marker_mm: float | None = None,
+    corners: str | Path | None = None,
+    points: str | Path | None = None,
+    image_size: ImageSize | None = None,
+    pixel_origin: Literal["corner", "centre"] = "corner",
     lens_model: str = "auto",
     warp: bool = True,
     seed_k: str | Path | None = None,
     date: Day | None = None,
     operator: str | None = None,
     focus: str | None = None,
-    camera: CameraKey | None = None,
+    camera: CameraLike | None = None,
+    corners_name: str | None = None,
+    for_registry: bool = False,
     workers: int = 0,
     progress: Progress | None = None,
 ) -> CalibrateResult:
@@ -86,10 +126,14 @@ def calibrate(
 
     Args:
         frames: a folder, a file, a pattern, or a list of these; of one camera at one focus.
-        square_mm: side of a square; of circles the distance of their centres.
+        square_mm: side of a square; of circles the distance of their centres. Needed with frames.
         board: which one, in inner corners, such as "checkerboard:11x8"; a checkerboard whose size is found by
             trying when not given.
         marker_mm: side of a marker, diameter of a circle.
+        corners: in place of frames, the corners.json of an earlier calibration.
+        points: in place of frames, a table of control points: X,Y,Z,u,v,image in metres and px; needs ``image_size``.
+        image_size: (width, height) px of the images of ``points``; of others it is checked.
+        pixel_origin: whether u and v of ``points`` count from the first pixel's outer corner or from its centre.
         lens_model: "auto", or the name of one lens model, such as "brown" or "fisheye".
         warp: whether the board's warp may be solved for.
         seed_k: a file with a K to start from.
@@ -97,6 +141,8 @@ def calibrate(
         operator: who made it.
         focus: how the lens was focused: "locked at infinity".
         camera: what the frames do not say of the camera, or say wrong; None fields leave it to them.
+        corners_name: of the file that keeps the corners, for the provenance; ``corners`` when not given.
+        for_registry: refuse a camera without make and model before the frames are searched.
         workers: processes that look for the board; 0 decides by itself.
         progress: called with (frames done, frames in all, "frames").
 
@@ -112,12 +158,31 @@ def calibrate(
     """
     if lens_model != "auto" and lens_model not in list(Solvable):
         raise InputError(f"no lens model {lens_model!r:.40}; expected auto, {', '.join(Solvable)}")
-    pattern = parse_board(board, square_mm, marker_mm) if board is not None else float(square_mm)
-    paths = find_frames([str(one) for one in ([frames] if isinstance(frames, str | Path) else frames)])
-    metadata = describe_frames(paths, _stated(camera), focus)
-    collected = observe(
-        paths, metadata, pattern, workers=workers, progress=counted(progress, len(paths), "frames")
-    )
+    if [frames, corners, points].count(None) != 2:
+        raise InputError("expected frames, corners or points, and one of them only")
+    stated = overlay(camera)
+    if frames is not None:
+        if square_mm is None:
+            raise InputError("frames need square_mm, the side of the board's squares")
+        pattern = parse_board(board, square_mm, marker_mm) if board is not None else float(square_mm)
+        collected = _searched(
+            frames,
+            pattern,
+            stated,
+            focus,
+            image_size,
+            for_registry=for_registry,
+            workers=workers,
+            progress=progress,
+        )
+    else:
+        if corners is not None:
+            collected = saved_corners(Path(corners), stated, focus)
+            _check_size(collected.observations.image_size, image_size, "its corners", Path(corners).name)
+        else:
+            collected = _control_points(Path(points or ""), image_size, stated, pixel_origin, focus)
+        if for_registry:
+            require_key(collected.observations.camera)
     size = collected.observations.image_size
     request = SolveRequest(
         model=lens_model,
@@ -125,12 +190,93 @@ def calibrate(
         guess=read_seed(Path(seed_k), size) if seed_k is not None else None,
         date=date,
         operator=operator,
+        corners_name=corners_name or (Path(corners).name if corners is not None else None),
     )
-    return CalibrateResult(calibrate_from(collected, request), collected)
+    return CalibrateResult(calibrate_from(collected, request), collected, request)
 
 
-def _stated(camera: CameraKey | None) -> Callable[[CameraKey], CameraKey]:
-    """Replaces what the frames state of their camera by what the caller does."""
-    names = CameraKey.__struct_fields__
-    stated = {name: value for name in names if (value := getattr(camera, name, None)) is not None}
-    return lambda known: replace(known, **stated)
+def _searched(
+    frames: Frames,
+    pattern: Board | float,
+    stated: Callable[[CameraKey], CameraKey],
+    focus: str | None,
+    image_size: ImageSize | None,
+    *,
+    for_registry: bool,
+    workers: int,
+    progress: Progress | None,
+) -> Collected:
+    paths = find_frames([str(one) for one in ([frames] if isinstance(frames, str | Path) else frames)])
+    metadata = describe_frames(paths, stated, focus)
+    if for_registry:
+        require_key(metadata.setting.camera if metadata.setting is not None else stated(CameraKey()))
+    if metadata.setting is not None:
+        _check_size(metadata.setting.image_size, image_size, "the frames")
+    return observe(
+        paths, metadata, pattern, workers=workers, progress=counted(progress, len(paths), "frames")
+    )
+
+
+def _control_points(
+    points: Path,
+    image_size: ImageSize | None,
+    stated: Callable[[CameraKey], CameraKey],
+    pixel_origin: str,
+    focus: str | None,
+) -> Collected:
+    if image_size is None:
+        raise InputError("points need image_size, the size of their images", source=points.name)
+    origin = Origin.PIXEL_CENTRE if pixel_origin == "centre" else Origin.CORNER
+    camera = stated(CameraKey(image_size=image_size))
+    return Collected(observations=read_control_points(points, image_size, camera, origin, focus))
+
+
+def _check_size(found: ImageSize, given: ImageSize | None, what: str, source: str | None = None) -> None:
+    if given not in {None, found}:
+        raise InputError(
+            f"{what} are of {found[0]}×{found[1]} px and no other size; leave --image-size out", source=source
+        )
+
+
+def camera_of_entry(fleet: Fleet, key: str) -> Callable[[CameraKey], CameraKey]:
+    """What an entry says of its camera, for :func:`calibrate`; firmware and image size are left to the frames.
+
+    Raises:
+        RegistryError: there is no such entry, or several.
+    """
+    named = camera_named(fleet.registry, key)
+    return lambda known: replace(named, firmware=known.firmware, image_size=known.image_size)
+
+
+def write_board(
+    board: str,
+    out: str | Path,
+    *,
+    square_mm: float,
+    marker_mm: float | None = None,
+    page: str | None = None,
+) -> tuple[Board, Page]:
+    """Write a board as PDF or SVG, true to the millimetre; returns the board and its page.
+
+    Args:
+        board: which one, in inner corners, such as "checkerboard:11x8".
+        out: a .pdf or .svg file.
+        square_mm: side of a square; of circles the distance of their centres.
+        marker_mm: side of a marker, diameter of a circle.
+        page: "a0" … "a4", "letter", "tabloid" or "WIDTHxHEIGHT" in mm; by default the smallest A size that holds it.
+
+    Raises:
+        InputError: there is no such board or page, the board is too large, or the file cannot be written.
+
+    >>> from calibrary.api.boards import write_board
+    >>> board, page = write_board("checkerboard:9x6", "board.svg", square_mm=25)
+    >>> page.width_mm, page.height_mm
+    (297.0, 210.0)
+    """
+    write = {".pdf": to_pdf, ".svg": to_svg}.get(Path(out).suffix.lower())
+    if write is None:
+        raise InputError("expected a file that ends in .pdf or .svg", source=str(out))
+    made = parse_board(board, square_mm, marker_mm)
+    laid = lay_out(made, page_size(page) if page else None)
+    write_files({Path(out): write(made, laid)})
+    return made, laid

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from calibrary.catalogue import CatalogueListing, load_catalogue
+from calibrary.errors import InputError
 from calibrary.known_camera import KnownCamera
 
-__all__ = ["CatalogueListing", "known_cameras"]
+__all__ = ["CatalogueListing", "known_cameras", "the_known_camera"]
 
 
 def known_cameras(word: str = "") -> list[KnownCamera]:
@@ -17,3 +18,26 @@ def known_cameras(word: str = "") -> list[KnownCamera]:
     """
     catalogue = load_catalogue()
     return list(catalogue.search(word) if word else catalogue)
+
+
+def the_known_camera(name: str) -> KnownCamera:
+    """The one camera of the catalogue that has a name, or has it as a part of one.
+
+    Raises:
+        InputError: there is none, or several.
+    """
+    found, wanted = known_cameras(name), name.strip().casefold()
+    exact = [
+        camera
+        for camera in found
+        if wanted in {camera.title.casefold(), *(model.casefold() for model in camera.models)}
+    ]
+    found = exact or found
+    if len(found) == 1:
+        return found[0]
+    titles = "; ".join(camera.title for camera in found[:8]) + (" …" if len(found) > 8 else "")
+    like = f"{len(found)} like it ({titles})" if found else "none like it"
+    raise InputError(
+        f"camera {name!r}: the catalogue has {like}; expected one Model or title of those that 'calibrary catalogue' "
+        "lists"
+    )

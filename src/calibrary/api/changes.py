@@ -11,10 +11,8 @@ from calibrary.jobs.diff import comparison as diff
 from calibrary.jobs.diff import fleet
 from calibrary.jobs.diff.fleet import Change
 from calibrary.jobs.diff.kinds import Structural
-from calibrary.jobs.diff.page import comparison_page, fleet_page
 from calibrary.jobs.diff.report import diff_report, fleet_diff_report
 from calibrary.jobs.exchange.argument import Reading, read_arguments
-from calibrary.pages import render_page
 from calibrary.policy import FLEET
 from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json
@@ -80,6 +78,9 @@ class CompareResult:
 
     def to_html(self, *, altitude_m: float = 100.0) -> str:
         """The change as a page, with maps of the difference; ``altitude_m`` as of :meth:`to_dict`."""
+        from calibrary.jobs.diff.page import comparison_page
+        from calibrary.pages import render_page
+
         return render_page(comparison_page(self.comparison, self.labels, altitude_m))
 
     def to_dict(self, *, labels: tuple[str, str] | None = None, altitude_m: float = 100.0) -> dict[str, Json]:
@@ -111,6 +112,9 @@ class FleetChanges:
 
     def to_html(self, *, altitude_m: float = 100.0) -> str:
         """The changes as a page; ``altitude_m`` as of :meth:`CompareResult.to_dict`."""
+        from calibrary.jobs.diff.page import fleet_page
+        from calibrary.pages import render_page
+
         return render_page(fleet_page(self.changes, self.title, altitude_m))
 
     def to_dict(self) -> dict[str, Json]:

@@ -10,7 +10,6 @@ from pathlib import Path
 from calibrary.atomic import write_files
 from calibrary.errors import RegistryError
 from calibrary.jobs.audit.answers import named
-from calibrary.jobs.audit.page import audit_page
 from calibrary.jobs.audit.report import report_of as audit_report
 from calibrary.jobs.audit.run import LEVELS, Audit, Request, audit
 from calibrary.jobs.exchange.add import AddRequest, Stated
@@ -20,7 +19,6 @@ from calibrary.jobs.exchange.export import report_of as export_report
 from calibrary.jobs.exchange.import_ import Import, write_import
 from calibrary.jobs.exchange.import_ import report_of as import_report
 from calibrary.jobs.extract.flight_entries import flight_entries
-from calibrary.pages import render_page
 from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written
@@ -68,6 +66,9 @@ class AuditResult:
 
     def to_html(self) -> str:
         """The audit as a page."""
+        from calibrary.jobs.audit.page import audit_page
+        from calibrary.pages import render_page
+
         return render_page(audit_page(self.audit))
 
     def to_dict(self) -> dict[str, Json]:

@@ -8,15 +8,27 @@ from pathlib import Path
 from typing import TypeAlias
 
 from calibrary.api.limits import PolicyLike, policy_of
+from calibrary.atomic import write_files
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.gather import SkippedFile
-from calibrary.jobs.extract.report import report_of
+from calibrary.jobs.extract.hand_off import Solver, seed_command
+from calibrary.jobs.extract.outputs import STALE, Outputs, check_place, plan
+from calibrary.jobs.extract.report import encode, report_of
 from calibrary.jobs.extract.run import Request, run
 from calibrary.policy import FLEET
 from calibrary.progress import Progress
-from calibrary.records import Json, to_json
+from calibrary.records import Json, replace, to_json
 
-__all__ = ["ExtractResult", "extract"]
+__all__ = [
+    "STALE",
+    "ExtractResult",
+    "Outputs",
+    "check_place",
+    "encode",
+    "extract",
+    "seed_command",
+    "write_outputs",
+]
 
 PathLike: TypeAlias = str | Path
 
@@ -51,9 +63,38 @@ class ExtractResult:
         """Whether every camera has a valid K, and there is at least one."""
         return self.extraction.is_good
 
+    def outputs(self, matrix: PathLike, *, hand_off: str = "none", page: PathLike | None = None) -> Outputs:
+        """The files of a run: one K per camera, a report, what a solver needs; nothing is written.
+
+        Args:
+            matrix: where K goes, a .npy; with several cameras each one's name is put into it.
+            hand_off: "colmap", "opensfm", "odm", "opencv" or "none": the solver that gets K.
+            page: where the report goes as a page.
+
+        Raises:
+            InputError: ``matrix`` is not a .npy, or a file's name cannot be handed over.
+        """
+        found = plan(self.extraction, Path(matrix), Solver(hand_off))
+        if page is None:
+            return found
+        from calibrary.jobs.extract.page import outcome_page
+        from calibrary.pages import render_page
+
+        html = render_page(outcome_page(self.extraction, found)).encode()
+        return replace(found, files={**found.files, Path(page): html})
+
     def to_dict(self) -> dict[str, Json]:
         """The result as plain data for JSON (schemas/report-1.schema.json)."""
         return to_json(report_of(self.extraction, {}))
+
+
+def write_outputs(outputs: Outputs) -> None:
+    """Write all files, or none.
+
+    Raises:
+        InputError: one cannot be written.
+    """
+    write_files(outputs.files)
 
 
 def extract(

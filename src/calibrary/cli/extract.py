@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 from calibrary.cli.output import add_json_flag
 
 if TYPE_CHECKING:
-    from calibrary.jobs.extract.extraction import Extraction
-    from calibrary.jobs.extract.outputs import Outputs
     from calibrary.policy import Policy
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -155,54 +153,39 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.atomic import write_files
+    from calibrary.api.images import check_place, encode, extract, write_outputs
+    from calibrary.api.pages import check_page_place
     from calibrary.cli.console import note, out
     from calibrary.cli.extract_display import Display
-    from calibrary.jobs.extract.hand_off import Solver
-    from calibrary.jobs.extract.outputs import check_page_place, check_place, plan
-    from calibrary.jobs.extract.report import encode
-    from calibrary.jobs.extract.run import Request, run
-    from calibrary.records import replace
 
     if arguments.locked is not None and arguments.registry is None:
         arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
-    solver, matrix_path = Solver(arguments.hand_off), Path(arguments.output_matrix)
-    check_place(matrix_path)
+    matrix = Path(arguments.output_matrix)
+    check_place(matrix)
     if arguments.html is not None:
         check_page_place(arguments.html)
     with Display(out(arguments), note(arguments)) as display:
-        outcome = run(
-            Request(
-                images=(_folder(arguments),),
-                sensor_mm=_sensor(arguments),
-                policy=_policy(arguments),
-                fallback_k=Path(arguments.fallback_k) if arguments.fallback_k else None,
-                registry=arguments.registry,
-                lock=arguments.locked,
-                recursive=arguments.recursive,
-                workers=arguments.workers,
-                strict=arguments.strict_validation,
-                progress=display.progress,
-            )
+        result = extract(
+            _folder(arguments),
+            sensor_mm=_sensor(arguments),
+            policy=_policy(arguments),
+            fallback_k=arguments.fallback_k or None,
+            registry=arguments.registry,
+            locked=arguments.locked,
+            recursive=arguments.recursive,
+            workers=arguments.workers,
+            strict_validation=arguments.strict_validation,
+            progress=display.progress,
         )
-    outputs = plan(outcome, matrix_path, solver)
-    if arguments.html is not None:
-        outputs = replace(outputs, files={**outputs.files, arguments.html: _page(outcome, outputs)})
+    outputs = result.outputs(matrix, hand_off=arguments.hand_off, page=arguments.html)
     if not arguments.dry_run:
-        write_files(outputs.files)
+        write_outputs(outputs)
     if arguments.json:
         # The very bytes of the report's file, whatever the terminal's encoding.
         sys.stdout.flush()
         sys.stdout.buffer.write(encode(outputs.document))
-    display.show(outcome, outputs, solver=solver, dry_run=arguments.dry_run)
-    return outcome.exit_code
-
-
-def _page(outcome: Extraction, outputs: Outputs) -> bytes:
-    from calibrary.jobs.extract.page import outcome_page
-    from calibrary.pages import render_page
-
-    return render_page(outcome_page(outcome, outputs)).encode()
+    display.show(result.extraction, outputs, solver=arguments.hand_off, dry_run=arguments.dry_run)
+    return result.extraction.exit_code
 
 
 def _folder(arguments: argparse.Namespace) -> Path:
@@ -223,10 +206,10 @@ def _sensor(arguments: argparse.Namespace) -> tuple[float | None, float | None]:
 
 def _policy(arguments: argparse.Namespace) -> Policy:
     """The policy named, with the limits that were typed in place of its own."""
-    from calibrary.policy_file import policy_named
+    from calibrary.api.limits import policy_of
     from calibrary.records import replace
 
-    policy = policy_named(arguments.policy)
+    policy = policy_of(arguments.policy)
     if isinstance(arguments.max_focal_deviation_pct, _Given):
         policy = replace(policy, focal_symmetry_max=arguments.max_focal_deviation_pct / 100.0)
     tolerance = arguments.principal_point_tolerance

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Group, RenderableType
 from rich.constrain import Constrain
@@ -18,14 +18,16 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
+from calibrary.api.images import STALE, seed_command
 from calibrary.cli.console import Screen, plain, printable
 from calibrary.cli.tables import Column, fitted
-from calibrary.jobs.extract.extraction import CameraReport, Extraction
-from calibrary.jobs.extract.fallback import Step
-from calibrary.jobs.extract.gather import SkippedFile
-from calibrary.jobs.extract.hand_off import Solver, seed_command
-from calibrary.jobs.extract.outputs import STALE, Outputs
 from calibrary.validation import UNPROVEN_LEGEND, Verdict
+
+if TYPE_CHECKING:
+    from calibrary.jobs.extract.extraction import CameraReport, Extraction
+    from calibrary.jobs.extract.fallback import Step
+    from calibrary.jobs.extract.gather import SkippedFile
+    from calibrary.jobs.extract.outputs import Outputs
 
 __all__ = ["Display", "judgement", "verdict"]
 
@@ -76,7 +78,7 @@ class Display:
         """So many images are read."""
         self._progress.update(self._task, completed=done, total=total)
 
-    def show(self, outcome: Extraction, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
+    def show(self, outcome: Extraction, outputs: Outputs, *, solver: str, dry_run: bool) -> None:
         """Tell the whole outcome, its verdict last."""
         for warning in outcome.warnings:
             self._remarks.say(f"[yellow]note[/]: {plain(warning)}")
@@ -124,7 +126,7 @@ class Display:
         elif seeds:
             self._screen.say("  To self-calibrate from a seed, take its COLMAP commands from the report.")
 
-    def _tell_files(self, outputs: Outputs, *, solver: Solver, dry_run: bool) -> None:
+    def _tell_files(self, outputs: Outputs, *, solver: str, dry_run: bool) -> None:
         self._screen.say("")
         self._screen.say("[bold]Would write[/]" if dry_run else "[bold]Wrote[/]")
         for path in outputs.files:
@@ -132,7 +134,7 @@ class Display:
         for path in outputs.stale:
             self._remarks.say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
         for slug, why in outputs.not_handed_over.items():
-            self._screen.say(f"[yellow]not handed to {solver.value}[/]: {plain(slug)}: {plain(why)}")
+            self._screen.say(f"[yellow]not handed to {solver}[/]: {plain(slug)}: {plain(why)}")
 
 
 def judgement(outcome: Extraction, *, width: int) -> RenderableType:

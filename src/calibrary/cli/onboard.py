@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from calibrary.cli.calibrate.flags import number
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.progress import Bar
 from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask, deciding_screen
 from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
@@ -20,10 +22,9 @@ if TYPE_CHECKING:
 
     from rich.text import Text
 
-    from calibrary.calib.board import Board
+    from calibrary.api.onboarding import OnboardResult
     from calibrary.cli.console import Screen
-    from calibrary.jobs.onboard.proposal import Serves
-    from calibrary.jobs.onboard.records import CameraDecision, Onboarding, Questions
+    from calibrary.jobs.onboard.records import CameraDecision, Onboarding
     from calibrary.registry.git.writing import Written
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -96,31 +97,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.atomic import write_files
+    from calibrary.api.pages import check_page_place, write_page
     from calibrary.cli.console import note
-    from calibrary.jobs.onboard.page import onboard_page
-    from calibrary.jobs.onboard.report import report_of
-    from calibrary.jobs.onboard.run import write_drafts
-    from calibrary.pages import render_page
-    from calibrary.records import to_json
 
     if arguments.html is not None:
-        from calibrary.jobs.extract.outputs import check_page_place
-
         check_page_place(arguments.html)
-    screen, remarks = deciding_screen(arguments), note(arguments)
-    done = _onboarded(arguments, remarks)
-    page = arguments.html or Path(_page_name(done))
+    screen = deciding_screen(arguments)
+    result = _onboarded(arguments, note(arguments))
+    done = result.onboarding
+    page = arguments.html or Path(result.page_name)
     _show(screen, done)
-    write_files({page: render_page(onboard_page(done)).encode()})
+    write_page(page, result.to_html())
     _say(screen, "")
     _say(screen, f"wrote {page}")
-    written: Mapping[str, Written] = {}
     if not done.outcomes:
         _unknown(arguments, done)
     elif done.drafts and agreed(arguments, _question(done)):
-        written = write_drafts(done, arguments.reason)
-        _tell_written(screen, done, written)
+        _show_written(screen, done, result.write_drafts(arguments.reason))
     elif done.drafts:
         _say(screen, "nothing was written into the registry")
     elif not done.is_good and len(done.outcomes) > 1:
@@ -130,85 +123,49 @@ def run(arguments: argparse.Namespace) -> int:
         )
     _show_verdicts(screen, done)
     if arguments.json:
-        print_json(to_json(report_of(done, written, page.name)))
+        print_json(result.to_dict(page=page.name))
     return 0 if done.is_good else EXIT_REFUSED
 
 
-def _onboarded(arguments: argparse.Namespace, remarks: Screen) -> Onboarding:
-    from functools import partial
+def _onboarded(arguments: argparse.Namespace, remarks: Screen) -> OnboardResult:
+    from calibrary.api.onboarding import onboard
 
-    from calibrary.cli.progress import Bar
-    from calibrary.jobs.onboard.estimates import Kind
-    from calibrary.jobs.onboard.records import Request
-    from calibrary.jobs.onboard.run import onboard
-
-    registry = opened(arguments).registry
-    board = _board(arguments)
-    bars = {
-        words: Bar(remarks, text)
-        for words, text in (("sorting", "sorting"), ("board", "finding the board in"))
-    }
-
-    def progress(words: str, done: int, total: int) -> None:
-        bars[words](done, total, "files" if words == "sorting" else "frames")
-        if done == total:
-            bars[words].__exit__(None, None, None)
-
-    with bars["sorting"], bars["board"]:
-        return onboard(
-            Request(
-                folder=arguments.folder,
-                registry=registry,
-                questions=_questions(arguments),
-                said=partial(camera_of, arguments),
-                image_size=arguments.image_size,
-                board=board,
-                trusted=Kind(arguments.trust) if arguments.trust is not None else None,
-                only=arguments.only,
-                stated=stated_of(arguments),
-                workers=arguments.workers,
-                progress=progress,
-            )
-        )
-
-
-def _board(arguments: argparse.Namespace) -> Board | None:
-    from calibrary.calib.board import parse_board
-
-    if arguments.board is None:
-        return None
-    if arguments.square_mm is None:
+    if arguments.board is not None and arguments.square_mm is None:
         arguments.parser.error("--board goes with --square-mm MM, the side of its squares")
-    return parse_board(arguments.board, arguments.square_mm, arguments.marker_mm)
-
-
-def _questions(arguments: argparse.Namespace) -> Questions:
-    from calibrary.jobs.onboard.proposal import Serves
-    from calibrary.jobs.onboard.records import Questions
-
-    def square_mm(frames: int) -> float:
-        if arguments.square_mm is not None:
-            return float(arguments.square_mm)
-        shown = f"{frames} {'image shows' if frames == 1 else 'images show'} a calibration board"
-        text = _asked(arguments, f"{shown}: the side of its squares in mm?", "--square-mm MM")
-        try:
-            side: float = number(0.01, 10_000)(text)
-        except argparse.ArgumentTypeError as error:
-            arguments.parser.error(f"--square-mm: {error}")
-        return side
-
-    def serves(camera: str) -> Serves:
-        if arguments.serves is not None:
-            return Serves(arguments.serves)
-        question = (
-            f"{camera} was measured: is its K this unit's only, or every one's of its model? [unit/model]"
+    with Bar(remarks, "looking at") as bar:
+        return onboard(
+            arguments.folder,
+            opened(arguments),
+            square_mm=arguments.square_mm or partial(_ask_square_mm, arguments),
+            serves=arguments.serves or partial(_ask_serves, arguments),
+            board=arguments.board,
+            marker_mm=arguments.marker_mm,
+            camera=partial(camera_of, arguments),
+            image_size=arguments.image_size,
+            trust=arguments.trust,
+            only=arguments.only,
+            stated=stated_of(arguments),
+            workers=arguments.workers,
+            progress=bar,
         )
-        text = _asked(arguments, question, "--for unit or --for model").lower()
-        if text not in {"unit", "model"}:
-            arguments.parser.error(f"--for: {text!r:.20}, expected unit or model")
-        return Serves(text)
 
-    return Questions(square_mm=square_mm, serves=serves)
+
+def _ask_square_mm(arguments: argparse.Namespace, frames: int) -> float:
+    shown = f"{frames} {'image shows' if frames == 1 else 'images show'} a calibration board"
+    text = _asked(arguments, f"{shown}: the side of its squares in mm?", "--square-mm MM")
+    try:
+        side: float = number(0.01, 10_000)(text)
+    except argparse.ArgumentTypeError as error:
+        arguments.parser.error(f"--square-mm: {error}")
+    return side
+
+
+def _ask_serves(arguments: argparse.Namespace, camera: str) -> str:
+    question = f"{camera} was measured: is its K this unit's only, or every one's of its model? [unit/model]"
+    text = _asked(arguments, question, "--for unit or --for model").lower()
+    if text not in {"unit", "model"}:
+        arguments.parser.error(f"--for: {text!r:.20}, expected unit or model")
+    return text
 
 
 def _asked(arguments: argparse.Namespace, question: str, flag: str) -> str:
@@ -226,13 +183,6 @@ def _unknown(arguments: argparse.Namespace, done: Onboarding) -> None:
         arguments.parser.error(
             "nothing in it names make and model, by which an entry is found; say --make NAME --model NAME"
         )
-
-
-def _page_name(done: Onboarding) -> str:
-    from calibrary.jobs.onboard.run import BRANCHES, branch_name
-
-    names = {branch_name(one.camera.key).removeprefix(BRANCHES) for one in done.outcomes}
-    return f"onboard-{names.pop() if len(names) == 1 else 'payload'}.html"
 
 
 def _show(screen: Screen, done: Onboarding) -> None:
@@ -326,7 +276,7 @@ def _sources(one: CameraDecision, width: int) -> list[Text]:
     return fitted(SOURCES, rows, width)
 
 
-def _tell_written(screen: Screen, done: Onboarding, written: Mapping[str, Written]) -> None:
+def _show_written(screen: Screen, done: Onboarding, written: Mapping[str, Written]) -> None:
     for branch, one in written.items():
         _say(
             screen,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from calibrary.cli.calibrate.flags import add_size_flags, board_of
-from calibrary.errors import InputError
+from calibrary.cli.calibrate.flags import add_size_flags
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -41,17 +40,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the file."""
-    from calibrary.atomic import write_files
-    from calibrary.calib.printing import lay_out, page_size, to_pdf, to_svg
+    from calibrary.api.boards import write_board
     from calibrary.cli.console import out, plain
 
-    writers = {".pdf": to_pdf, ".svg": to_svg}
-    write = writers.get(arguments.out.suffix.lower())
-    if write is None:
-        raise InputError("expected a file that ends in .pdf or .svg", source=str(arguments.out))
-    board = board_of(arguments.board, arguments)
-    page = lay_out(board, page_size(arguments.page) if arguments.page else None)
-    write_files({arguments.out: write(board, page)})
+    board, page = write_board(
+        arguments.board,
+        arguments.out,
+        square_mm=arguments.square_mm,
+        marker_mm=arguments.marker_mm,
+        page=arguments.page,
+    )
     screen = out(arguments)
     screen.say(
         f"wrote {plain(str(arguments.out))}: {plain(str(board))} of {board.square_mm:g} mm squares on "

@@ -6,12 +6,8 @@ import argparse
 import math
 from collections.abc import Callable
 from datetime import date
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from calibrary.calib.board import Board
-
-__all__ = ["add_size_flags", "board_of", "day", "number"]
+__all__ = ["add_size_flags", "day", "number"]
 
 
 def add_size_flags(parser: argparse.ArgumentParser) -> None:
@@ -29,17 +25,6 @@ def add_size_flags(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="side of a marker, diameter of a circle (default: 3/4, 1/1.3 or 1/2 of the square)",
     )
-
-
-def board_of(text: str, arguments: argparse.Namespace) -> Board:
-    """The board that ``text`` and the size flags describe.
-
-    Raises:
-        InputError: they describe none.
-    """
-    from calibrary.calib.board import parse_board
-
-    return parse_board(text, arguments.square_mm, arguments.marker_mm)
 
 
 def day(text: str) -> date:

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.calibrate.flags import day, number
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.progress import Bar
 from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+from calibrary.cli.registry.place import opened
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from calibrary.calib.board import Board
-    from calibrary.calib.collect import Collected
-    from calibrary.calib.result import CalibrationResult
+    from calibrary.api.boards import CalibrateResult
+    from calibrary.api.fleet import Fleet
     from calibrary.calibration import CameraKey
     from calibrary.cli.calibrate.solve_display import Display
-    from calibrary.jobs.calibrate_board.outputs import Places
-    from calibrary.jobs.calibrate_board.run import SolveRequest
-    from calibrary.registry.registry import Registry
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "LENS_MODELS", "add_arguments", "run"]
 
@@ -144,39 +143,63 @@ def _add_provenance_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Find, solve, judge, tell, write."""
-    from calibrary.atomic import write_files
-    from calibrary.calib.verdict import BoardVerdict
+    """Run the command; returns the exit code."""
+    from calibrary.api.boards import Places
     from calibrary.cli.calibrate.solve_display import Display
-    from calibrary.jobs.calibrate_board.report import report_of
-    from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, read_seed
 
     _check_usage(arguments)
-    places = _places(arguments)
+    given = arguments
+    places = Places(report=given.report, corners=given.corners, out=given.out, format=given.to)
     places.check()
-    registry, said = _registry(arguments)
-    with Display(arguments) as display:
-        collected = _collected(arguments, said, needs_key=registry is not None, display=display)
-        size = collected.observations.image_size
-        request = SolveRequest(
-            model=arguments.lens_model,
-            warp=not arguments.no_warp,
-            guess=read_seed(arguments.seed_k, size) if arguments.seed_k is not None else None,
-            date=arguments.date,
-            operator=arguments.operator,
-            corners_name=_corners_name(arguments),
+    fleet = opened(arguments) if _writes_registry(arguments) else None
+    display = Display(arguments)
+    done = _calibrated(arguments, fleet)
+    display.show(done.result, done.collected, correlations=given.correlations)
+    display.show_files(done.write(places))
+    kept = fleet is None or _keep(arguments, fleet, done, display)
+    display.verdict(done.result, done.collected)
+    if given.json:
+        print_json(done.to_dict(), indent=None)
+    return 0 if done.is_good and kept else EXIT_NOT_PASSED
+
+
+def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> CalibrateResult:
+    from calibrary.api.boards import calibrate
+    from calibrary.cli.console import note
+
+    given = arguments
+    with Bar(note(arguments), "finding the board in") as bar:
+        return calibrate(
+            given.frames or None,
+            square_mm=given.square_mm,
+            board=given.board,
+            marker_mm=given.marker_mm,
+            corners=given.corners_in,
+            points=given.points,
+            image_size=given.image_size,
+            pixel_origin=given.pixel_origin,
+            lens_model=given.lens_model,
+            warp=not given.no_warp,
+            seed_k=given.seed_k,
+            date=given.date,
+            operator=given.operator,
+            focus=given.focus,
+            camera=_camera(arguments, fleet),
+            corners_name=given.corners.name if given.corners is not None else None,
+            for_registry=fleet is not None,
+            workers=given.workers,
+            progress=bar,
         )
-        result = calibrate_from(collected, request)
-    display.show(result, collected, correlations=arguments.correlations)
-    files = places.files(result, collected)
-    write_files(files.content)
-    display.tell(files)
-    passed = result.verdict is BoardVerdict.PASS
-    kept = registry is None or _keep(arguments, registry, result, request, display)
-    display.verdict(result, collected)
-    if arguments.json:
-        print_json(report_of(result), indent=None)
-    return 0 if passed and kept else EXIT_NOT_PASSED
+
+
+def _camera(arguments: argparse.Namespace, fleet: Fleet | None) -> Callable[[CameraKey], CameraKey]:
+    """What is said of the camera: by the entry that it is to replace, and by flags in its place."""
+    from calibrary.api.boards import camera_of_entry
+
+    if fleet is None or arguments.as_key is None:
+        return partial(camera_of, arguments)
+    of_entry = camera_of_entry(fleet, arguments.as_key)
+    return lambda known: camera_of(arguments, of_entry(known))
 
 
 def _check_usage(arguments: argparse.Namespace) -> None:
@@ -210,150 +233,22 @@ def _writes_registry(arguments: argparse.Namespace) -> bool:
     return arguments.registry is not None or arguments.as_key is not None
 
 
-def _places(arguments: argparse.Namespace) -> Places:
-    from calibrary.jobs.calibrate_board.outputs import Places
-
-    return Places(report=arguments.report, corners=arguments.corners, out=arguments.out, format=arguments.to)
-
-
-def _corners_name(arguments: argparse.Namespace) -> str | None:
-    kept = arguments.corners or arguments.corners_in
-    return kept.name if kept is not None else None
-
-
-def _registry(arguments: argparse.Namespace) -> tuple[Registry | None, Callable[[CameraKey], CameraKey]]:
-    """The registry that is to be written, and what was said of the camera."""
-    from functools import partial
-
-    from calibrary.cli.registry.place import opened
-    from calibrary.jobs.calibrate_board.entry import camera_named
-    from calibrary.records import replace
-
-    flags = partial(camera_of, arguments)
-    if not _writes_registry(arguments):
-        return None, flags
-    registry = opened(arguments).registry
-    if arguments.as_key is None:
-        return registry, flags
-    named = camera_named(registry, arguments.as_key)
-
-    def said(known: CameraKey) -> CameraKey:
-        # The entry says which camera; with which firmware, and at which size, only the frames do.
-        return flags(replace(named, firmware=known.firmware, image_size=known.image_size))
-
-    return registry, said
-
-
-def _collected(
-    arguments: argparse.Namespace,
-    said: Callable[[CameraKey], CameraKey],
-    *,
-    needs_key: bool,
-    display: Display,
-) -> Collected:
-    from calibrary.jobs.calibrate_board.entry import require_key
-
-    if arguments.frames:
-        return _searched(arguments, said, needs_key=needs_key, display=display)
-    collected = (
-        _read_points(arguments, said) if arguments.points is not None else _read_corners(arguments, said)
-    )
-    if needs_key:
-        require_key(collected.observations.camera)
-    return collected
-
-
-def _searched(
-    arguments: argparse.Namespace,
-    said: Callable[[CameraKey], CameraKey],
-    *,
-    needs_key: bool,
-    display: Display,
-) -> Collected:
-    from calibrary.calibration import CameraKey
-    from calibrary.errors import InputError
-    from calibrary.jobs.calibrate_board.entry import require_key
-    from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
-    from calibrary.jobs.calibrate_board.run import observe
-
-    frames = find_frames([str(path) for path in arguments.frames])
-    board = _board(arguments)
-    metadata = describe_frames(frames, said, arguments.focus)
-    if needs_key:
-        require_key(metadata.setting.camera if metadata.setting is not None else said(CameraKey()))
-    if metadata.setting is not None and arguments.image_size not in {None, metadata.setting.image_size}:
-        raise InputError(
-            "the frames are {}×{} px and no other size; leave --image-size out".format(
-                *metadata.setting.image_size
-            )
-        )
-    display.found(len(frames))
-    return observe(frames, metadata, board, workers=arguments.workers, progress=display.advance)
-
-
-def _board(arguments: argparse.Namespace) -> Board | float:
-    from calibrary.calib.board import parse_board
-
-    if arguments.board is None:
-        return float(arguments.square_mm)
-    return parse_board(arguments.board, arguments.square_mm, arguments.marker_mm)
-
-
-def _read_points(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Collected:
-    from calibrary.calib.collect import Collected
-    from calibrary.calib.control_points import read_control_points
-    from calibrary.calibration import CameraKey
-    from calibrary.conventions import Origin
-
-    origin = Origin.PIXEL_CENTRE if arguments.pixel_origin == "centre" else Origin.CORNER
-    camera = said(CameraKey(image_size=arguments.image_size))
-    observations = read_control_points(
-        arguments.points, arguments.image_size, camera, origin, arguments.focus
-    )
-    return Collected(observations=observations)
-
-
-def _read_corners(arguments: argparse.Namespace, said: Callable[[CameraKey], CameraKey]) -> Collected:
-    from calibrary.errors import InputError
-    from calibrary.jobs.calibrate_board.run import saved_corners
-
-    collected = saved_corners(arguments.corners_in, said, arguments.focus)
-    size = collected.observations.image_size
-    if arguments.image_size not in {None, size}:
-        raise InputError(
-            "its corners are of {}×{} px; leave --image-size out".format(*size),
-            source=arguments.corners_in.name,
-        )
-    return collected
-
-
-def _keep(
-    arguments: argparse.Namespace,
-    registry: Registry,
-    result: CalibrationResult,
-    request: SolveRequest,
-    display: Display,
-) -> bool:
-    """Write the entry, if the verdict, the check and the person allow it; whether nothing stands against it."""
-    from calibrary.calib.verdict import BoardVerdict
-    from calibrary.jobs.calibrate_board.entry import entry_of
-
-    outcome = result.verdict
-    if outcome is BoardVerdict.REFUSE:
+def _keep(arguments: argparse.Namespace, fleet: Fleet, done: CalibrateResult, display: Display) -> bool:
+    """Write the entry, if the verdict, the check and the person allow it; whether nothing speaks against it."""
+    if done.verdict.value == "refuse":
         display.say("a refused calibration becomes no entry; nothing was written into the registry")
         return False
-    approve = arguments.approve and outcome is BoardVerdict.PASS
-    if arguments.approve and not approve:
+    if arguments.approve and not done.is_good:
         display.say("only a calibration that passes is approved; this one becomes a draft at most")
-    proposals = registry.propose(
-        [entry_of(result, request)],
-        approve=approve,
+    change = fleet.propose_entry(
+        done.entry,
+        approve=arguments.approve and done.is_good,
         reason=arguments.reason,
         override_held=arguments.override_held,
     )
-    [proposal] = proposals.items
-    display.show_entry(proposal, proposals.findings)
-    if proposals.errors:
+    [proposal] = change.proposals.items
+    display.show_entry(proposal, change.proposals.findings)
+    if change.proposals.errors:
         display.say("the check objects, so nothing was written into the registry")
         return False
     if not proposal.changes:
@@ -361,7 +256,7 @@ def _keep(
     if not agreed(arguments, f"Write {proposal.entry.id}?"):
         display.say("nothing was written into the registry")
         return True
-    display.written(registry.save(proposals, reason=arguments.reason), proposal)
+    display.written(change.write(arguments.reason), proposal)
     return True
 
 

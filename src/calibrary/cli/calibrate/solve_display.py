@@ -1,40 +1,38 @@
-"""What a person sees of a calibration: progress, the views, K with its spread, the verdict with its reasons."""
+"""What a person sees of a calibration: the views, K with its spread, the verdict with its reasons."""
 
 from __future__ import annotations
 
 import argparse
 import math
 from collections.abc import Iterator, Sequence
-from types import TracebackType
-from typing import Final, Self
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from calibrary.calib.collect import Collected
-from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Quality
 from calibrary.cli.console import note, plain, printable
 from calibrary.cli.registry.asking import deciding_screen
 from calibrary.cli.registry.changes import show_changes, show_findings, show_written
 from calibrary.cli.tables import Column, facts, fitted
-from calibrary.jobs.calibrate_board.outputs import Files
-from calibrary.registry.entry import Status
-from calibrary.registry.git.writing import Written
-from calibrary.registry.proposals import Proposal
-from calibrary.validation import Finding, Severity
+
+if TYPE_CHECKING:
+    from calibrary.calib.collect import Collected
+    from calibrary.calib.result import CalibrationResult
+    from calibrary.jobs.calibrate_board.outputs import Files
+    from calibrary.registry.git.writing import Written
+    from calibrary.registry.proposals import Proposal
+    from calibrary.validation import Finding
 
 __all__ = ["Display"]
 
 STYLES: Final = {
-    BoardVerdict.PASS: "bold green",
-    BoardVerdict.PROVISIONAL: "bold yellow",
-    BoardVerdict.REFUSE: "bold red",
-    Severity.NOTE: "dim",
-    Severity.UNPROVEN: "yellow",
-    Severity.ERROR: "red",
+    "pass": "bold green",
+    "provisional": "bold yellow",
+    "refuse": "bold red",
+    "note": "dim",
+    "unproven": "yellow",
+    "error": "red",
 }
 MOST_VIEWS: Final = 40
 """Of those that count; the ones that do not are all listed."""
@@ -45,47 +43,20 @@ class Display:
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._screen, self._remarks = deciding_screen(arguments), note(arguments)
-        self._progress = Progress(
-            TextColumn("looking for the board"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=self._remarks,
-            transient=True,
-            disable=not self._remarks.is_terminal or self._remarks.quiet,
-        )
-        self._task = self._progress.add_task("looking", total=None, visible=False)
-
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._progress.stop()
-
-    def found(self, count: int) -> None:
-        """The number of frames is known."""
-        self._progress.update(self._task, total=count, visible=True)
-
-    def advance(self, count: int) -> None:
-        """So many more frames are done."""
-        self._progress.advance(self._task, count)
 
     def say(self, text: str) -> None:
         """A sentence of what was done, or was not."""
         self._screen.say(plain(text))
 
     def show(self, result: CalibrationResult, collected: Collected, *, correlations: bool) -> None:
-        """Tell what the verdict rests on."""
+        """Show what the verdict is based on."""
         for remark in collected.notes:
             self._remarks.say(f"[dim]note[/]: {plain(remark)}")
         width = self._screen.width - 2
         self._screen.show(_views(result, collected, width), indent=2)
         self._screen.say("")
         # Of a refused calibration there is no K; its report keeps the numbers for who wants to know why.
-        if result.verdict is not BoardVerdict.REFUSE:
+        if result.verdict.value != "refuse":
             self._screen.show(_parameters(result.calibration, width), indent=2)
             if correlations and result.calibration.quality is not None:
                 self._screen.say("")
@@ -93,7 +64,7 @@ class Display:
             self._screen.say("")
         self._screen.show(facts([(name, printable(text)) for name, text in _facts(result)], width), indent=2)
 
-    def tell(self, files: Files) -> None:
+    def show_files(self, files: Files) -> None:
         """What was written, and what was not."""
         for path in files.held_back:
             self.say(f"not written, since the calibration is refused: {path}")
@@ -103,7 +74,7 @@ class Display:
             self.say(f"the format has no place for: {', '.join(files.losses)}")
 
     def show_entry(self, proposal: Proposal, findings: Sequence[Finding]) -> None:
-        """The entry beside what stands at its place; of a new one everything was told already."""
+        """The entry beside the current one; of a new one everything was shown already."""
         if proposal.base is None:
             self.say(f"{proposal.entry.id}  new")
             for warning in proposal.warnings:
@@ -114,9 +85,9 @@ class Display:
 
     def written(self, written: Written, proposal: Proposal) -> None:
         """What was committed."""
-        status = proposal.entry.status
-        show_written(self._screen, written, "approved" if status is Status.APPROVED else "wrote", 1)
-        if status is Status.DRAFT:
+        status = proposal.entry.status.value
+        show_written(self._screen, written, "approved" if status == "approved" else "wrote", 1)
+        if status == "draft":
             self.say(f"a draft is not used yet; next: calibrary registry approve {proposal.entry.id}")
 
     def verdict(self, result: CalibrationResult, collected: Collected) -> None:
@@ -126,9 +97,9 @@ class Display:
         self._screen.say("")
         for finding in result.findings:
             said = str(finding).removeprefix(finding.rule)
-            self._screen.say(f"  [{STYLES[finding.severity]}]{finding.rule}[/]{plain(said)}")
+            self._screen.say(f"  [{STYLES[finding.severity.value]}]{finding.rule}[/]{plain(said)}")
         self._screen.say(
-            f"[{STYLES[outcome]}]{outcome.value.upper()}[/]  {plain(str(result.calibration.camera))}: "
+            f"[{STYLES[outcome.value]}]{outcome.value.upper()}[/]  {plain(str(result.calibration.camera))}: "
             f"{quality.views} of {len(result.views) + len(collected.rejected)} views of {plain(str(board))}, "
             f"reprojection error (RMS) {quality.rms_px:.3f} px"
         )

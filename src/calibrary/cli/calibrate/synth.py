@@ -4,25 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from calibrary.cli.calibrate.flags import add_size_flags, board_of, number
-from calibrary.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from calibrary.calib.board import Board
-    from calibrary.calib.synthesis import Settings, Truth
-    from calibrary.calibration import Calibration
-    from calibrary.known_camera import KnownCamera
-    from calibrary.synthetic import Head
+from calibrary.cli.calibrate.flags import add_size_flags, number
+from calibrary.cli.progress import Bar
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 DESCRIPTION = """\
 Render frames of a board as a camera would have taken them, and write the truth beside them: K, distortion,
-poses and corners in OUT/truth.json. So a set-up can be judged before anybody prints a board.
+poses and corners in OUT/truth.json. So a set-up can be judged before a board is printed.
 """
 EXAMPLES = """\
 examples:
@@ -84,114 +74,40 @@ _FLAGS = (
 
 def run(arguments: argparse.Namespace) -> int:
     """Render and write."""
-    from calibrary.calib.synthesis import Truth, poses
-    from calibrary.calib.synthesis.cameras import head
-    from calibrary.calib.synthesis.files import check_empty
-    from calibrary.cli.console import out, plain
+    from calibrary.api.synthesis import render_frames
+    from calibrary.cli.console import note, out, plain
 
-    check_empty(arguments.out)
-    board = board_of(arguments.board, arguments)
-    calibration, known = _camera(arguments)
-    settings = _settings(board, arguments)
-    chosen = poses(
-        board,
-        calibration,
-        arguments.frames,
-        arguments.seed,
-        max_tilt_deg=arguments.max_tilt_deg,
-        reach=arguments.reach,
-    )
-    truth = Truth(board=board, calibration=calibration, poses=chosen, settings=settings)
-
-    def head_of(number: int) -> Head:
-        return head(calibration, known, number)
-
-    _write(arguments, truth, head_of)
-    K = calibration.intrinsics
+    given = arguments
+    with Bar(note(arguments), "rendering") as bar:
+        truth = render_frames(
+            given.out,
+            given.board,
+            square_mm=given.square_mm,
+            marker_mm=given.marker_mm,
+            frames=given.frames,
+            seed=given.seed,
+            camera=given.camera,
+            calibration=given.calibration,
+            max_tilt_deg=given.max_tilt_deg,
+            reach=given.reach,
+            blur_px=given.blur,
+            motion_px=given.motion_px,
+            noise=given.noise,
+            glare=given.glare,
+            bow_mm=given.bow_mm,
+            stretch_pct=given.stretch_pct,
+            readout_ms=given.readout_ms,
+            turn_deg_s=given.turn_deg_s,
+            quality=given.quality,
+            progress=bar,
+        )
+    calibration, K = truth.calibration, truth.calibration.intrinsics
     out(arguments).say(
-        f"wrote {len(chosen)} frames of {K.image_size[0]}×{K.image_size[1]} px by {plain(str(calibration.camera))} to "
-        f"{plain(str(arguments.out))}, and K (fx {K.fx:.2f} px) with everything else that is true in truth.json"
+        f"wrote {len(truth.poses)} frames of {K.image_size[0]}×{K.image_size[1]} px by "
+        f"{plain(str(calibration.camera))} to {plain(str(given.out))}, and K (fx {K.fx:.2f} px) with everything else "
+        "that is true in truth.json"
     )
     return 0
-
-
-def _camera(arguments: argparse.Namespace) -> tuple[Calibration, KnownCamera | None]:
-    """The camera to photograph with, and what the catalogue says of its model."""
-    from calibrary.calib.synthesis.cameras import example_camera, unit_of
-
-    if arguments.calibration is not None:
-        return _from_file(arguments.calibration), None
-    if arguments.camera is None:
-        return example_camera(arguments.seed), None
-    known = _known(arguments.camera)
-    return unit_of(known, arguments.seed), known
-
-
-def _from_file(path: Path) -> Calibration:
-    from calibrary import parsers
-
-    calibrations = parsers.read(path)
-    if len(calibrations) != 1:
-        raise InputError(
-            f"holds {len(calibrations)} cameras; expected a file with one, which 'calibrary convert --camera N' writes",
-            source=path.name,
-        )
-    return calibrations[0]
-
-
-def _known(name: str) -> KnownCamera:
-    """The one camera of the catalogue that bears a name, or has it as a part of one."""
-    from calibrary.catalogue import load_catalogue
-
-    found: Sequence[KnownCamera] = load_catalogue().search(name)
-    wanted = name.strip().casefold()
-    exact = [
-        camera
-        for camera in found
-        if wanted in {camera.title.casefold(), *(model.casefold() for model in camera.models)}
-    ]
-    found = exact or found
-    if len(found) != 1:
-        titles = "; ".join(camera.title for camera in found[:8])
-        raise InputError(
-            f"camera {name!r}: the catalogue has "
-            + (
-                f"{len(found)} like it ({titles}{' …' if len(found) > 8 else ''})"
-                if found
-                else "none like it"
-            )
-            + "; expected one Model or title of those that 'calibrary catalogue' lists"
-        )
-    return found[0]
-
-
-def _settings(board: Board, arguments: argparse.Namespace) -> Settings:
-    from calibrary.calib.synthesis import Settings, Sheet, Shutter
-
-    return Settings(
-        sheet=Sheet.bowed(board, arguments.bow_mm, (1 + arguments.stretch_pct / 100, 1.0)),
-        shutter=Shutter(readout_s=arguments.readout_ms / 1000, rate_deg_s=(0.0, arguments.turn_deg_s, 0.0)),
-        blur_px=arguments.blur,
-        motion_px=(arguments.motion_px, 0.0),
-        noise=arguments.noise,
-        glare=arguments.glare,
-        quality=arguments.quality,
-    )
-
-
-def _write(arguments: argparse.Namespace, truth: Truth, head: Callable[[int], Head]) -> None:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from calibrary.calib.synthesis.files import write_frames
-    from calibrary.cli.console import note
-
-    columns = TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    remarks = note(arguments)
-    with Progress(*columns, console=remarks, transient=True, disable=remarks.quiet) as progress:
-        task = progress.add_task("rendering", total=len(truth.poses))
-        write_frames(
-            arguments.out, truth, arguments.seed, head, lambda count: progress.update(task, completed=count)
-        )
 
 
 def _count(text: str) -> int:

@@ -111,14 +111,4 @@ class Places:
                     place="--to",
                 )
             return self.format
-        suffix = self.out.suffix.lower() if self.out is not None else ""
-        fitting = [record.name for record in written if suffix in record.suffixes]
-        if len(fitting) != 1:
-            listed = ", ".join(fitting or [record.name for record in written])
-            found = "several formats are" if fitting else "no format is"
-            raise InputError(
-                f"{found} written as {suffix or 'a file without a suffix'}; say which with --to: {listed}",
-                source=str(self.out),
-                place="--out",
-            )
-        return fitting[0]
+        return parsers.format_by_suffix(self.out or "", flag="--to").name

@@ -18,14 +18,12 @@ from calibrary.jobs.onboard.comparison import EstimateComparison, Relative
 from calibrary.jobs.onboard.estimates import Estimate, Kind
 from calibrary.jobs.onboard.proposal import Serves
 from calibrary.policy import Policy
+from calibrary.progress import Progress
 from calibrary.registry.entry import Entry
 from calibrary.registry.registry import Registry
 from calibrary.validation import Finding, Report
 
-__all__ = ["BoardSolve", "CameraDecision", "Decision", "Onboarding", "Progress", "Questions", "Request"]
-
-Progress = Callable[[str, int, int], None]
-"""FrameMetadata what is done, and how many of how many."""
+__all__ = ["BoardSolve", "CameraDecision", "Decision", "Onboarding", "Questions", "Request"]
 
 
 class Decision(StrEnum):
@@ -64,7 +62,7 @@ class Request:
         only: a part of the name of the cameras that are meant; None for all.
         stated: of the making of calibrations whose source does not say it.
         workers: processes; 0 decides by itself.
-        progress: told how far it is.
+        progress: called with how many are done, of how many, and of what: files, then frames.
     """
 
     folder: Path

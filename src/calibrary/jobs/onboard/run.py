@@ -6,7 +6,7 @@ changed by a person who approves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from calibrary.calib.verdict import BoardVerdict
@@ -30,10 +30,10 @@ from calibrary.jobs.onboard.records import (
     CameraDecision,
     Decision,
     Onboarding,
-    Progress,
     Questions,
     Request,
 )
+from calibrary.progress import counted, labelled
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
@@ -59,7 +59,7 @@ def onboard(request: Request) -> Onboarding:
         request.folder,
         board=request.board,
         workers=request.workers,
-        progress=_phase(request.progress, "sorting"),
+        progress=labelled(request.progress, "files"),
     )
     if not payload.states and not payload.files:
         raise InputError(
@@ -135,12 +135,6 @@ def _waiting(one: CameraDecision, request: Request) -> CameraDecision:
 
 def _is_meant(camera: PayloadCamera, only: str | None) -> bool:
     return only is None or only.casefold() in str(camera.key).casefold()
-
-
-def _phase(progress: Progress | None, words: str) -> Callable[[int, int], None] | None:
-    if progress is None:
-        return None
-    return lambda done, total: progress(words, done, total)
 
 
 def _square_mm(cameras: Sequence[PayloadCamera], request: Request) -> float:
@@ -273,13 +267,7 @@ def _trusts(heard: Sequence[Estimate]) -> str:
 
 def _board(camera: PayloadCamera, square_mm: float, request: Request) -> BoardSolve:
     frames = camera.frames
-    done = 0
-
-    def advance(count: int) -> None:
-        nonlocal done
-        done += count
-        if request.progress is not None:
-            request.progress("board", done, len(frames))
+    advance = counted(request.progress, len(frames), "frames")
 
     def said(known: CameraKey) -> CameraKey:
         return replace(camera.key, firmware=known.firmware or camera.firmware)
