@@ -152,7 +152,7 @@ def test_each_kind_of_error_has_its_exit_code(
     def failing(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("calibrary.catalogue.load_catalogue", failing)
+    monkeypatch.setattr("calibrary.api.cameras.known_cameras", failing)
     assert main(["catalogue"]) == code
     assert capsys.readouterr().err == "calibrary: broken\n"
 
@@ -160,10 +160,10 @@ def test_each_kind_of_error_has_its_exit_code(
 def test_a_bug_is_called_one_and_shows_no_traceback(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def failing() -> None:
+    def failing(*_: object) -> None:
         raise ZeroDivisionError("by nought")
 
-    monkeypatch.setattr("calibrary.catalogue.load_catalogue", failing)
+    monkeypatch.setattr("calibrary.api.cameras.known_cameras", failing)
     assert main(["catalogue"]) == 70
     told = capsys.readouterr().err
     assert "this is a bug: ZeroDivisionError: by nought" in told

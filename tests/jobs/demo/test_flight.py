@@ -145,7 +145,7 @@ def test_where_there_is_no_terminal_no_file_name_is_broken(
     flight: Flight, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, images = flight
-    monkeypatch.setattr("calibrary.jobs.demo.flight.write_flight", lambda _out, **_flags: images)
+    monkeypatch.setattr("calibrary.api.demo.write_flight", lambda _out, **_flags: images)
     monkeypatch.delenv("COLUMNS", raising=False)
     assert main(["demo", str(out)]) == 0
     printed = capsys.readouterr().out
