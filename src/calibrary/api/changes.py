@@ -12,6 +12,7 @@ from calibrary.jobs.diff import fleet
 from calibrary.jobs.diff.fleet import Change
 from calibrary.jobs.diff.kinds import Structural
 from calibrary.jobs.diff.report import diff_report, fleet_diff_report
+from calibrary.jobs.diff.wording import length, percent, pixels
 from calibrary.jobs.exchange.argument import Reading, read_arguments
 from calibrary.policy import FLEET
 from calibrary.progress import Progress, labelled
@@ -26,6 +27,9 @@ __all__ = [
     "compare_named",
     "fleet_by_firmware",
     "fleet_since",
+    "length",
+    "percent",
+    "pixels",
 ]
 
 

@@ -177,7 +177,7 @@ def _cell(value: float | None, form: str) -> str:
 
 
 def _findings(numbers: Numbers, altitude_m: float) -> list[tuple[str, str]]:
-    from calibrary.jobs.diff.wording import length, percent, pixels
+    from calibrary.api.changes import length, percent, pixels
 
     seen, ground = numbers.difference, numbers.ground(altitude_m)
     return [
@@ -238,8 +238,8 @@ CHANGES = (
 def _show_fleet(screen: Screen, changes: Sequence[Change]) -> None:
     from collections import Counter
 
+    from calibrary.api.changes import percent, pixels
     from calibrary.cli.console import plain
-    from calibrary.jobs.diff.wording import percent, pixels
 
     if not changes:
         screen.say("no entry differs")
