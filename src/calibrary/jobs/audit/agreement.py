@@ -17,6 +17,7 @@ from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.firmware import compare as compare_versions
+from calibrary.registry.resolution import Resolution
 from calibrary.validation import Finding, Severity
 
 __all__ = ["Gap", "disagreements", "gaps", "tolerance_of", "unit_findings"]
@@ -78,14 +79,13 @@ def disagreements(answer: Answer, policy: Policy) -> Iterator[Finding]:
     """What the images say against the entry that answers for them."""
     if answer.resolution is None or answer.use not in {Use.USED, Use.EXPIRED}:
         return
-    yield from _firmware(answer)
-    yield from _size(answer)
+    yield from _firmware(answer, answer.resolution.entry)
+    yield from _size(answer, answer.resolution)
     yield from _numbers(answer, gaps(answer, policy))
 
 
-def _firmware(answer: Answer) -> Iterator[Finding]:
-    assert answer.resolution is not None  # noqa: S101  the caller asked for it
-    entry, flown = answer.resolution.entry, answer.flown
+def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
+    flown = answer.flown
     made_with, now = entry.calibration.provenance.firmware, flown.key.firmware
     # A range that somebody stated holds the camera's, or another entry would have answered.
     if made_with is None or now is None or entry.firmware is not None or _may_be_same(made_with, now):
@@ -109,10 +109,9 @@ def _may_be_same(one: str, other: str) -> bool:
         return True
 
 
-def _size(answer: Answer) -> Iterator[Finding]:
-    assert answer.resolution is not None  # noqa: S101  as above
-    entry, flown = answer.resolution.entry, answer.flown
-    kept, seen = entry.calibration.intrinsics.image_size, answer.resolution.calibration.intrinsics.image_size
+def _size(answer: Answer, found: Resolution) -> Iterator[Finding]:
+    entry, flown = found.entry, answer.flown
+    kept, seen = entry.calibration.intrinsics.image_size, found.calibration.intrinsics.image_size
     if kept == seen:
         return
     how = "another scale of the same frame" if same_aspect(kept, seen) else "a part of the frame"
@@ -122,7 +121,7 @@ def _size(answer: Answer) -> Iterator[Finding]:
         camera=named(flown),
         place=answer.entry_id,
         message=f"images are {seen[0]}×{seen[1]} and the entry is of {kept[0]}×{kept[1]}: {how}, so its K is "
-        f"taken over by arithmetic ({'; '.join(answer.resolution.calibration.provenance.assumptions) or 'exact'})",
+        f"taken over by arithmetic ({'; '.join(found.calibration.provenance.assumptions) or 'exact'})",
         remedy="set the camera back to its full frame, or calibrate it at this size and add that",
     )
 

@@ -31,6 +31,7 @@ from calibrary.pages import (
     Tone,
 )
 from calibrary.pages.plots import Axis, Interval, Role, distortion_map, intervals, radial_curve
+from calibrary.registry.entry import Entry
 from calibrary.validation import UNPROVEN_LEGEND, Report, Severity, Verdict
 
 __all__ = ["onboard_page"]
@@ -95,7 +96,7 @@ def _camera(one: CameraDecision, payload: Payload, *, whole: bool) -> Section:
     ]
     blocks += _estimates(one)
     if one.entry is not None:
-        blocks += _entry(one)
+        blocks += _entry(one, one.entry)
     blocks += _relatives(one.relatives)
     blocks += _findings(one.report)
     if one.board is not None:
@@ -181,9 +182,8 @@ def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure
     )
 
 
-def _entry(one: CameraDecision) -> Iterator[Block]:
-    entry, before = one.entry, one.current
-    assert entry is not None  # noqa: S101  the caller asked for it
+def _entry(one: CameraDecision, entry: Entry) -> Iterator[Block]:
+    before = one.current
     calibration, status = entry.calibration, entry.status.value
     if before is not None and before.status is not entry.status:
         status += f", {before.status.value} before"

@@ -11,7 +11,6 @@ from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError
 from calibrary.jobs.diff.comparison import Comparison, compare
 from calibrary.policy import Policy
-from calibrary.registry.entry import Entry
 from calibrary.registry.history import EntryRevision
 
 __all__ = ["MOST_COMPARED", "Step", "steps"]
@@ -46,20 +45,19 @@ class Step:
 
 def steps(revisions: tuple[EntryRevision, ...], policy: Policy) -> tuple[Step, ...]:
     """Each neighbouring pair of revisions between which the calibration changed, newest first, compared."""
-    readable = [revision for revision in revisions if revision.entry is not None]
+    readable = [(one, one.entry.calibration) for one in revisions if one.entry is not None]
     changed = [
-        (before, after)
-        for after, before in pairwise(readable)
-        if _numbers(before.entry) != _numbers(after.entry)
+        (before, after) for after, before in pairwise(readable) if _numbers(before[1]) != _numbers(after[1])
     ]
     return tuple(_step(before, after, policy) for before, after in changed[:MOST_COMPARED])
 
 
-def _step(before: EntryRevision, after: EntryRevision, policy: Policy) -> Step:
-    one, other = before.entry, after.entry
-    assert one is not None and other is not None  # noqa: S101, PT018  only readable ones are paired
+def _step(
+    older: tuple[EntryRevision, Calibration], newer: tuple[EntryRevision, Calibration], policy: Policy
+) -> Step:
+    (before, one), (after, other) = older, newer
     try:
-        comparison = compare(one.calibration, other.calibration, policy)
+        comparison = compare(one, other, policy)
     except CalibraryError as error:
         return Step(before=before, after=after, reason=str(error))
     except np.linalg.LinAlgError:
@@ -67,8 +65,6 @@ def _step(before: EntryRevision, after: EntryRevision, policy: Policy) -> Step:
     return Step(before=before, after=after, comparison=comparison)
 
 
-def _numbers(entry: Entry | None) -> tuple[object, ...]:
+def _numbers(calibration: Calibration) -> tuple[object, ...]:
     """All of a calibration that a comparison looks at."""
-    assert entry is not None  # noqa: S101  only readable ones are paired
-    calibration: Calibration = entry.calibration
     return calibration.intrinsics, calibration.distortion, calibration.quality, calibration.grade
