@@ -77,6 +77,20 @@ def test_a_half_is_where_solving_it_alone_ends() -> None:
         assert (np.abs(miss) < 0.1 * np.array(list(lens_covariance(alone).std.values()))).all()
 
 
+def test_a_half_states_the_covariance_that_it_has_alone() -> None:
+    """All of κ² from two solutions of their own: its scale is theirs, degrees of freedom included."""
+    adjusted = solve(Network.of(shoot(seed=3)), SIZE, model=Solvable.BROWN, warp=False).adjusted
+    halves = split_half(adjusted, splits=1)
+    assert halves is not None
+    dealt = np.random.default_rng(0).permutation(np.flatnonzero(adjusted.network.used))
+    alone = [
+        adjust(adjusted.network.views(rows), adjusted.state.views(rows)) for rows in (dealt[::2], dealt[1::2])
+    ]
+    covariance = np.sum([lens_covariance(half).matrix for half in alone], axis=0)
+    apart = halves.halves[0] - halves.halves[1]
+    assert halves.kappa2 == pytest.approx(chi_square(apart, covariance) / len(apart), rel=0.01)
+
+
 def test_five_views_have_no_halves() -> None:
     solved = solve(Network.of(shoot(how=Session(views=5))), SIZE, model=Solvable.K1K2).adjusted
     assert split_half(solved) is None
