@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 
 from calibrary.errors import ConflictError, RegistryError
+from calibrary.progress import log
 from calibrary.registry.git import worktree
 from calibrary.registry.git.commits import File, Step, advance, build, move_branch
 from calibrary.registry.git.errors import Conflict, FileConflictError, explain
@@ -187,6 +188,7 @@ def _patiently(url: str, attempt: Callable[[], Output]) -> Output:
             return output
         if not is_transient or tries == TRIES:
             break
+        log.info("%s: attempt %d failed; trying again in %.1f s", without_secret(url), tries, pause_s)
         time.sleep(pause_s)
     raise RegistryError(f"{without_secret(url)}: {explain(without_secret(output.errors))}")
 

@@ -20,6 +20,7 @@ from functools import partial
 from typing import Final
 
 from calibrary.errors import RegistryError
+from calibrary.progress import log
 from calibrary.registry.git import worktree
 from calibrary.registry.git.commits import File, Person, Step, advance, land
 from calibrary.registry.git.errors import Conflict, FileConflictError
@@ -132,6 +133,7 @@ def write(
                     f"{repo.path}: {ref} kept moving, or stayed locked; nothing was written, try again "
                     f"({' '.join(told)})"
                 )
+            log.info("%s: %s was moved by another writer; trying again", repo.path, ref)
             time.sleep(pause_s)
     raise AssertionError  # backoff() has no end
 

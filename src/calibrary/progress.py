@@ -1,11 +1,17 @@
-"""How long work reports how far it is: one signature everywhere."""
+"""How long work reports how far it is, and how long its parts took: one way everywhere."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TypeAlias
 
-__all__ = ["Progress", "counted", "labelled"]
+__all__ = ["Progress", "counted", "labelled", "log", "stage"]
+
+log = logging.getLogger("calibrary")
+"""What is skipped, tried again or took long; the command line shows it with --verbose."""
 
 Progress: TypeAlias = Callable[[int, int, str], None]
 """Called with (done, total, what): how many of how many, and of what, as "images"."""
@@ -35,3 +41,13 @@ def counted(progress: Progress | None, total: int, what: str) -> Callable[[int],
 def labelled(progress: Progress | None, what: str) -> Callable[[int, int], None] | None:
     """From work that counts one kind of thing, and does not say which, to a caller who is told of what."""
     return (lambda done, total: progress(done, total, what)) if progress is not None else None
+
+
+@contextmanager
+def stage(what: str) -> Iterator[None]:
+    """Log how long a part of the work took, even if it failed."""
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        log.info("%s: %.2f s", what, time.perf_counter() - start)

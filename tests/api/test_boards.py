@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import calibrary
+from calibrary.api.boards import Places
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import CalibrationError, InputError
 from calibrary.schemas import require
@@ -74,3 +76,34 @@ def test_frames_without_the_board_are_no_calibration(furnished: Path) -> None:
     frames = sorted((furnished / "frames").glob("*.jpg"))[:2]
     with pytest.raises(CalibrationError):
         calibrary.calibrate(frames, board="checkerboard:5x4", square_mm=40)
+
+
+def test_saved_corners_are_solved_as_their_frames_were(
+    result: calibrary.CalibrateResult, tmp_path: Path
+) -> None:
+    path = tmp_path / "corners.json"
+    result.write(Places(corners=path))
+    again = calibrary.calibrate(corners=path, lens_model="k1k2", date=date(2024, 5, 6))
+    assert again.calibration.intrinsics == result.calibration.intrinsics
+    assert again.calibration.distortion == result.calibration.distortion
+    assert again.calibration.provenance.source == "corners.json"
+
+
+@pytest.mark.parametrize("given", [{}, {"frames": "a", "corners": "b"}, {"corners": "a", "points": "b"}])
+def test_frames_corners_and_points_exclude_one_another(given: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="one of them only"):
+        calibrary.calibrate(**given)
+
+
+def test_what_frames_and_points_need_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="square_mm"):
+        calibrary.calibrate(tmp_path)
+    with pytest.raises(InputError, match="image_size"):
+        calibrary.calibrate(points=tmp_path / "gcp.csv")
+
+
+def test_make_and_model_are_asked_for_before_frames_are_searched(furnished: Path) -> None:
+    with pytest.raises(InputError, match="make"):
+        calibrary.calibrate(
+            furnished / "frames", square_mm=40, camera=lambda _: calibrary.CameraKey(), for_registry=True
+        )

@@ -12,6 +12,11 @@ import pytest
 
 import calibrary
 from calibrary import Calibration
+from calibrary.api.boards import write_board
+from calibrary.api.cameras import known_cameras
+from calibrary.api.files import convert, formats
+from calibrary.api.files import inspect as inspect_files
+from calibrary.api.pictures import undistort
 
 SOURCE_DOCUMENT = {"extract_intrinsic_matrix", "validate"}
 """As the source document has it, and a rule of the core: they read no file and are no part of the door."""
@@ -24,7 +29,14 @@ FUNCTIONS = {
 METHODS = {
     f"Calibration.{name}": getattr(Calibration, name) for name in ("to_opencv", "from_opencv", "to_colmap")
 }
-METHODS["Fleet.resolve"] = calibrary.Fleet.resolve
+METHODS |= {
+    f"Fleet.{name}": getattr(calibrary.Fleet, name)
+    for name in ("resolve", "listing", "show", "check", "audit", "export", "propose")
+}
+METHODS |= {
+    f"{function.__module__}.{function.__name__}": function
+    for function in (convert, inspect_files, formats, known_cameras, undistort, write_board)
+}
 DOCUMENTED = {"calibrary": calibrary, **FUNCTIONS, **METHODS}
 
 

@@ -158,6 +158,19 @@ def test_verbose_says_more_on_standard_error_and_the_same_on_standard_output() -
     assert "calibrary: wrote again.yml (" in long.err
 
 
+@pytest.mark.usefixtures("ran")
+def test_verbose_says_what_was_read_and_what_was_skipped_and_how_long_each_part_took() -> None:
+    broken = Path("flight_with_a_broken_image")
+    broken.mkdir(exist_ok=True)
+    (broken / "torn.jpg").write_bytes(b"\xff\xd8\xff\xe1")
+    said = printed(f"extract {broken} --dry-run --verbose").err
+    assert "calibrary: skipped torn.jpg: " in said
+    for part in ("read the heads of 1 images", "derived and judged K", "in all"):
+        assert re.search(rf"^calibrary: {part}: \d+\.\d\d s$", said, re.MULTILINE), part
+    said = printed("inspect camera.xml --verbose").err
+    assert re.search(r"^calibrary: read camera\.xml: \d+\.\d\d s$", said, re.MULTILINE)
+
+
 def too_wide(text: str, width: int) -> list[str]:
     """Lines beyond the width, but for a word that has a line of its own."""
     return [

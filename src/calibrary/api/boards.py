@@ -26,7 +26,7 @@ from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_
 from calibrary.jobs.calibrate_board.outputs import Files, Places
 from calibrary.jobs.calibrate_board.report import report_of
 from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe, read_seed, saved_corners
-from calibrary.progress import Progress, counted
+from calibrary.progress import Progress, counted, log, stage
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.validation import Finding
@@ -192,7 +192,9 @@ def calibrate(
         operator=operator,
         corners_name=corners_name or (Path(corners).name if corners is not None else None),
     )
-    return CalibrateResult(calibrate_from(collected, request), collected, request)
+    with stage(f"solved {len(collected.observations.views)} views with lens model {lens_model}"):
+        result = calibrate_from(collected, request)
+    return CalibrateResult(result, collected, request)
 
 
 def _searched(
@@ -212,9 +214,13 @@ def _searched(
         require_key(metadata.setting.camera if metadata.setting is not None else stated(CameraKey()))
     if metadata.setting is not None:
         _check_size(metadata.setting.image_size, image_size, "the frames")
-    return observe(
-        paths, metadata, pattern, workers=workers, progress=counted(progress, len(paths), "frames")
-    )
+    with stage(f"looked for the board in {len(paths)} frames"):
+        found = observe(
+            paths, metadata, pattern, workers=workers, progress=counted(progress, len(paths), "frames")
+        )
+    for one in found.rejected:
+        log.info("skipped %s: %s", one.name, one.remark.text)
+    return found
 
 
 def _control_points(
@@ -271,7 +277,7 @@ def write_board(
     >>> from calibrary.api.boards import write_board
     >>> board, page = write_board("checkerboard:9x6", "board.svg", square_mm=25)
     >>> page.width_mm, page.height_mm
-    (297.0, 210.0)
+    (420.0, 297.0)
     """
     write = {".pdf": to_pdf, ".svg": to_svg}.get(Path(out).suffix.lower())
     if write is None:

@@ -14,7 +14,7 @@ def known_cameras(word: str = "") -> list[KnownCamera]:
 
     >>> from calibrary.api.cameras import known_cameras
     >>> [camera.title for camera in known_cameras("FC6310R")]
-    ['DJI Phantom 4 RTK']
+    ['Phantom 4 RTK']
     """
     catalogue = load_catalogue()
     return list(catalogue.search(word) if word else catalogue)

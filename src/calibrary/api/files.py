@@ -148,7 +148,7 @@ def write(
         place for.
 
     Raises:
-        InputError: the suffix does not tell the format, the file cannot be made, or a K is only a guess.
+        InputError: no format or several are written under such a name, the file cannot be made, or a K is only a guess.
         UnsupportedModelError: the format holds the calibration only with a larger error.
 
     >>> verdict = calibrary.write(calibrary.read("camera.xml"), "camera.yaml", format="opencv_storage")
@@ -293,7 +293,7 @@ def formats(word: str = "") -> list[Format]:
 
     >>> from calibrary.api.files import formats
     >>> [one.name for one in formats("kalibr")]
-    ['kalibr_camchain']
+    ['kalibr']
     """
     wanted = word.casefold()
     return [

@@ -66,7 +66,8 @@ class Fleet(FleetView):
             InputError: it cannot be read, its camera is not known, or its K is a guess.
             RegistryError: the current entry is held and ``override_held`` is false.
 
-        >>> change = calibrary.open_registry("fleet").propose("camera.xml")
+        >>> camera = calibrary.CameraKey(make="DJI", model="FC6310R")
+        >>> change = calibrary.open_registry("fleet").propose("camera.xml", camera=camera)
         >>> [(one.entry.id, one.is_new) for one in change.proposals.items]
         [('dji/fc6310r/5472x3648', False)]
         """

@@ -259,7 +259,7 @@ class FleetView:
             InputError: a folder cannot be read, or there is no image.
 
         >>> [finding.rule for finding in calibrary.open_registry("fleet").audit(["survey"]).findings]
-        []
+        [<Rule.UNDATED: 'calibration date unknown'>]
         """
         from calibrary.api.exchange import audited
 
@@ -349,7 +349,7 @@ class FleetView:
             port: 0 for any that is free.
             workers: processes that make the pages.
             progress: called with (pages done, pages in all, "pages").
-            told: called with what happens later: that pages were made anew, or why not.
+            told: called with what happens later: that pages were rebuilt, or the reason that they were not.
 
         Raises:
             InputError: the port is taken.

@@ -50,7 +50,7 @@ class ExtractResult:
 
     @property
     def skipped(self) -> tuple[SkippedFile, ...]:
-        """The images that no camera could be told from, each with its ``reason``."""
+        """The images that no camera could be identified from, each with its ``reason``."""
         return self.extraction.rejected
 
     @property

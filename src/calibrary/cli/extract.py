@@ -1,4 +1,4 @@
-"""``calibrary extract``: the ingest gate."""
+"""``calibrary extract``: one valid K per camera from a flight's images."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ exit code 0: every camera has a valid K; 1: at least one has not.
 
 
 IMAGE_DIR = "".join(("./", "input/"))
-"""Made here, so that it is told from the same text typed."""
+"""Made at run time, so that ``is`` distinguishes the default from the same text typed."""
 
 
 class _Given(float):
@@ -60,7 +60,7 @@ def _add_image_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_limit_flags(parser: argparse.ArgumentParser) -> None:
-    limits = parser.add_argument_group("what K is held against")
+    limits = parser.add_argument_group("limits that K is checked against")
     limits.add_argument(
         "--policy",
         default="fleet",
@@ -123,8 +123,8 @@ def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
         type=Path,
         const=Path("calibrary.lock"),
         metavar="LOCKFILE",
-        help="use only the entries of --registry that LOCKFILE pins, as they were then; refuse where they cannot be "
-        "had so (default LOCKFILE: calibrary.lock)",
+        help="use only the entries of --registry that LOCKFILE pins, as they were then; an error where that "
+        "state is lost (default LOCKFILE: calibrary.lock)",
     )
     known.add_argument(
         "--fallback-k", metavar="FILE", help="a calibrated K (.npy) for when the images yield none"

@@ -132,15 +132,23 @@ INTERRUPTED = "interrupted; nothing was half written"
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    handler = _log(arguments.verbose) if arguments.verbose else None
-    try:
-        code: int = arguments.run(arguments)
-        sys.stdout.flush()
-    finally:
-        if handler is not None:
-            import logging
+    if not arguments.verbose:
+        return _ended(arguments)
+    import logging
 
-            logging.getLogger("calibrary").removeHandler(handler)
+    from calibrary.progress import stage
+
+    handler = _log(arguments.verbose)
+    try:
+        with stage("in all"):
+            return _ended(arguments)
+    finally:
+        logging.getLogger("calibrary").removeHandler(handler)
+
+
+def _ended(arguments: argparse.Namespace) -> int:
+    code: int = arguments.run(arguments)
+    sys.stdout.flush()
     return code
 
 

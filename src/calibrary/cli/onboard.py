@@ -33,9 +33,9 @@ EXIT_REFUSED: Final = 1
 STYLES: Final = {"draft proposed": "bold green", "nothing new": "cyan", "refused": "bold red"}
 
 DESCRIPTION = """\
-Sort what came with a new payload (images, frames of a board, calibration files, in sub-folders as they lie), tell
-its cameras, hear everybody who says what their K is, and propose the best as a draft on a branch of the registry.
-The main branch is left alone; a person approves.
+Sort what came with a new payload (images, frames of a board, calibration files, in any sub-folders), identify its
+cameras, compare every source of their K, and propose the best as a draft on a branch of the registry. The main
+branch is not changed; a person approves.
 """
 EXAMPLES = """\
 examples:
@@ -44,7 +44,7 @@ examples:
   calibrary onboard payload/ --board charuco:8x5 --square-mm 30 --html report.html
   calibrary onboard payload/ --trust file                    where sources disagree and you know which is right
 
-exit codes: 0 a draft waits, or nothing is new; 1 refused, and only the page is written; 2 something was not said that
+exit codes: 0 a draft waits, or nothing is new; 1 refused, and only the page is written; 2 an answer is missing that
 only a person knows; 3 the folder cannot be read; 4 the registry.
 """
 
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--for",
         dest="serves",
         choices=("unit", "model"),
-        help="whether a measured K is this unit's only, or stands for every unit of its model",
+        help="whether a measured K is this unit's only, or valid for every unit of its model",
     )
     asked.add_argument(
         "--trust",

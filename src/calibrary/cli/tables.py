@@ -17,7 +17,7 @@ __all__ = ["Column", "facts", "fitted"]
 
 GAP = 2
 BELOW = 4
-"""Columns before what stands below a row."""
+"""Indent of what is below a row."""
 
 READABLE = 24
 """A column of sentences has this width before another column of them is given more."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Take a lens's distortion out of images, and write the K that then holds beside them."
+DESCRIPTION = "Remove lens distortion from images, and write the new K beside them."
 EXAMPLES = """\
 examples:
   calibrary undistort flight/ --calibration camera.xml              into ./undistorted, K unchanged
@@ -25,8 +25,8 @@ examples:
   calibrary undistort *.tif --calibration rig.xml --camera 2 --keep all --size same-focal
   calibrary undistort flight/ --calibration camera.xml --to colmap_text --mask
 
-The new K is written beside the pictures, with no distortion. Pictures are taken as stored: EXIF's orientation
-turns nothing. EXIF (without maker's notes and thumbnail; without focal lengths where these change) and colour
+The new K is written beside the pictures, with no distortion. Pictures are taken as stored: EXIF's orientation is
+not applied. EXIF (without maker's notes and thumbnail; without focal lengths where these change) and colour
 profile are kept in JPEG and PNG; XMP is not, for cameras keep their distortion there: it says "lens profile
 applied" instead. TIFFs keep pixels alone.
 

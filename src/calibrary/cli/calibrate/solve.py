@@ -97,7 +97,7 @@ def _add_solving_flags(parser: argparse.ArgumentParser) -> None:
     )
     solving.add_argument("--no-warp", action="store_true", help="take the board for flat without asking")
     solving.add_argument(
-        "--seed-k", type=Path, metavar="FILE", help="a K to start from, such as the ingest gate's seed"
+        "--seed-k", type=Path, metavar="FILE", help="a K to start from, such as the seed that extract writes"
     )
     solving.add_argument("--focus", metavar="TEXT", help='how the lens was focused: "locked at infinity"')
     solving.add_argument(

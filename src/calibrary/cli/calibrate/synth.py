@@ -65,7 +65,7 @@ _FLAGS = (
     ("--motion-px", (0.0, 200.0), 0.0, "PX", "motion along x while the shutter is open"),
     ("--noise", (0.0, 100.0), 2.0, "LEVELS", "standard deviation of the noise, of 255"),
     ("--glare", (0.0, 100.0), 0.0, "LIGHT", "of a lamp's mirror image; 1 saturates"),
-    ("--bow-mm", (-100.0, 100.0), 0.0, "MM", "how far the board's middle stands behind its ends"),
+    ("--bow-mm", (-100.0, 100.0), 0.0, "MM", "how far the board's middle is behind its ends"),
     ("--stretch-pct", (-10.0, 10.0), 0.0, "PCT", "how much wider the print came out than asked for"),
     ("--readout-ms", (0.0, 1000.0), 0.0, "MS", "of a rolling shutter, first to last row"),
     ("--turn-deg-s", (-1000.0, 1000.0), 0.0, "DEG", "how fast the camera turns to the side meanwhile"),

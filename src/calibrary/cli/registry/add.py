@@ -107,7 +107,7 @@ def _proposed(arguments: argparse.Namespace) -> ProposedChange:
 
     registry, is_new = Fleet.named_or_new(arguments.registry)
     if is_new:
-        told = f"no registry was named and none is around here, so yours was made: {registry.place}"
+        told = f"no registry was named and none was found here, so your own was created: {registry.place}"
         note(arguments).say(plain(told))
     return registry.propose(
         arguments.file,
@@ -145,7 +145,7 @@ def _question(due: Sequence[Proposal]) -> str:
 
 
 def _refused(number: int, *, approve: bool) -> str:
-    what = "an error stands against it" if number == 1 else f"{number} errors stand against it"
-    return f"{what}; put it right in the file or by the flags" + (
+    what = "the check found an error" if number == 1 else f"the check found {number} errors"
+    return f"{what}; correct it in the file or with flags" + (
         ", or add it as a draft without --approve" if approve else ""
     )

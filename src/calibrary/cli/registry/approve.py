@@ -1,4 +1,4 @@
-"""``calibrary registry approve``: put entries to use, if nothing stands against it."""
+"""``calibrary registry approve``: put entries to use, if the check finds no error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``calibrary registry audit``: what flew lately against the registry that should know it, for people and for cron."""
+"""``calibrary registry audit``: recent flights against the registry, for people and for cron."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 USES = {"used": "green", "expired": "red", "draft": "red", "retired": "red", "none": "red"}
 
 DESCRIPTION = (
-    "Hold the registry against images of recent flights: cameras without an entry, entries that the "
+    "Compare the registry with images of recent flights: cameras without an entry, entries that the "
     "images contradict, entries that are stale. Nothing is written."
 )
 EXAMPLES = """\
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_months,
         default=24,
         metavar="MONTHS",
-        help="age from which a calibration is told of (default: 24)",
+        help="age from which a calibration is reported (default: 24)",
     )
     parser.add_argument("--workers", type=_count, default=0, metavar="N", help="processes that read images")
     add_registry_flag(parser)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Tell of each field of an entry by which commit it came to be what it is."
+DESCRIPTION = "Show for each field of an entry the commit that last changed it."
 EXAMPLES = """\
 examples:
   calibrary registry blame fc6310r

@@ -18,7 +18,7 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_BAD = 1
 
-DESCRIPTION = "Hold entries against the schema, their digest, path, provenance, the policy and one another."
+DESCRIPTION = "Check entries against the schema, their digest, path, provenance, the policy and one another."
 EXAMPLES = """\
 examples:
   calibrary registry check                               all that is committed

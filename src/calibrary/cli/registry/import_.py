@@ -25,15 +25,15 @@ CATALOGUE = "catalogue"
 EXIT_INPUT = 3
 STYLES = {"new": "green", "changed": "yellow", "same": "dim", "left": "dim", "failed": "bold red"}
 
-DESCRIPTION = "Take in a folder of calibration files of any format, or the catalogue of known cameras."
+DESCRIPTION = "Import a folder of calibration files of any format, or the catalogue of known cameras."
 EXAMPLES = """\
 examples:
   calibrary registry import catalogue                    every known camera whose K can be derived, as drafts
   calibrary registry import lab-results/ --yes           every calibration file below a folder
   calibrary registry import p4r/ --make DJI --model FC6310R --status approved
 
-One commit, or none. Run again it changes nothing. Files that cannot be taken are told and hold up no other; exit
-code 3: there were files, and none could be taken. Entries are drafts until they are approved.
+One commit, or none. Run again it changes nothing. A file that cannot be imported is reported and does not stop the
+others; exit code 3: there were files, and none could be imported. Entries are drafts until they are approved.
 """
 
 

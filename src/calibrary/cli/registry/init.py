@@ -1,4 +1,4 @@
-"""``calibrary registry init``: a registry to begin with, or a copy of one that is somewhere."""
+"""``calibrary registry init``: create a registry, or copy one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Begin a registry of camera calibrations in git, or copy one that is somewhere."
+DESCRIPTION = "Create a registry of camera calibrations in git, or copy one."
 EXAMPLES = """\
 examples:
   calibrary registry init fleet
@@ -22,7 +22,7 @@ examples:
   calibrary registry init --remote git@example.com:fleet.git      a copy of one that is there
 
 It makes a git repository with registry.yaml, README.md, .gitattributes and a workflow that runs 'calibrary
-registry check' on every push. A repository without a commit is begun in; one with commits is left alone.
+registry check' on every push. A repository without a commit is used; one with commits is not changed.
 """
 
 

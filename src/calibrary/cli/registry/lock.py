@@ -21,8 +21,8 @@ examples:
   calibrary registry lock dji/fc6310r sony/dsc-rx1rm2
   calibrary extract --image-dir flight/ --registry fleet --locked       later, with just those
 
-A registry in git is read at the pinned commit later, whatever became of it since, and the run tells what has
-changed; one that has lost that commit is refused. Of a plain folder any change of a pinned entry is refused.
+A registry in git is read at the pinned commit later, whatever has changed since, and the run reports what
+has; one that has lost that commit is refused. Of a plain folder any change of a pinned entry is refused.
 """
 
 

@@ -1,4 +1,4 @@
-"""``calibrary registry log``: what became of an entry, or of the whole registry."""
+"""``calibrary registry log``: the revisions of an entry, or of the whole registry."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_REGISTRY = 4
 
-DESCRIPTION = "Bring what others have written, and make our own commits again on top of it."
+DESCRIPTION = "Fetch what others have written, and apply our own commits on top of it."
 EXAMPLES = """\
 examples:
   calibrary registry pull

@@ -1,4 +1,4 @@
-"""``calibrary registry retire``: use entries no more, and say why."""
+"""``calibrary registry retire``: stop using entries, and state the reason."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from calibrary.cli.registry.deciding import add_deciding_flags, run_decision
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Use entries no more. Their files and history stay."
+DESCRIPTION = "Stop using entries. Their files and history stay."
 EXAMPLES = """\
 examples:
   calibrary registry retire fc6310r --reason "lens was replaced"

@@ -17,7 +17,7 @@ examples:
   calibrary registry serve                     prints the address to open; Ctrl-C ends it
   calibrary registry serve --port 8710
 
-Only this machine can reach it. When the registry changes the pages are made anew; reload to see them.
+Only this machine can reach it. When the registry changes, the pages are rebuilt; reload to see them.
 """
 
 

@@ -11,6 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
 from calibrary.parsers.files import MAX_BYTES
+from calibrary.progress import stage
 from calibrary.records import replace
 from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
@@ -61,13 +62,14 @@ class Reading:
         Raises:
             InputError: the kinds that :func:`calibrary.parsers.read` lists.
         """
-        return parsers.read(
-            path,
-            format=self.format,
-            image_size=self.image_size,
-            options=self.options,
-            max_bytes=self.max_bytes,
-        )
+        with stage(f"read {path}"):
+            return parsers.read(
+                path,
+                format=self.format,
+                image_size=self.image_size,
+                options=self.options,
+                max_bytes=self.max_bytes,
+            )
 
 
 def choose(

@@ -17,6 +17,7 @@ from calibrary.jobs.exchange.add import AddRequest, propose_file
 from calibrary.jobs.exchange.argument import Reading
 from calibrary.jobs.exchange.catalogue_entries import KIND, catalogue_entries
 from calibrary.parsers.image_names import is_image
+from calibrary.progress import log
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_form import digest
@@ -208,6 +209,7 @@ def _of_file(
     try:
         proposals = propose_file(registry, path, reading, request)
     except CalibraryError as error:
+        log.info("not imported: %s", error)
         told = str(error).removeprefix(f"{path.name}: ").removeprefix(f"{path}: ")
         yield Item(source=source, fate=Fate.FAILED, reason=told), None
         return

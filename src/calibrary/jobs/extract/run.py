@@ -15,7 +15,7 @@ from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_c
 from calibrary.jobs.extract.gather import Gathered, SkippedFile, collect_images, gather
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.policy import FLEET, Policy
-from calibrary.progress import Progress, counted
+from calibrary.progress import Progress, counted, log, stage
 from calibrary.validation import Finding, Report, Severity, Verdict
 
 __all__ = ["Request", "run"]
@@ -65,21 +65,25 @@ def run(request: Request) -> Extraction:
         hint = "" if request.recursive else "; if they lie in sub-folders, add --recursive"
         source = ", ".join(map(str, request.images))
         raise InputError(f"contains no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source)
-    gathered = gather(
-        found.paths,
-        found.root,
-        workers=request.workers,
-        progress=counted(request.progress, len(found.paths), "images"),
-        stop_at_first=request.strict,
-    )
+    with stage(f"read the heads of {len(found.paths)} images"):
+        gathered = gather(
+            found.paths,
+            found.root,
+            workers=request.workers,
+            progress=counted(request.progress, len(found.paths), "images"),
+            stop_at_first=request.strict,
+        )
     _skip_contradictions(gathered)
+    for skipped in gathered.rejected:
+        log.info("skipped %s: %s", skipped.name, skipped.reason)
     if request.strict and gathered.rejected:
         first = gathered.rejected[0]
         raise _breach(request.policy, "image", f"{first.name}: {first.reason}")
 
-    states = group_cameras(gathered.states, knowledge)
-    sensor, warnings = _sensor(request, states)
-    cameras = [_judged(key, group, request, sensor) for key, group in states.items()]
+    with stage("derived and judged K"):
+        states = group_cameras(gathered.states, knowledge)
+        sensor, warnings = _sensor(request, states)
+        cameras = [_judged(key, group, request, sensor) for key, group in states.items()]
     rivals = _rivals(cameras)
     files, unreadable = (
         find_calibrations(found.folders, found.root, recursive=request.recursive) if rivals else ([], [])

@@ -21,7 +21,7 @@ from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import read_regular_file
 from calibrary.parsers.format import Format, WriteVerdict
 from calibrary.parsers.imagery import read_metadata
-from calibrary.progress import Progress
+from calibrary.progress import Progress, log, stage
 from calibrary.records import replace
 
 __all__ = [
@@ -183,7 +183,8 @@ def undistort(request: UndistortRequest, progress: Progress | None = None) -> Un
     done: list[Undistorted] = []
     try:
         for one in images:
-            done.append(_undistorted(one, cameras))
+            with stage(f"undistorted {one.image}"):
+                done.append(_undistorted(one, cameras))
             if progress is not None:
                 progress(len(done), len(images), "images")
     except KeyboardInterrupt as error:
@@ -336,6 +337,7 @@ def _undistorted(one: Undistorted, cameras: _Cameras) -> Undistorted:
         _write({one.output: encode(result, quality=given.quality)}, force=given.force)
     except CalibraryError as error:
         named = str(error) if image.name in str(error) else f"{image.name}: {error}"
+        log.info("not undistorted: %s", named)
         return replace(one, error=named)
     return replace(one, size=(width, height), warnings=tuple(_doubts(image)))
 
