@@ -36,8 +36,9 @@ from PIL import Image
 from calibrary.evidence.collect import collect
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Sensor, group_cameras, judge
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Sensor, group_cameras
 from calibrary.jobs.extract.gather import gather
+from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.reader import read_source
@@ -132,7 +133,8 @@ def as_the_gate(paths: Sequence[Path], folder: Path, knowledge: Knowledge) -> No
     gathered = gather(paths, folder, workers=1)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, states in group_cameras(gathered.states, knowledge).items():
-        assert judge(key, states, policy=FLEET, sensor=sensor).calibration is not None
+        [camera] = judge(key, states, policy=FLEET, sensor=sensor)
+        assert camera.calibration is not None
 
 
 def cost_per_image(paths: Sequence[Path], folder: Path, repeats: int) -> None:

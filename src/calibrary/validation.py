@@ -28,6 +28,7 @@ __all__ = [
     "Report",
     "Severity",
     "Verdict",
+    "group_spread",
     "validate",
 ]
 
@@ -469,18 +470,20 @@ def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> I
 
 
 def _group_spread(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
-    if around.spread is None:
-        return
-    ok = around.spread <= policy.group_spread_max
-    message = (
-        f"K spreads by {around.spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
-    )
+    if around.spread is not None:
+        yield group_spread(around.spread, policy)
+
+
+def group_spread(spread: float, policy: Policy) -> Finding:
+    """How far K's numbers spread over the images of one camera, as a share of fx."""
+    ok = spread <= policy.group_spread_max
+    message = f"K spreads by {spread:.2%} over this camera's images, at most {policy.group_spread_max:.2%}"
     if not ok:
         message += ": images of two units or two capture modes have the same camera key"
-    yield Finding(
+    return Finding(
         rule="one-k-per-camera",
         severity=Severity.PASS if ok else Severity.ERROR,
-        measured=around.spread,
+        measured=spread,
         limit=policy.group_spread_max,
         message=message,
         remedy=None if ok else "put the images of each unit and each capture mode into a separate folder",

@@ -172,7 +172,7 @@ def test_the_picture_says_that_its_lens_was_corrected(kind: str, tmp_path: Path)
     picture = decode(stored(kind, ramp(), exif=exif_block()), source="a")
     path = tmp_path / "a"
     path.write_bytes(encode(reframed(picture, picture.pixels, keeps_focal=False)))
-    assert edits(read_metadata(path)) == ("an editor applied a lens profile",)
+    assert edits(read_metadata(path)) == ("lens-corrected by an editor",)
 
 
 def test_a_long_colour_profile_is_cut_into_numbered_segments() -> None:

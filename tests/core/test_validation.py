@@ -165,7 +165,7 @@ def test_a_policy_with_a_limit_out_of_range_is_refused(over: dict[str, float]) -
 
 
 def test_a_frame_an_editor_changed_is_unproven_under_fleet() -> None:
-    around = Circumstances(edits=("an editor cropped the frame",))
+    around = Circumstances(edits=("the image was cropped by an editor",))
     report = validate(calibration(), FLEET, around)
     assert report.verdict is Verdict.UNPROVEN
     assert "original files from the camera" in str(report.remedy)

@@ -14,12 +14,12 @@ def test_djis_own_crs_properties_say_that_nothing_was_done() -> None:
 
 def test_a_crop_that_was_applied_is_told() -> None:
     cropped = replace(p4_rtk(), xmp=xmp("crs", HasCrop="True", AlreadyApplied="True"))
-    assert edits(cropped) == ("an editor cropped the frame",)
+    assert edits(cropped) == ("cropped by an editor",)
 
 
 def test_a_lens_profile_that_was_applied_is_told() -> None:
     corrected = replace(p4_rtk(), xmp=xmp("crs", LensProfileEnable="1", AlreadyApplied="True"))
-    assert edits(corrected) == ("an editor applied a lens profile",)
+    assert edits(corrected) == ("lens-corrected by an editor",)
 
 
 def test_a_crop_that_is_only_planned_moves_no_pixel() -> None:

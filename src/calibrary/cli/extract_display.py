@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from calibrary.jobs.extract.fallback import Step
     from calibrary.jobs.extract.gather import SkippedFile
     from calibrary.jobs.extract.outputs import Outputs
+    from calibrary.jobs.extract.states import StateDocument
 
 __all__ = ["Display", "judgement", "verdict"]
 
@@ -41,6 +42,8 @@ COLUMNS = {"verdict": 8, "images": 6, "fx/W": 6, "grade": 10}
 """Widths beside the camera's, which takes what is left."""
 
 CHAIN = (Column(name="step"), Column(name="outcome"), Column(name="", rank=1, wraps=True))
+GROUP_RULES = frozenset({"one-unit", "one-calibration"})
+MOST_STATES = 6
 INDENT = COLUMNS["verdict"] + GAP
 
 
@@ -212,6 +215,7 @@ def _below(camera: CameraReport) -> Iterator[Text]:
     if camera.verdict is not Verdict.VALID:
         first, *more = camera.camera.names
         yield Text(printable(f"images: {first} and {len(more)} more" if more else f"image: {first}"), "dim")
+    yield from _states(camera)
     reason = camera.reason or ""
     if reason:
         yield Text(printable(reason))
@@ -225,6 +229,30 @@ def _below(camera: CameraReport) -> Iterator[Text]:
     for dropped in evidence.dropped:
         if dropped.tag not in reason:
             yield Text(printable(f"{dropped.tag} is not believed: {dropped.reason}"), "dim")
+
+
+def _states(camera: CameraReport) -> Iterator[Text]:
+    """How many images are in which state, where there are several, and what was found of the group."""
+    states = camera.states
+    if len(states) > 1:
+        counts = [f"{len(state.images)} {_told(state)}" for state in states[:MOST_STATES]]
+        if len(states) > MOST_STATES:
+            counts.append(f"{len(states) - MOST_STATES} more states in the report")
+        yield Text(printable(f"states: {'; '.join(counts)}"), "dim")
+    findings = camera.camera.report.findings if camera.camera.report is not None else ()
+    for finding in findings:
+        if finding.rule in GROUP_RULES and finding.message not in (camera.reason or ""):
+            yield Text(printable(finding.message), "yellow")
+
+
+def _told(state: StateDocument) -> str:
+    words = [
+        state.verdict.value,
+        *([state.grade.value] if state.grade is not None else ["no K of their own"]),
+    ]
+    if state.firmware is not None:
+        words.append(f"firmware {state.firmware}")
+    return ", ".join([*words, *state.edits])
 
 
 def _skipped(rejected: tuple[SkippedFile, ...]) -> RenderableType:

@@ -7,12 +7,14 @@ equal; firmware is no part of it, for a K that moved with the firmware must be s
 
 from __future__ import annotations
 
+import re
+
 from calibrary.calibration import CameraKey
 from calibrary.evidence.dji import is_dewarped
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.known_camera import normalise_sub_camera
 
-__all__ = ["camera_key", "stated_sub_camera"]
+__all__ = ["camera_key", "firmware", "stated_sub_camera"]
 
 SUB_CAMERA_TAGS = (
     # A band tells more than the source of a head that has several.
@@ -21,6 +23,24 @@ SUB_CAMERA_TAGS = (
     ("drone-dji", "ImageSource"),
     ("drone-skydio", "CameraSource"),
 )
+
+
+PROGRAMS = re.compile(
+    r"\b(?:adobe|photoshop|lightroom|bridge|gimp|picasa|photo ?(?:viewer|gallery|editor|desk|scape)|gallery|photos|"
+    r"windows|microsoft|apple photos|paint(?:shop|\.net)?|irfanview|acdsee|xnview\w*|faststone|digikam|darktable|"
+    r"rawtherapee|capture one|dxo|luminar|affinity|corel|polarr|snapseed|vsco|instagram|whatsapp|google|"
+    r"imagemagick|graphicsmagick|graphicconverter|pillow|opencv|ffmpeg|quicktime|exiftool|vuescan|noise ninja|"
+    r"nikon transfer|viewnx\w*|capture nx\w*|digital photo professional|(?:image|zoom)browser|camedia master|"
+    r"finepixviewer|pix4d\w*|metashape|photoscan)\b",
+    re.IGNORECASE,
+)
+"""Editors, galleries and converters that write their own name into EXIF Software."""
+
+
+def firmware(metadata: ImageMetadata) -> str | None:
+    """The camera's firmware: EXIF Software, unless a program that the image went through wrote its own name."""
+    software = metadata.software
+    return None if software is None or PROGRAMS.search(software) else software
 
 
 def stated_sub_camera(metadata: ImageMetadata) -> str | None:

@@ -10,8 +10,9 @@ import numpy as np
 
 from calibrary.catalogue import Catalogue
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras, judge
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
+from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.run import Request, run
 from calibrary.policy import FLEET, Policy
@@ -56,7 +57,9 @@ def judged(
 ) -> list[Camera]:
     """Cameras of images that need no file."""
     groups = group_cameras(states, KNOWLEDGE)
-    return [judge(key, group, policy=policy, sensor=sensor) for key, group in groups.items()]
+    return [
+        camera for key, group in groups.items() for camera in judge(key, group, policy=policy, sensor=sensor)
+    ]
 
 
 def matrix(path: Path, fx: float, cx: float = 2736.0, cy: float = 1824.0, *, fy: float | None = None) -> Path:

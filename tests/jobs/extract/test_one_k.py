@@ -37,9 +37,9 @@ def test_k_is_the_commonest_one_and_no_average() -> None:
     assert camera.calibration.provenance.source == "a"
 
 
-def test_k_of_a_better_grade_counts_more_than_many_images() -> None:
-    plain = replace(unit(3660.5), xmp=())
-    [camera] = judged({plain: ["a", "b", "c"], unit(3660.5): ["d"]})
+def test_k_of_a_better_grade_counts_more_than_many_images_of_one_unit() -> None:
+    one = replace(unit(3660.5), serial="5f1d0c7a9be24d3c")
+    [camera] = judged({replace(one, xmp=()): ["a", "b", "c"], one: ["d"]})
     assert camera.calibration is not None
     assert (camera.calibration.grade, fx_of(camera)) == (Grade.CALIBRATED, 3660.5)
     assert camera.spread == 0.0
@@ -82,6 +82,7 @@ def test_a_state_without_calibration_tags_counts_where_its_focal_length_is_anoth
             focal_mm=8.8,
             focal_plane_resolution=(per_mm, per_mm),
             focal_plane_unit=FocalPlaneUnit.MILLIMETRE,
+            serial="5f1d0c7a9be24d3c",
             has_exif=True,
         )
 

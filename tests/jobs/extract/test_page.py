@@ -162,3 +162,13 @@ def test_a_run_of_very_many_cameras_stays_a_page(
 
 def test_the_same_run_gives_the_same_bytes(outcome: Extraction, page: Page, tmp_path: Path) -> None:
     assert render_page(made(outcome, tmp_path)) == render_page(page)
+
+
+def test_the_images_of_several_states_are_shown_by_state(tmp_path: Path) -> None:
+    flight = tmp_path / "flight"
+    picture(flight / "old.jpg", **P4R, dewarp=DEWARP, body_serial="1", software="v1")
+    picture(flight / "lost.jpg", **P4R, body_serial="1", software="v2")
+    seen = text(made(gate(flight), tmp_path))
+    assert "The images by what can change K or its meaning" in seen
+    assert "takes over the camera's K" in seen
+    assert "1 of 2 images lack drone-dji:DewarpData" in seen

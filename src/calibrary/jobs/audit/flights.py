@@ -11,10 +11,12 @@ from pathlib import Path
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
 from calibrary.evidence.frame import exif_contradiction
+from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.exchange.identity import identified
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras, judge
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.gather import SkippedFile, find_images, gather
+from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.parsers.imagery.taken import taken_on
 from calibrary.policy import Policy
@@ -167,19 +169,19 @@ def _flown(states: dict[ImageMetadata, list[str]], images: _Found, policy: Polic
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, group in group_cameras(states, knowledge).items():
         for same in _by_firmware(group):
-            camera = judge(key, same, policy=policy, sensor=sensor)
-            days = [day for name in camera.names if (day := images.days[name]) is not None]
-            yield Flown(
-                key=identified(same[0].metadata, knowledge.catalogue).key,
-                camera=camera,
-                first=min(days, default=None),
-                last=max(days, default=None),
-                example=images.paths[camera.names[0]][1],
-            )
+            for camera in judge(key, same, policy=policy, sensor=sensor):
+                days = [day for name in camera.names if (day := images.days[name]) is not None]
+                yield Flown(
+                    key=identified(camera.states[0].metadata, knowledge.catalogue).key,
+                    camera=camera,
+                    first=min(days, default=None),
+                    last=max(days, default=None),
+                    example=images.paths[camera.names[0]][1],
+                )
 
 
 def _by_firmware(group: Sequence[State]) -> list[tuple[State, ...]]:
     parts: dict[str | None, list[State]] = {}
     for state in group:
-        parts.setdefault(state.metadata.software, []).append(state)
+        parts.setdefault(firmware(state.metadata), []).append(state)
     return [tuple(parts[name]) for name in sorted(parts, key=lambda name: name or "")]

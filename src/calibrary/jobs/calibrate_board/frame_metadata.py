@@ -15,7 +15,7 @@ from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import InputError
 from calibrary.evidence.edits import edits
 from calibrary.evidence.frame import files_frame
-from calibrary.evidence.identity import camera_key
+from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import read_metadata
@@ -102,7 +102,7 @@ def describe_frames(
             continue
         if changed := edits(metadata):
             raise InputError(
-                f"{' and '.join(changed)}, so its pixels are no longer where the lens put them; "
+                f"the image was {' and '.join(changed)}, so its pixels are no longer where the lens put them; "
                 "expected the original frames from the camera",
                 source=path.name,
             )
@@ -124,7 +124,7 @@ def _key(metadata: ImageMetadata) -> CameraKey:
     """Which camera, its firmware included: between two of them K may move."""
     known = match_image(load_catalogue(), metadata).camera
     key = camera_key(metadata, known.sub_camera if known is not None else None)
-    return replace(key, firmware=metadata.software)
+    return replace(key, firmware=firmware(metadata))
 
 
 def _notes(metadata: ImageMetadata) -> list[str]:

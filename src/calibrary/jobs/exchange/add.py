@@ -12,6 +12,7 @@ from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
 from calibrary.errors import InputError, MissingTagError
+from calibrary.evidence.identity import firmware
 from calibrary.jobs.exchange.argument import Reading, choose, entry_file
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import hash_serial, read_metadata
@@ -164,7 +165,7 @@ class _Source:
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         image = is_image(path)
-        software = read_metadata(path).software if image else None
+        software = firmware(read_metadata(path)) if image else None
         return cls(name=path.name, sha256=sha256, is_image=image, software=software)
 
 

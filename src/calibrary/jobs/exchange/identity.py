@@ -7,7 +7,7 @@ from pathlib import Path
 
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import Catalogue, load_catalogue, match_image
-from calibrary.evidence.identity import camera_key
+from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
@@ -37,7 +37,7 @@ def identified(metadata: ImageMetadata, catalogue: Catalogue) -> Identified:
     match = match_image(catalogue, metadata)
     inferred = match.camera.sub_camera if match.camera is not None else None
     return Identified(
-        key=replace(camera_key(metadata, inferred), firmware=metadata.software),
+        key=replace(camera_key(metadata, inferred), firmware=firmware(metadata)),
         camera=match.camera,
         siblings=match.siblings or match.candidates,
         why=match.reason,

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.gather import SkippedFile
+from calibrary.jobs.extract.states import StateDocument, states_of
 from calibrary.policy import Policy
 from calibrary.validation import Report, Verdict
 
-__all__ = ["CameraReport", "Extraction", "slugs"]
+__all__ = ["CameraReport", "Extraction", "slugs", "slugs_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +43,11 @@ class CameraReport:
     def images(self) -> tuple[str, ...]:
         """Every image of this camera, by its path below the folder."""
         return self.camera.names
+
+    @property
+    def states(self) -> tuple[StateDocument, ...]:
+        """Its images by what can change K or its meaning, with what was decided of each."""
+        return states_of(self.camera)
 
     @property
     def report(self) -> Report | None:
@@ -115,6 +121,25 @@ class Extraction:
     def exit_code(self) -> int:
         """0 when it is good, else 1."""
         return 0 if self.is_good else 1
+
+
+def slugs_of(cameras: Sequence[Camera]) -> list[str]:
+    """The short name of each camera; of those with one key, the later ones carry the grade of their K."""
+    names = slugs(dict.fromkeys(camera.key for camera in cameras))
+    taken: set[str] = set(names.values())
+    seen: set[CameraKey] = set()
+    found: list[str] = []
+    for camera in cameras:
+        slug = names[camera.key]
+        if camera.key in seen:
+            grade = camera.calibration.grade.value if camera.calibration is not None else "no-k"
+            slug, n = f"{slug}-{grade}", 2
+            while slug in taken:
+                slug, n = f"{names[camera.key]}-{grade}-{n}", n + 1
+            taken.add(slug)
+        seen.add(camera.key)
+        found.append(slug)
+    return found
 
 
 def slugs(keys: Iterable[CameraKey]) -> dict[CameraKey, str]:

@@ -16,7 +16,8 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intr
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError
 from calibrary.evidence.estimate import Source
-from calibrary.jobs.extract.cameras import Camera, circumstances
+from calibrary.jobs.extract.cameras import Camera
+from calibrary.jobs.extract.circumstances import circumstances
 from calibrary.jobs.extract.gather import find_files
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.parsers.image_names import is_image

@@ -7,11 +7,12 @@ from importlib.metadata import version
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.evidence.estimate import SourceEstimate
-from calibrary.jobs.extract.cameras import circumstances
+from calibrary.jobs.extract.circumstances import circumstances
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.outputs import Outputs
+from calibrary.jobs.extract.states import StateDocument
 from calibrary.pages import (
     Badge,
     Block,
@@ -39,6 +40,7 @@ __all__ = ["outcome_page"]
 VERDICTS = {Verdict.VALID: Tone.GOOD, Verdict.UNPROVEN: Tone.CAUTION, Verdict.REJECTED: Tone.BAD}
 SEVERITIES = {
     Severity.PASS: Tone.GOOD,
+    Severity.NOTE: Tone.NEUTRAL,
     Severity.WARNING: Tone.NEUTRAL,
     Severity.UNPROVEN: Tone.CAUTION,
     Severity.ERROR: Tone.BAD,
@@ -50,7 +52,9 @@ MOST_DRAWN = 40
 
 MOST_CAMERAS = 500
 MOST_NAMES = 200
-"""Images named of one camera, and of those set aside; the report lists all."""
+"""Images named of one state, and of those set aside; the report lists all."""
+
+MOST_STATES = 20
 
 
 def outcome_page(outcome: Extraction, outputs: Outputs) -> Page:
@@ -141,7 +145,7 @@ def _camera(camera: CameraReport, policy: Policy, *, drawn: bool) -> Section:
     blocks += _doubts(camera)
     if camera.fallback is not None:
         blocks += _fallbacks(camera.fallback)
-    blocks.append(_names(camera.camera.names))
+    blocks += _images_by_state(camera)
     return Section(
         title=str(camera.camera.key), badge=_verdict(camera), anchor=camera.slug, blocks=tuple(blocks)
     )
@@ -311,6 +315,42 @@ def _fallbacks(fallback: Fallback) -> Iterator[Block]:
             summary="To self-calibrate from the seed",
             blocks=(Code(text=command, label=f"COLMAP commands for {fallback.seed.camera}"),),
         )
+
+
+def _images_by_state(camera: CameraReport) -> Iterator[Block]:
+    """The images; where they are in several states, what each state has and how it was judged."""
+    states = camera.states
+    if len(states) > 1:
+        yield Table(
+            caption="The images by what can change K or its meaning",
+            columns=(
+                Column("images", numeric=True),
+                Column("verdict"),
+                Column("grade of their own K"),
+                Column("fx (px)", numeric=True),
+                Column("firmware"),
+                Column("sources and edits"),
+            ),
+            rows=tuple(_state(state) for state in states[:MOST_STATES]),
+        )
+        if len(states) > MOST_STATES:
+            yield f"{len(states) - MOST_STATES} more states are listed in the report."
+    for state in states[:MOST_STATES]:
+        yield _names(state.images)
+
+
+def _state(state: StateDocument) -> tuple[Cell, ...]:
+    told = [*state.edits, *state.sources] or ["none"]
+    if state.inherits:
+        told.insert(0, "takes over the camera's K")
+    return (
+        str(len(state.images)),
+        Badge(state.verdict.value, VERDICTS[state.verdict]),
+        state.grade.value if state.grade is not None else "–",
+        f"{state.intrinsics.fx:.2f}" if state.intrinsics is not None else "–",
+        state.firmware or "–",
+        "; ".join(told),
+    )
 
 
 def _names(names: tuple[str, ...]) -> Details:

@@ -16,6 +16,7 @@ from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.hand_off import seed_command
+from calibrary.jobs.extract.states import StateDocument
 from calibrary.records import Json, Meta, Record
 from calibrary.validation import Finding, Report, Verdict
 
@@ -103,6 +104,7 @@ class CameraDocument(Record):
         fallback: what was tried where the images give no valid K.
         seed: where a self-calibration may start.
         images: path of each image below the folder.
+        states: those images by what can change K or its meaning; none in reports of earlier versions.
     """
 
     id: str
@@ -123,6 +125,7 @@ class CameraDocument(Record):
     fallback: tuple[Step, ...]
     seed: Seed | None
     images: tuple[str, ...]
+    states: tuple[StateDocument, ...] = ()
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         camera = document.pop("camera")
@@ -235,6 +238,7 @@ def _camera(c: CameraReport, output: str | None) -> CameraDocument:
         fallback=c.fallback.steps if c.fallback is not None else (),
         seed=_seed(c),
         images=tuple(c.camera.names),
+        states=c.states,
     )
 
 

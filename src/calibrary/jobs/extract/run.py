@@ -9,10 +9,11 @@ from pathlib import Path
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.frame import exif_contradiction
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras, judge
-from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
+from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_calibrations, read_matrix
 from calibrary.jobs.extract.gather import Gathered, SkippedFile, collect_images, gather
+from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress, counted, log, stage
@@ -83,7 +84,7 @@ def run(request: Request) -> Extraction:
     with stage("derived and judged K"):
         states = group_cameras(gathered.states, knowledge)
         sensor, warnings = _sensor(request, states)
-        cameras = [_judged(key, group, request, sensor) for key, group in states.items()]
+        cameras = [one for key, group in states.items() for one in _judged(key, group, request, sensor)]
     rivals = _rivals(cameras)
     files, unreadable = (
         find_calibrations(found.folders, found.root, recursive=request.recursive) if rivals else ([], [])
@@ -95,14 +96,12 @@ def run(request: Request) -> Extraction:
         knowledge=knowledge,
         rivals=rivals,
     )
-    names = slugs(states)
+    names = slugs_of(cameras)
     return Extraction(
         policy=request.policy,
         cameras=tuple(
-            CameraReport(
-                slug=names[camera.key], camera=camera, fallback=_fallback(camera, request.policy, sources)
-            )
-            for camera in cameras
+            CameraReport(slug=slug, camera=camera, fallback=_fallback(camera, request.policy, sources))
+            for slug, camera in zip(names, cameras, strict=True)
         ),
         rejected=tuple(gathered.rejected),
         warnings=(*knowledge.warnings, *warnings),
@@ -138,12 +137,13 @@ def _sensor(
     return default, (warning,)
 
 
-def _judged(key: CameraKey, group: tuple[State, ...], request: Request, sensor: Sensor) -> Camera:
-    camera = judge(key, group, policy=request.policy, sensor=sensor)
-    if request.strict and camera.verdict is not Verdict.VALID:
-        rule = camera.report.failures[0].rule if camera.report is not None else "intrinsics"
-        raise _breach(request.policy, rule, f"{camera.key}: {camera.reason}; {camera.remedy}")
-    return camera
+def _judged(key: CameraKey, group: tuple[State, ...], request: Request, sensor: Sensor) -> tuple[Camera, ...]:
+    cameras = judge(key, group, policy=request.policy, sensor=sensor)
+    for camera in cameras:
+        if request.strict and camera.verdict is not Verdict.VALID:
+            rule = camera.report.failures[0].rule if camera.report is not None else "intrinsics"
+            raise _breach(request.policy, rule, f"{camera.key}: {camera.reason}; {camera.remedy}")
+    return cameras
 
 
 def _breach(policy: Policy, rule: str, message: str) -> ValidationError:

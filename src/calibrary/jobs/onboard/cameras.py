@@ -11,8 +11,10 @@ from typing import Final
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize, same_aspect
 from calibrary.errors import InputError, MissingTagError
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras, judge
+from calibrary.evidence.identity import firmware
+from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.gather import SkippedFile
+from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.onboard.classify import LARGEST_CALIBRATION, Payload
 from calibrary.known_camera import normalise_sub_camera
@@ -113,12 +115,13 @@ def find_cameras(
     groups = _named(group_cameras(payload.states, knowledge), payload, said, sorted_)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, states in groups.items():
-        judged = judge(key, states, policy=policy, sensor=sensor)
-        firmware = {state.metadata.software for state in states}
+        # A payload is one unit: that is what is being onboarded.
+        [judged] = judge(key, states, policy=policy, sensor=sensor, one_unit=True)
+        versions = {firmware(state.metadata) for state in states}
         sorted_.cameras.append(
             PayloadCamera(
                 key=key,
-                firmware=firmware.pop() if len(firmware) == 1 else None,
+                firmware=versions.pop() if len(versions) == 1 else None,
                 judged=judged,
                 frames=tuple(payload.folder / name for name in judged.names if name in payload.frames),
             )

@@ -10,7 +10,7 @@ from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.edits import edits
 from calibrary.jobs.diff.comparison import Comparison, compare
-from calibrary.jobs.extract.cameras import circumstances
+from calibrary.jobs.extract.circumstances import circumstances
 from calibrary.jobs.onboard.cameras import PayloadCamera
 from calibrary.jobs.onboard.estimates import Estimate, Kind, expected_of, gap
 from calibrary.policy import Policy
@@ -153,7 +153,7 @@ def held_against(
             for compared in comparison.others
             if compared.agrees and compared.estimate.kind in {Kind.TAGS, Kind.FILE}
         ),
-        edits=edits(judged.states[0].metadata)
+        edits=tuple(f"the image was {edit}" for edit in edits(judged.states[0].metadata))
         if judged is not None and comparison.chosen.kind is Kind.BOARD
         else (),
     )

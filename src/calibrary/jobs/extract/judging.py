@@ -1,0 +1,352 @@
+"""Judging a camera: every state of its images by its own sources, and the camera by the worst of them.
+
+Images that lack what others of the same key carry are of another unit for all that is known, and become a camera
+with a K of their own grade. Where the serial number, or the registry, proves one unit they take over its K, and
+that is counted.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.evidence.collect import Evidence, collect
+from calibrary.evidence.conflict import disagreement
+from calibrary.evidence.edits import edits
+from calibrary.evidence.estimate import SourceEstimate
+from calibrary.evidence.identity import firmware
+from calibrary.jobs.extract.cameras import Camera, JudgedState, Sensor, State
+from calibrary.jobs.extract.circumstances import circumstances, named, scene_of
+from calibrary.policy import Policy
+from calibrary.records import replace
+from calibrary.validation import Circumstances, Finding, Report, Severity, group_spread, validate
+
+__all__ = ["judge"]
+
+MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
+
+FAILS = frozenset({Severity.WARNING, Severity.UNPROVEN, Severity.ERROR})
+
+COUNTED = "as-recorded"
+"""The rule whose message says by itself how many images it is of."""
+
+Heard = tuple[State, Evidence]
+
+
+def judge(
+    key: CameraKey,
+    states: Sequence[State],
+    *,
+    policy: Policy,
+    sensor: Sensor,
+    one_unit: bool = False,
+) -> tuple[Camera, ...]:
+    """Choose the K of the images of one key and hold it against the policy.
+
+    Args:
+        key: which camera.
+        states: what its images say, the commonest first.
+        policy: the limits.
+        sensor: used when neither the images nor the catalogue state one.
+        one_unit: whether the images are known to be of one unit whatever they say.
+
+    Returns:
+        One camera; several, the best K first, where images lack what others carry and nothing proves one unit.
+    """
+    heard = [(state, collect(scene_of(state, sensor, policy))) for state in states]
+    edited = Counter[str]()
+    for state in states:
+        edited.update(dict.fromkeys(edits(state.metadata), len(state.names)))
+    images = sum(len(state.names) for state in states)
+    told = {edit: f"{_of(count, images)} {edit}" for edit, count in edited.items()}
+    one_unit = one_unit or _is_one_unit(key, states)
+    parts = [heard] if one_unit else _by_grade(heard)
+    first, *others = (_camera(key, part, policy, told, one_unit=one_unit) for part in parts)
+    return first, *(_apart_from(first, camera) for camera in others)
+
+
+def _apart_from(first: Camera, camera: Camera) -> Camera:
+    """A camera of images that lack what others of the same key carry, with a finding that says so."""
+    if camera.report is None or first.calibration is None:
+        return camera
+    tag = first.calibration.provenance.tag or first.calibration.provenance.kind
+    count, images = len(camera.names), len(camera.names) + len(first.names)
+    note = Finding(
+        rule="one-unit",
+        severity=Severity.NOTE,
+        measured=float(count),
+        message=f"{count} of {images} images lack {tag}, which the others carry; nothing shows that they are of the "
+        "same unit, so they have a K by their own sources",
+    )
+    return replace(camera, report=replace(camera.report, findings=(*camera.report.findings, note)))
+
+
+def _of(count: int, images: int) -> str:
+    if images == 1:
+        return "the image was"
+    return f"all {images} images were" if count == images else f"{count} of {images} images were"
+
+
+def _is_one_unit(key: CameraKey, states: Sequence[State]) -> bool:
+    """Whether a serial number or one measured entry of the registry is that of all images."""
+    if key.serial is not None:
+        return True
+    found = {state.known.resolution.path if state.known.resolution is not None else None for state in states}
+    resolution = states[0].known.resolution
+    return len(found) == 1 and resolution is not None and resolution.calibration.grade in MEASURED
+
+
+def _by_grade(heard: Sequence[Heard]) -> list[list[Heard]]:
+    """States whose K's are equally good, the best first; those without a K last."""
+    parts: dict[int, list[Heard]] = {}
+    for state, evidence in heard:
+        rank = evidence.chosen.rank[0] if evidence.chosen is not None else len(Grade)
+        parts.setdefault(rank, []).append((state, evidence))
+    return [parts[rank] for rank in sorted(parts)]
+
+
+def _camera(
+    key: CameraKey, heard: Sequence[Heard], policy: Policy, edited: dict[str, str], *, one_unit: bool
+) -> Camera:
+    """One camera. Its K is one that an image carries, never an average.
+
+    Of the states with the best-graded K it is that of the one with most images, and of an unedited one where there
+    is one.
+    """
+    with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
+    if not with_k:
+        state, evidence = heard[0]
+        reason, remedy = _no_k(state, evidence)
+        judged = tuple(JudgedState(state=state, evidence=evidence) for state, evidence in heard)
+        return Camera(
+            key=key,
+            judged=judged,
+            evidence=evidence,
+            calibration=None,
+            report=None,
+            no_k_reason=reason,
+            no_k_remedy=remedy,
+        )
+    best = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
+    carriers = [one for one in with_k if one[1].chosen and one[1].chosen.rank[0] == best]
+    reference = min(carriers, key=lambda one: len(edits(one[0].metadata)))
+    key_with_firmware = _dated(key, [state for state, _ in heard])
+    calibration = _own(key_with_firmware, *reference)
+    assert calibration is not None  # noqa: S101  its evidence has a chosen estimate
+    judged = tuple(
+        _judged(one, calibration if one is reference else _own(key_with_firmware, *one), policy, edited)
+        if one in carriers
+        else _inheriting(one, reference, calibration, policy, edited)
+        for one in heard
+    )
+    chosen = next(one for one in judged if one.state is reference[0])
+    spread = _spread([evidence.chosen for _, evidence in with_k if evidence.chosen], reference[1])
+    return Camera(
+        key=key,
+        judged=judged,
+        evidence=reference[1],
+        calibration=calibration,
+        report=_merged(judged, chosen, policy, spread, one_unit=one_unit),
+        spread=spread,
+    )
+
+
+def _own(key: CameraKey, state: State, evidence: Evidence) -> Calibration | None:
+    return evidence.calibration(key, source_name=state.names[0].rsplit("/", 1)[-1])
+
+
+def _around(one: Heard, edited: dict[str, str]) -> Circumstances:
+    state, evidence = one
+    around = circumstances(evidence, state.known)
+    return replace(around, edits=tuple(edited[edit] for edit in edits(state.metadata)))
+
+
+def _judged(
+    one: Heard, calibration: Calibration | None, policy: Policy, edited: dict[str, str]
+) -> JudgedState:
+    report = validate(calibration, policy, _around(one, edited)) if calibration is not None else None
+    return JudgedState(state=one[0], evidence=one[1], calibration=calibration, report=report)
+
+
+def _inheriting(
+    one: Heard, reference: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]
+) -> JudgedState:
+    """A state of the same unit that lacks what others carry: their K, held against what this state itself says."""
+    around, theirs = _around(one, edited), circumstances(reference[1], reference[0].known)
+    chosen = reference[1].chosen
+    around = replace(
+        around,
+        expected=around.expected or theirs.expected,
+        others=(*(named(estimate, chosen) for estimate in one[1].estimates), *theirs.others),
+        weighed=theirs.weighed,
+        sensor_assumed=theirs.sensor_assumed,
+        sensor_given=theirs.sensor_given,
+    )
+    report = validate(calibration, policy, around)
+    return JudgedState(state=one[0], evidence=one[1], report=report, inherits=True)
+
+
+def _merged(
+    judged: Sequence[JudgedState],
+    reference: JudgedState,
+    policy: Policy,
+    spread: float | None,
+    *,
+    one_unit: bool,
+) -> Report:
+    """Each finding of any state, with how many images it is of where it is not of all."""
+    images = sum(len(one.state.names) for one in judged)
+    counts, first = Counter[tuple[str, Severity, str]](), dict[tuple[str, Severity, str], Finding]()
+    for one in (reference, *(other for other in judged if other is not reference)):
+        for finding in one.report.findings if one.report is not None else ():
+            if finding.severity in FAILS or one is reference:
+                name = (finding.rule, finding.severity, finding.message)
+                counts[name] += len(one.state.names)
+                first.setdefault(name, finding)
+    findings = [
+        finding
+        if finding.severity not in FAILS or counts[name] == images or finding.rule == COUNTED
+        else replace(finding, message=f"{counts[name]} of {images} images: {finding.message}")
+        for name, finding in first.items()
+    ]
+    if spread is not None:
+        findings.append(group_spread(spread, policy))
+    changes = _changes(judged, policy, one_unit=one_unit)
+    return Report(policy=policy.name, findings=(*findings, *changes, *_inherited(judged)))
+
+
+def _inherited(judged: Sequence[JudgedState]) -> Iterator[Finding]:
+    """How many images take over the K of others."""
+    images = sum(len(one.state.names) for one in judged)
+    lacking = sum(len(one.state.names) for one in judged if one.inherits)
+    carrier = next((one.calibration for one in judged if one.calibration is not None), None)
+    if not lacking or carrier is None:
+        return
+    tag = carrier.provenance.tag or carrier.provenance.kind
+    proof = "their serial number proves" if carrier.camera.serial is not None else "the registry states"
+    yield Finding(
+        rule="one-unit",
+        severity=Severity.NOTE,
+        measured=float(lacking),
+        message=f"{lacking} of {images} images lack {tag} and take over the K of the other {images - lacking}: "
+        f"{proof} that they are of one unit",
+    )
+
+
+def _changes(judged: Sequence[JudgedState], policy: Policy, *, one_unit: bool) -> Iterator[Finding]:
+    """Measured calibrations of one camera that differ by more than noise, as after a firmware or a repair.
+
+    Where nothing proves one unit they may be of two, which the limit of the spread is for.
+    """
+    groups: list[list[JudgedState]] = []
+    for one in judged:
+        if one.calibration is None or one.calibration.grade not in MEASURED:
+            continue
+        alike = next((g for g in groups if not _differ(g[0].calibration, one.calibration, policy)), None)
+        if alike is None:
+            groups.append([one])
+        else:
+            alike.append(one)
+    if len(groups) < 2:
+        return
+    first, other = (group[0].calibration for group in groups[:2])
+    assert first is not None  # noqa: S101  groups are of calibrations
+    assert other is not None  # noqa: S101
+    measured = other.intrinsics.fx / first.intrinsics.fx - 1.0
+    what = "the calibration of one unit changed" if one_unit else "the calibration differs"
+    more = f"; and {len(groups) - 2} more" if len(groups) > 2 else ""
+    yield Finding(
+        rule="one-calibration",
+        severity=Severity.UNPROVEN if one_unit and policy.assumed_sensor_is_unproven else Severity.WARNING,
+        measured=measured,
+        limit=policy.drift_focal,
+        message=f"{what} between {_called(groups[0])} and {_called(groups[1])}{more}: {measured:+.2%} of fx",
+        remedy="put the images of each into a separate folder; 'calibrary diff' compares the two",
+    )
+
+
+def _called(group: Sequence[JudgedState]) -> str:
+    """A group by its firmware, its calibration's date and an image, as far as they are stated."""
+    calibration = group[0].calibration
+    assert calibration is not None  # noqa: S101  see _changes
+    versions = dict.fromkeys(version for one in group if (version := firmware(one.state.metadata)))
+    names = [name for one in group for name in one.state.names]
+    words = [f"firmware {', '.join(versions)}"] if versions else []
+    words += [f"calibration of {calibration.provenance.date}"] if calibration.provenance.date else []
+    shown = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+    return (
+        f"{', '.join(words) or calibration.provenance.tag} (fx = {calibration.intrinsics.fx:.2f} px, {shown})"
+    )
+
+
+def _differ(one: Calibration | None, other: Calibration | None, policy: Policy) -> bool:
+    assert one is not None  # noqa: S101  see _changes
+    assert other is not None  # noqa: S101
+    a, b = one.intrinsics, other.intrinsics
+    moved = max(abs(getattr(a, name) - getattr(b, name)) for name in ("fx", "fy", "cx", "cy"))
+    if moved > policy.drift_focal * a.fx:
+        return True
+    if one.distortion == other.distortion:
+        return False
+    width, height = a.image_size
+    rays = one.unproject(np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]]))
+    apart = np.abs(replace(other, intrinsics=a).project(rays) - one.project(rays))
+    return not bool(np.all(apart <= policy.drift_max_px))
+
+
+def _spread(estimates: Sequence[SourceEstimate], evidence: Evidence) -> float | None:
+    """The largest (max − min) of fx, fy, cx, cy over the states as a share of fx, None with one state.
+
+    A state whose calibration tags were lost says less, not something else: it counts only where its focal
+    length is another camera's.
+    """
+    chosen = evidence.chosen
+    if chosen is None or len(estimates) < 2:
+        return None
+    equals = [w.intrinsics for w in estimates if w.rank[0] == chosen.rank[0] or disagreement(chosen, w)]
+    ranges = (
+        max(getattr(K, name) for K in equals) - min(getattr(K, name) for K in equals)
+        for name in ("fx", "fy", "cx", "cy")
+    )
+    return float(max(ranges)) / chosen.intrinsics.fx
+
+
+GIVE_K = "register the camera (--registry), or give its K (--fallback-k)"
+
+
+def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
+    """The key with the firmware, where all images name the same."""
+    versions = {firmware(state.metadata) for state in states}
+    return replace(key, firmware=versions.pop() if len(versions) == 1 else None)
+
+
+def _no_k(state: State, evidence: Evidence) -> tuple[str, str]:
+    """Why there is no K at all, and what to do about that."""
+    metadata = state.metadata
+    # A registry knows cameras by their Model: one that names none can only be given its K.
+    give_k = GIVE_K if metadata.model is not None else "or give their K (--fallback-k)"
+    own_files = f"provide the original files from the camera, {give_k}"
+    fisheye = next((w for w in evidence.estimates if not w.pinhole), None)
+    if fisheye is not None or evidence.scene.is_fisheye:
+        why = "a fisheye lens, which a pinhole K cannot describe"
+        return why, "calibrate it as a fisheye; put that file beside the images, or register it (--registry)"
+    fault = metadata.fault("EXIF FocalLength")
+    if fault is not None:
+        return f"EXIF FocalLength is {fault.found}, expected {fault.expected}", own_files
+    if evidence.dropped:
+        dropped = evidence.dropped[0]
+        why, _, what_to_do = f"{dropped.tag}: {dropped.reason}".partition("; ")
+        return why, what_to_do or own_files
+    if metadata.focal_mm is None and metadata.focal_35mm is not None:
+        why = f"EXIF has only a 35 mm equivalent ({metadata.focal_35mm:g} mm), no focal length of this sensor"
+        return why, own_files
+    if metadata.focal_mm is None:
+        missing = "no EXIF FocalLength" if metadata.has_exif else "no EXIF at all"
+        return f"{missing} and no calibration tag", own_files
+    if state.known.camera is not None:
+        why = "the image size is neither the full sensor size scaled nor a 1:1 crop of it"
+        return why, "register the camera at this size (--registry)"
+    return "the pixel pitch is unknown", f"name the sensor (--sensor-width-mm), {GIVE_K}"
