@@ -373,7 +373,7 @@ def test_the_first_entry_of_a_user_begins_a_registry_of_his_own(
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     code, _, told = run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--yes")
-    assert (code, "yours was made" in told) == (0, True)
+    assert (code, "your own was created" in told) == (0, True)
     assert held(default_place()).id == P4R
 
 
