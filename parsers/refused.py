@@ -228,8 +228,7 @@ REFUSED = (
         sniff=_pickle,
         refuses="opening one runs whatever program is in it. Where you trust the file, save its numbers as a .npz and "
         "read that: c = numpy.load('camera.pkl', allow_pickle=True) and then "
-        "numpy.savez('camera.npz', mtx=c['mtx'], dist=c['dist'], image_size=(1920, 1080)), with the file's own keys "
-        "and image size",
+        "numpy.savez('camera.npz', mtx=c['mtx'], dist=c['dist']), with the file's own keys",
     ),
     Format(
         name="sensor_cal",

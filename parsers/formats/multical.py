@@ -49,7 +49,7 @@ def sniff(content: Content) -> Sniff | None:
     table = content.json.get("cameras") if isinstance(content.json, dict) else None
     first = next(iter(table.values()), None) if isinstance(table, dict) else None
     if isinstance(first, dict) and {"K", "dist", "image_size"} <= first.keys():
-        return Sniff(Sure.MAGIC, "JSON with cameras that have K, dist and image_size")
+        return Sniff(Sure.MAGIC, "JSON with cameras that have K, dist and a size")
     return None
 
 
