@@ -46,11 +46,16 @@ def shown(outcome: Extraction, folder: Path, width: int = 100) -> str:
     return written.getvalue()
 
 
+def heads(told: list[str]) -> list[str]:
+    """The verdict that each camera's first line begins with."""
+    return [word for line in told if line and (word := line.split(" ")[0]) in set(Verdict)]
+
+
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
 def test_no_line_is_wider_than_the_terminal_and_no_verdict_is_cut(outcome: Extraction, width: int) -> None:
     told = lines(outcome, width)
     assert max(map(len, told)) <= min(width, WIDEST)
-    assert [line.split()[0] for line in told if line.startswith(tuple(Verdict))] == [*Verdict]
+    assert heads(told) == [*Verdict]
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
@@ -63,8 +68,13 @@ def test_the_same_is_told_in_every_width(outcome: Extraction, width: int) -> Non
 
 def test_cameras_that_need_attention_come_last(outcome: Extraction) -> None:
     assert [c.verdict for c in outcome.cameras] != [*Verdict]
-    heads = [line for line in lines(outcome, 100) if line.startswith(tuple(Verdict))]
-    assert [head.split()[0] for head in heads] == ["valid", "unproven", "rejected"]
+    assert heads(lines(outcome, 100)) == ["valid", "unproven", "rejected"]
+
+
+def test_what_unproven_means_is_explained_below_the_cameras(outcome: Extraction) -> None:
+    told = lines(outcome, 100)
+    explained = told.index("unproven: plausible, but not confirmed by a second source")
+    assert explained > max(told.index(line) for line in told if line.startswith("rejected"))
 
 
 def test_the_last_line_counts_the_verdicts(outcome: Extraction, tmp_path: Path) -> None:
