@@ -568,7 +568,7 @@ def one_sided() -> Iterator[Pair]:
         b=moved,
         verdict=DRIFT,
         alarm=True,
-        says="as well known",
+        says="1.5 times as uncertain",
     )
     yield Pair(name="the other side", a=on(moved, "2025-01-01"), b=first, verdict=DRIFT, alarm=True)
     undated = silent(drawn(focal(0.001), 33, 0.3))

@@ -129,13 +129,14 @@ def test_what_a_model_fixes_is_exact_and_not_unknown(lean: bool) -> None:
     assert numbers.spread_a.covariance.std["k3"] == (0.0 if lean else pytest.approx(6e-4))
 
 
-def test_one_side_that_states_no_uncertainty_is_taken_to_be_as_well_known_as_the_other() -> None:
+def test_one_side_that_states_no_uncertainty_is_taken_to_be_half_again_as_uncertain_as_the_other() -> None:
     a, b = on(drawn(camera(), 1), "2026-01-01"), on(silent(drawn(camera(), 2)), "2026-02-01")
     numbers, both = numbers_of(a, b), numbers_of(a, on(drawn(camera(), 2), "2026-02-01"))
     assert numbers.basis is Basis.ONE
     assert numbers.difference.std_px is not None
     assert both.difference.std_px is not None
-    np.testing.assert_allclose(numbers.difference.std_px, both.difference.std_px, rtol=0.02)
+    factor = np.sqrt((1 + 1.5**2) / 2)
+    np.testing.assert_allclose(numbers.difference.std_px, factor * both.difference.std_px, rtol=0.02)
     assert numbers_of(a, replace(b, provenance=a.provenance)).basis is Basis.NONE
 
 

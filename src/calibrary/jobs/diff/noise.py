@@ -1,7 +1,7 @@
 """Which uncertainty the difference of two calibrations has, and whether that uncertainty explains it.
 
 Only what was measured may excuse a difference: the covariances of both. Where one of two independent measurements
-states none, it is taken to be as well known as the other. Where neither does, what their grades are usually worth
+states none, it is taken to be somewhat more uncertain than the other. Where neither does, what their grades are usually worth
 stands in, and again only for two independent measurements. Two copies of one measurement have no noise between them.
 
 Two things are tested, each at half the significance level. The projections: among all pixels, the largest
@@ -35,6 +35,9 @@ EVERY: Final = 2
 TAIL: Final = 0.01
 """Chance at which the tail of the maximum is matched."""
 
+BORROWED: Final = 1.5
+"""Standard deviations of a calibration that states none, in those of the other: sessions of one kind differ so much."""
+
 MEASURED_GRADES: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
 
@@ -42,7 +45,7 @@ class Basis(StrEnum):
     """How the uncertainty of a difference is known."""
 
     BOTH = "both state their uncertainty"
-    ONE = "one states its uncertainty and the other is taken to be as well known"
+    ONE = "one states its uncertainty and the other is taken to be 1.5 times as uncertain"
     TYPICAL = "what calibrations of their grades are usually worth"
     NONE = "unknown: at least one states no uncertainty"
     COPY = "none: both hold one measurement"
@@ -94,11 +97,12 @@ def covariances_of(basis: Basis, spreads: tuple[Spread, Spread]) -> tuple[Covari
     if basis in {Basis.BOTH, Basis.TYPICAL}:
         return one, two
     if basis is Basis.ONE:
-        # The propagation treats both models alike, so twice the one stands for both.
+        # The propagation treats both models alike, so a multiple of the one stands for both.
+        both = 1 + BORROWED**2
         return (
-            (_times(one, 2.0), _times(two, 0.0))
+            (_times(one, both), _times(two, 0.0))
             if spreads[0].is_measured
-            else (_times(one, 0.0), _times(two, 2.0))
+            else (_times(one, 0.0), _times(two, both))
         )
     return None
 
