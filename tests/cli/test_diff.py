@@ -14,6 +14,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.cli.main import main
+from calibrary.records import replace
 from calibrary.registry.registry import Registry
 from calibrary.schemas import require
 from tests.jobs.diff.cameras import camera, changed
@@ -86,6 +87,37 @@ def test_the_document_keeps_to_its_schema_and_says_what_was_compared(
     [fx] = [row for row in numbers["parameters"] if row["name"] == "fx"]
     assert fx["delta"] == pytest.approx(36.789)
     assert document["a"]["calibration"]["intrinsics"]["fx"] == pytest.approx(3678.9)
+
+
+def test_the_last_line_says_which_to_use(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, files / "one.xml", files / "drifted.xml")
+    assert code == ALARM
+    assert (
+        out.rstrip().splitlines()[-1].startswith("Keep using A, and find out who changed fx and fy and why")
+    )
+    assert "e+" not in out
+
+
+def test_a_k_in_millimetres_is_an_input_error(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    np.save(files / "mm.npy", np.diag([8.87, 8.87, 1.0]) + np.array([[0, 0, 6.6], [0, 0, 4.4], [0, 0, 0]]))
+    code, out, err = run(capsys, files / "one.xml", files / "mm.npy")
+    assert (code, out) == (INPUT, "")
+    assert "millimetres" in err or "pixels" in err
+
+
+def test_a_file_that_lists_one_camera_several_times_needs_no_choice(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one = camera()
+    names = [
+        replace(one, camera=replace(one.camera, focal_mm=None, model=name)) for name in ("FC6310R", "FC6310S")
+    ]
+    parsers.write(names, files / "cameras.json", "opensfm")
+    code, document = printed(capsys, files / "one.xml", files / "cameras.json")
+    assert (code, document["verdict"]) == (0, "identical")
+    parsers.write([names[0], changed(names[1], fx=3700.0)], files / "cameras.json", "opensfm")
+    code, _, err = run(capsys, files / "one.xml", files / "cameras.json")
+    assert (code, "choose one with --camera" in err) == (INPUT, True)
 
 
 def test_a_change_of_kind_is_named(files: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -257,7 +257,8 @@ def _sources(one: CameraDecision, width: int) -> list[Text]:
         if comparison is None:
             stands = "[dim]no K[/]"
         elif compared is not None:
-            stands = "[green]agrees[/]" if compared.agrees else "[red]disagrees[/]"
+            colour = {"agrees": "green", "differs": "yellow", "disagrees": "red"}[compared.agreement.value]
+            stands = f"[{colour}]{compared.agreement.value}[/]"
             stands = "[yellow]not believed[/]" if compared in comparison.overruled else stands
         elif comparison.dispute is not None:
             stands = "[yellow]in dispute[/]"

@@ -268,7 +268,10 @@ def test_entries_of_the_same_model_are_held_beside_it(
     assert (relative["id"], relative["own"]) == (f"{ENTRY}/1280x960", False)
     assert relative["focal_change"] == pytest.approx(968 / 960 - 1)
     registry = [one for one in camera["estimates"] if one["kind"] == "registry"]
-    assert [one["agrees"] for one in registry] == [True]
+    # 0.8 % is within what two cameras of one model keep, and 80 cm of height from 100 m: that is no agreement.
+    assert [(one["agrees"], one["agreement"]) for one in registry] == [(False, "differs")]
+    assert camera["decision"] == "draft proposed"
+    assert "differs by -0.83%, which matters on a map" in camera["reason"]
     assert fleet.exists()
 
 

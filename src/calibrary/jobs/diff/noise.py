@@ -1,8 +1,9 @@
 """Which uncertainty the difference of two calibrations has, and whether that uncertainty explains it.
 
 Only what was measured may excuse a difference: the covariances of both. Where one of two independent measurements
-states none, it is taken to be somewhat more uncertain than the other. Where neither does, what their grades are usually worth
-stands in, and again only for two independent measurements. Two copies of one measurement have no noise between them.
+states none, it is taken to be somewhat more uncertain than the other. Where neither does, what their grades are
+usually worth stands in, and again only for two independent measurements. Two copies of one measurement have no noise
+between them.
 
 Two things are tested, each at half the significance level. The projections: among all pixels, the largest
 difference in units of its own standard deviation, against what noise makes of that maximum (drawn from the propagated

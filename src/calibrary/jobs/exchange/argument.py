@@ -79,15 +79,19 @@ def choose(
 
     Args:
         cameras: all of them.
-        number: which, from 1; None for the only one.
+        number: which, from 1; None for the only one, or for any of several with the same K and distortion, since
+            some programs list one camera under several names.
         source: the file's name, for messages.
         how: how to say which, for messages.
 
     Raises:
-        InputError: there are several and no number, or none of that number.
+        InputError: there are several different ones and no number, or none of that number.
     """
-    if number is None and len(cameras) == 1:
-        return cameras[0]
+    first = cameras[0]
+    if number is None and all(
+        (one.intrinsics, one.distortion) == (first.intrinsics, first.distortion) for one in cameras
+    ):
+        return first
     more = f" and {len(cameras) - LISTED} more" if len(cameras) > LISTED else ""
     listed = "; ".join(f"{at} {item.camera}" for at, item in enumerate(cameras[:LISTED], start=1)) + more
     if number is None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
 
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, Grade
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.edits import edits
-from calibrary.jobs.diff.comparison import Comparison, compare
+from calibrary.jobs.diff.comparison import ChangeVerdict, Comparison, compare
 from calibrary.jobs.extract.circumstances import circumstances
 from calibrary.jobs.onboard.cameras import PayloadCamera
 from calibrary.jobs.onboard.estimates import Estimate, Kind, expected_of, gap
@@ -22,6 +23,7 @@ from calibrary.registry.registry import Registry
 from calibrary.validation import Circumstances, NamedFocal, Report, Verdict, validate
 
 __all__ = [
+    "Agreement",
     "ComparedEstimate",
     "EstimateComparison",
     "Relative",
@@ -34,6 +36,19 @@ MOST_RELATIVES: Final = 12
 MOST_READ: Final = 400
 
 
+JUDGED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED, Grade.DESIGN})
+"""Grades whose K is good enough for a difference between two of them to matter."""
+ALIKE: Final = frozenset({ChangeVerdict.IDENTICAL, ChangeVerdict.NOISE, ChangeVerdict.NEGLIGIBLE})
+
+
+class Agreement(StrEnum):
+    """How an estimate compares with the chosen one."""
+
+    AGREES = "agrees"
+    DIFFERS = "differs"
+    DISAGREES = "disagrees"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ComparedEstimate:
     """One estimate compared with the chosen one.
@@ -41,12 +56,23 @@ class ComparedEstimate:
     Attributes:
         estimate: the other estimate.
         difference: relative to the chosen one: of fx or fy, or of the principal point over the image width.
-        agrees: whether the difference is within the limit.
+        agreement: whether it agrees; differs by more than noise and a map allow, yet within the limit that two cameras
+            of one model keep; or disagrees, beyond that limit.
     """
 
     estimate: Estimate
     difference: float
-    agrees: bool
+    agreement: Agreement
+
+    @property
+    def agrees(self) -> bool:
+        """Whether using the one for the other makes no difference that matters."""
+        return self.agreement is Agreement.AGREES
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether it cannot be of this camera."""
+        return self.agreement is Agreement.DISAGREES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,7 +112,7 @@ class Relative:
 
 
 def compare_estimates(
-    estimates: Sequence[Estimate], trusted: Kind | None = None
+    estimates: Sequence[Estimate], policy: Policy, trusted: Kind | None = None
 ) -> EstimateComparison | None:
     """Compare the first estimate with the others.
 
@@ -96,6 +122,7 @@ def compare_estimates(
 
     Args:
         estimates: the one to propose first.
+        policy: whose limits decide whether a difference between two measurements matters.
         trusted: the kind of source that the user trusts.
 
     Returns:
@@ -107,9 +134,9 @@ def compare_estimates(
     if not estimates or estimates[0].rank is None:
         return None
     chosen = estimates[0]
-    others = tuple(_compared(chosen, one) for one in estimates[1:])
-    against = tuple(one for one in others if not one.agrees)
-    for_it = {chosen.origin, *(one.estimate.origin for one in others if one.agrees)}
+    others = tuple(_compared(chosen, one, policy) for one in estimates[1:])
+    against = tuple(one for one in others if one.disagrees)
+    for_it = {chosen.origin, *(one.estimate.origin for one in others if not one.disagrees)}
     against_it = {one.estimate.origin for one in against} - for_it
     is_trusted = trusted is not None and chosen.kind is trusted
     if not against or is_trusted or (len(for_it) >= 2 and len(for_it) > len(against_it)):
@@ -117,10 +144,25 @@ def compare_estimates(
     return EstimateComparison(chosen=chosen, others=others, dispute=_dispute(chosen, against, for_it))
 
 
-def _compared(chosen: Estimate, other: Estimate) -> ComparedEstimate:
-    difference = gap(chosen, other)
-    agrees = abs(difference) <= max(chosen.limit, other.limit)
-    return ComparedEstimate(estimate=other, difference=difference, agrees=agrees)
+def _compared(chosen: Estimate, other: Estimate, policy: Policy) -> ComparedEstimate:
+    difference, agreement = gap(chosen, other), Agreement.AGREES
+    if abs(difference) > max(chosen.limit, other.limit):
+        agreement = Agreement.DISAGREES
+    elif _matters(chosen, other, policy):
+        agreement = Agreement.DIFFERS
+    return ComparedEstimate(estimate=other, difference=difference, agreement=agreement)
+
+
+def _matters(chosen: Estimate, other: Estimate, policy: Policy) -> bool:
+    """Whether two measured K differ by more than noise and a map allow, as ``calibrary diff`` judges it."""
+    one, two = chosen.calibration, other.calibration
+    if one is None or two is None or not {one.grade, two.grade} <= JUDGED:
+        return False
+    try:
+        found = compare(two, one, policy)
+    except CalibraryError:
+        return True
+    return found.alarm or found.verdict not in {*ALIKE, ChangeVerdict.STRUCTURAL}
 
 
 def _dispute(chosen: Estimate, against: Sequence[ComparedEstimate], for_it: set[str]) -> str:
@@ -151,7 +193,7 @@ def held_against(
                 tolerance=compared.estimate.limit,
             )
             for compared in comparison.others
-            if compared.agrees and compared.estimate.kind in {Kind.TAGS, Kind.FILE}
+            if not compared.disagrees and compared.estimate.kind in {Kind.TAGS, Kind.FILE}
         ),
         edits=tuple(f"the image was {edit}" for edit in edits(judged.states[0].metadata))
         if judged is not None and comparison.chosen.kind is Kind.BOARD

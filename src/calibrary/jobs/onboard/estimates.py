@@ -46,7 +46,7 @@ class Estimate:
         compared: what was written by one hand: two tags of one EXIF head are one compared, however often they agree.
         intrinsics: at the size of the camera's images.
         grade: None where it is only an expectation.
-        calibration: with distortion and quality, where it is a whole one that might become the entry.
+        calibration: with distortion and quality, where it is a whole one.
         limit: how far it may lie from the one that is chosen, as a share of fx.
         measured_centre: whether cx and cy are its own.
         rank: sorts those that might become the entry, best first; None for those that must not.
@@ -191,6 +191,7 @@ def _of_registry(current: Resolution | None, policy: Policy) -> Iterator[Estimat
         origin="registry",
         intrinsics=calibration.intrinsics,
         grade=calibration.grade,
+        calibration=calibration,
         limit=current.entry.tolerance or _measured_limit(policy),
         measured_centre=calibration.grade in MEASURED,
     )

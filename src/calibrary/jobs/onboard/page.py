@@ -10,7 +10,7 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate_board.page_plots import fit_plots
 from calibrary.jobs.onboard.classify import Payload
-from calibrary.jobs.onboard.comparison import EstimateComparison, Relative
+from calibrary.jobs.onboard.comparison import Agreement, EstimateComparison, Relative
 from calibrary.jobs.onboard.estimates import Kind
 from calibrary.jobs.onboard.proposal import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Decision, Onboarding
@@ -36,6 +36,11 @@ from calibrary.validation import UNPROVEN_LEGEND, Report, Severity, Verdict
 
 __all__ = ["onboard_page"]
 
+AGREEMENTS = {
+    Agreement.AGREES: Tone.GOOD,
+    Agreement.DIFFERS: Tone.CAUTION,
+    Agreement.DISAGREES: Tone.BAD,
+}
 DECISIONS: Final = {Decision.PROPOSED: Tone.GOOD, Decision.KNOWN: Tone.NEUTRAL, Decision.REFUSED: Tone.BAD}
 SOLVES: Final = {
     BoardVerdict.PASS: Tone.GOOD,
@@ -123,11 +128,9 @@ def _estimates(one: CameraDecision) -> Iterator[Block]:
             stands = Badge("proposed" if comparison.dispute is None else "in dispute", Tone.NEUTRAL)
         elif compared is not None and comparison is not None:
             stands = (
-                Badge("agrees", Tone.GOOD)
-                if compared.agrees
-                else Badge("not believed", Tone.CAUTION)
+                Badge("not believed", Tone.CAUTION)
                 if compared in comparison.overruled
-                else Badge("disagrees", Tone.BAD)
+                else Badge(compared.agreement.value, AGREEMENTS[compared.agreement])
             )
         rows.append(
             (
@@ -164,7 +167,7 @@ def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure
         role = Role.NO_K
         if comparison is not None:
             compared = next((v for v in comparison.others if v.estimate is estimate), None)
-            role = Role.CHOSEN if compared is None else Role.AGREES if compared.agrees else Role.DISAGREES
+            role = Role.CHOSEN if compared is None else Role.DISAGREES if compared.disagrees else Role.AGREES
         rows.append(
             Interval(
                 name=f"{estimate.kind.value}: {estimate.name}",

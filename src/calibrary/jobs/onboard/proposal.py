@@ -132,7 +132,7 @@ def _numbers(entry: Entry) -> list[float]:
 def _key(camera: PayloadCamera, comparison: EstimateComparison, serves: Serves) -> CameraKey:
     key = replace(camera.key, firmware=None)
     heard = [compared for compared in comparison.others if compared.estimate.origin == EXIF]
-    confirmed = any(compared.agrees and compared.estimate.grade in METRIC for compared in heard)
+    confirmed = any(not compared.disagrees and compared.estimate.grade in METRIC for compared in heard)
     if not confirmed and any(compared in comparison.overruled for compared in heard):
         # A focal length that was overruled must not be part of the camera key.
         key = replace(key, focal_mm=None)

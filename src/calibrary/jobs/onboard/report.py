@@ -9,7 +9,7 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.jobs.diff.comparison import ChangeVerdict
 from calibrary.jobs.extract.gather import SkippedFile
-from calibrary.jobs.onboard.comparison import EstimateComparison, Relative
+from calibrary.jobs.onboard.comparison import Agreement, EstimateComparison, Relative
 from calibrary.jobs.onboard.estimates import Estimate, Kind
 from calibrary.jobs.onboard.proposal import sources_of
 from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Decision, Onboarding
@@ -51,7 +51,8 @@ class EstimateReport(Record):
         chosen: whether its K is proposed.
         difference: from the chosen, as a share.
         limit: of the difference.
-        agrees: whether it is within the limit; None for the chosen itself.
+        agrees: whether the difference does not matter; None for the chosen itself.
+        agreement: the same in a word: it agrees, differs by what matters on a map but within the limit, or disagrees.
         overruled: whether it disagrees and is outvoted.
     """
 
@@ -63,6 +64,7 @@ class EstimateReport(Record):
     difference: float | None
     limit: float
     agrees: bool | None
+    agreement: Agreement | None
     overruled: bool
 
 
@@ -262,6 +264,7 @@ def _estimate(estimate: Estimate, comparison: EstimateComparison | None) -> Esti
         difference=compared.difference if compared is not None else None,
         limit=estimate.limit,
         agrees=compared.agrees if compared is not None else None,
+        agreement=compared.agreement if compared is not None else None,
         overruled=comparison is not None and compared is not None and compared in comparison.overruled,
     )
 

@@ -17,6 +17,7 @@ from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, obs
 from calibrary.jobs.onboard.cameras import PayloadCamera, find_cameras
 from calibrary.jobs.onboard.classify import Payload, classify_payload
 from calibrary.jobs.onboard.comparison import (
+    Agreement,
     EstimateComparison,
     compare_estimates,
     held_against,
@@ -149,7 +150,7 @@ def _outcome(camera: PayloadCamera, payload: Payload, square_mm: float, request:
     board = _board(camera, square_mm, request) if camera.frames else None
     result = board.result if board is not None else None
     heard = estimates(camera, result, _current(camera, request.registry), request.policy)
-    comparison = compare_estimates(heard, request.trusted)
+    comparison = compare_estimates(heard, request.policy, request.trusted)
     if comparison is None:
         why, advice = _no_k(camera, board)
         return CameraDecision(
@@ -225,6 +226,12 @@ def _why(comparison: EstimateComparison, board: BoardSolve | None) -> str:
     agreeing = [compared.estimate.name for compared in comparison.others if compared.agrees]
     told = f"its K is that of {chosen.name}, grade {grade}"
     told += f"; {', '.join(agreeing[:3])} {'agrees' if len(agreeing) == 1 else 'agree'}" if agreeing else ""
+    differing = [
+        f"{compared.estimate.name} differs by {compared.difference:+.2%}, which matters on a map"
+        for compared in comparison.others
+        if compared.agreement is Agreement.DIFFERS
+    ]
+    told += f"; {'; '.join(differing[:3])}" if differing else ""
     if comparison.overruled:
         told += f"; {', '.join(compared.estimate.name for compared in comparison.overruled)} not believed"
     provisional = (
