@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import TagFault
+from calibrary.evidence.numerals import as_float
 from calibrary.parsers.imagery.exif import TAG_NAMES, TEXT_TAGS, ExifValues
 from calibrary.parsers.xml import parse_xml
 
@@ -56,7 +57,5 @@ def read_gdal_metadata(data: bytes, source: str) -> GdalMetadata:
 
 def _number(word: str) -> float | str:
     """The number, or the word as it stands: what is wrong with it is said where it is used."""
-    try:
-        return float(word)
-    except ValueError:
-        return word
+    number = as_float(word)
+    return word if number is None else number

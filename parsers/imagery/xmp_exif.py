@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from calibrary.evidence.metadata import XmpProperty
+from calibrary.evidence.numerals import as_float
 from calibrary.parsers.imagery.exif import ExifTag, ExifValues
 
 __all__ = ["mirrored_exif"]
@@ -41,7 +42,5 @@ def mirrored_exif(properties: Mapping[tuple[str, str], XmpProperty]) -> ExifValu
 def _number(text: str) -> float | str:
     """The number, or the text as it stands: what is wrong with it is said where it is used."""
     over, _, under = text.partition("/")
-    try:
-        return float(over) / float(under or 1)
-    except (ValueError, ZeroDivisionError):
-        return text
+    top, bottom = as_float(over), as_float(under or "1")
+    return top / bottom if top is not None and bottom else text

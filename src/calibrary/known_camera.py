@@ -81,7 +81,7 @@ class Projection(StrEnum):
 
 
 CLAIMS: Final = ("native_size", "pitch_um", "sensor_width_mm", "focal_mm", "zoom_mm", "focal_35mm", "projection",
-    "fx_over_w", "spread", "exif_focal_trusted")  # fmt: skip
+    "fx_over_w", "spread", "exif_focal_trusted", "exif_zoom_trusted")  # fmt: skip
 """The fields that are written beside their source, ``{value: 2.4, source: "data sheet"}``, and left out without one."""
 
 NEEDS: Final = {"spread": "fx_over_w", "zoom_mm": "focal_mm"}
@@ -131,6 +131,7 @@ class KnownCamera(Record):
         fx_over_w: expected fx / W at the native size; of a fisheye, on the axis.
         spread: half-width, as a fraction, within which units and sources lie.
         exif_focal_trusted: False where this camera is known to write a wrong FocalLength.
+        exif_zoom_trusted: False where this camera is known to write a DigitalZoomRatio that its images do not have.
         conflicts: what the sources disagree about, with the numbers.
         notes: what else to know.
         sources: where each number is from, by field name.
@@ -156,6 +157,7 @@ class KnownCamera(Record):
     fx_over_w: Annotated[float, Meta(gt=0.05, le=50)] | None = None
     spread: Annotated[float, Meta(gt=0, le=0.5)] | None = None
     exif_focal_trusted: bool = True
+    exif_zoom_trusted: bool = True
     conflicts: Annotated[tuple[Text, ...], Once] = ()
     notes: Annotated[tuple[Text, ...], Once] = ()
     sources: tuple[tuple[str, Text], ...] = ()

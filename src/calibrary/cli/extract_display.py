@@ -226,9 +226,11 @@ def _below(camera: CameraReport) -> Iterator[Text]:
         if conflict.other.tag not in reason:
             found = f"{conflict.other.tag} disagrees by {conflict.difference:+.1%}: {conflict.cause.value}"
             yield Text(printable(found), "yellow")
-    for dropped in evidence.dropped:
+    images = len(camera.camera.names)
+    for dropped, count in camera.camera.dropped:
         if dropped.tag not in reason:
-            yield Text(printable(f"{dropped.tag} is not believed: {dropped.reason}"), "dim")
+            of = "" if count == images else f" of {count} of {images} images"
+            yield Text(printable(f"{dropped.tag}{of} is not believed: {dropped.reason}"), "dim")
 
 
 def _states(camera: CameraReport) -> Iterator[Text]:

@@ -72,7 +72,7 @@ def _cause(scene: Scene, chosen: SourceEstimate, other: SourceEstimate) -> Cause
     focal_mm, focal_35mm = metadata.focal_mm, metadata.focal_35mm
     if focal_mm is not None and focal_35mm is not None and _near(focal_mm / focal_35mm, 1.0):
         return Cause.LEAK_35MM
-    zoom = metadata.zoom
+    zoom = scene.written.zoom
     if zoom > 1.0 and _near_either(ratio, zoom):
         return Cause.DIGITAL_ZOOM
     if any(_is_sibling(scene, estimate) for estimate in (other, chosen)):

@@ -12,7 +12,9 @@ from calibrary.errors import FrameError, InputError
 from calibrary.evidence.estimate import Dropped, Source, SourceEstimate
 from calibrary.evidence.frame import adapt, files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
+from calibrary.evidence.numerals import as_float
 from calibrary.known_camera import KnownCamera, Projection, SensorWidth
+from calibrary.records import replace
 
 __all__ = ["Finding", "Scene", "numbers"]
 
@@ -51,6 +53,13 @@ class Scene:
     assumed_sensor_mm: tuple[float, float] | None = None
     weighs: bool = False
     listed: SensorWidth | None = None
+
+    @property
+    def written(self) -> ImageMetadata:
+        """The metadata without a digital zoom that this camera is known to write and not to apply."""
+        if self.known is None or self.known.exif_zoom_trusted or self.metadata.digital_zoom is None:
+            return self.metadata
+        return replace(self.metadata, digital_zoom=None)
 
     @property
     def focal_mm(self) -> float | None:
@@ -146,7 +155,7 @@ class Scene:
     ) -> Finding:
         """Bring a source's intrinsics to the file's frame, or say why it is not believed."""
         try:
-            adapted = adapt(intrinsics, self.metadata)
+            adapted = adapt(intrinsics, self.written)
         except (FrameError, InputError) as error:
             return Dropped(source=source, tag=tag, reason=error.message)
         K, (low, high) = adapted.intrinsics, POSSIBLE_OVER_WIDTH
@@ -172,8 +181,6 @@ class Scene:
 
 def numbers(text: str) -> tuple[float, ...] | None:
     """A comma- or space-separated list of finite numbers, or None when it is anything else."""
-    try:
-        values = tuple(float(part) for part in text.replace(",", " ").split())
-    except ValueError:
-        return None
-    return values if values and all(math.isfinite(value) for value in values) else None
+    values = [as_float(part) for part in text.replace(",", " ").split()]
+    known = tuple(value for value in values if value is not None and math.isfinite(value))
+    return known if known and len(known) == len(values) else None

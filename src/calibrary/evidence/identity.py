@@ -53,7 +53,11 @@ def stated_sub_camera(metadata: ImageMetadata) -> str | None:
         if named is not None:
             return named
     rig_index = metadata.xmp_text("Camera", "RigCameraIndex")
-    return f"rig-{rig_index}" if rig_index is not None and rig_index.isdecimal() else None
+    return (
+        f"rig-{rig_index}"
+        if rig_index is not None and rig_index.isascii() and rig_index.isdecimal()
+        else None
+    )
 
 
 def camera_key(metadata: ImageMetadata, sub_camera: str | None = None) -> CameraKey:

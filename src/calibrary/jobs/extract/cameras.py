@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.evidence.collect import Evidence
+from calibrary.evidence.estimate import Dropped
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.knowledge import Knowledge, Known
@@ -104,6 +106,14 @@ class Camera:
     def names(self) -> tuple[str, ...]:
         """Every image of this camera."""
         return tuple(name for one in self.judged for name in one.state.names)
+
+    @property
+    def dropped(self) -> tuple[tuple[Dropped, int], ...]:
+        """What any image carries and is not believed, with the number of images that carry it."""
+        found: Counter[Dropped] = Counter()
+        for one in self.judged:
+            found.update(dict.fromkeys(one.evidence.dropped, len(one.state.names)))
+        return tuple(found.items())
 
     @property
     def verdict(self) -> Verdict:

@@ -55,7 +55,7 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
     metadata = evidence.scene.metadata
     causes = {conflict.other: conflict.cause.value for conflict in evidence.conflicts}
     return Circumstances(
-        expected=_expected(metadata, known),
+        expected=_expected(evidence.scene.written, known),
         others=tuple(
             replace(named(estimate, chosen), cause=causes.get(estimate))
             for estimate in evidence.estimates
@@ -66,7 +66,7 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
         weighed=evidence.scene.weighs,
         sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
         sensor_given=chosen is not None and chosen.source is Source.GIVEN_SENSOR,
-        zoomed=metadata.zoom > 1.0,
+        zoomed=evidence.scene.written.zoom > 1.0,
         edits=tuple(f"the image was {edit}" for edit in edits(metadata)),
         spread=spread,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -86,6 +87,8 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
     )
     document = to_json(replace(report_of(outcome, matrices), warnings=warnings))
     files[report_path] = encode(document)
+    for path in files:
+        _check_replaceable(path)
     return Outputs(
         files=files,
         matrices=matrices,
@@ -105,6 +108,25 @@ def check_place(matrix_path: Path) -> None:
     if matrix_path.suffix != ".npy":
         raise InputError("expected a name ending in .npy", source=str(matrix_path), place="--output-matrix")
     check_folder(matrix_path, place="--output-matrix")
+    _check_replaceable(matrix_path)
+
+
+def _check_replaceable(path: Path) -> None:
+    """Refuse to put a file in the place of one that somebody has protected.
+
+    Raises:
+        InputError: a link, or a file that nobody may write to, is there.
+    """
+    try:
+        found = path.lstat()
+    except OSError:
+        return
+    if stat.S_ISLNK(found.st_mode):
+        raise InputError(
+            "is a link, which writing would replace; remove it, or give another name", source=str(path)
+        )
+    if not found.st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
+        raise InputError("is write-protected; make it writable, or give another name", source=str(path))
 
 
 def check_page_place(path: Path) -> None:

@@ -298,7 +298,10 @@ def _doubts(camera: CameraReport) -> Iterator[Block]:
         f"{c.other.tag} disagrees with {c.chosen.tag} by {c.difference:+.1%}: {c.cause.value}."
         for c in evidence.conflicts
     ]
-    said += [f"{dropped.tag} is not believed: {dropped.reason}." for dropped in evidence.dropped]
+    images = len(camera.camera.names)
+    for dropped, count in camera.camera.dropped:
+        of = "" if count == images else f" of {count} of {images} images"
+        said.append(f"{dropped.tag}{of} is not believed: {dropped.reason}.")
     if said:
         yield Bullets(tuple(said))
 

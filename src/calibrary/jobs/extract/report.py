@@ -223,7 +223,7 @@ def _camera(c: CameraReport, output: str | None) -> CameraDocument:
             JudgedSource(**msgspec.structs.asdict(one), chosen=one is evidence.chosen)
             for one in evidence.estimates
         ),
-        dropped=evidence.dropped,
+        dropped=tuple(dropped for dropped, _ in c.camera.dropped),
         conflicts=tuple(
             Disagreement(
                 chosen=conflict.chosen.tag,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.frame import exif_contradiction
+from calibrary.evidence.metadata import TagFault
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_calibrations, read_matrix
@@ -20,6 +21,9 @@ from calibrary.progress import Progress, counted, log, stage
 from calibrary.validation import Finding, Report, Severity, Verdict
 
 __all__ = ["Request", "run"]
+
+PACKETS = ("XMP", "GDAL_METADATA")
+"""Tags that carry calibrations of their own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,8 +108,20 @@ def run(request: Request) -> Extraction:
             for slug, camera in zip(names, cameras, strict=True)
         ),
         rejected=tuple(gathered.rejected),
-        warnings=(*knowledge.warnings, *warnings),
+        warnings=(*knowledge.warnings, *_unread(gathered), *warnings),
     )
+
+
+def _unread(gathered: Gathered) -> Iterator[str]:
+    """What an image carries of its camera and could not be read: a calibration may have been in it."""
+    found: dict[TagFault, list[str]] = {}
+    for metadata, names in gathered.states.items():
+        for fault in metadata.faults:
+            if fault.tag.startswith(PACKETS):
+                found.setdefault(fault, []).extend(names)
+    for fault, names in found.items():
+        named = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more images"
+        yield f"{named}: {fault.tag} is not read: {fault.found}; expected {fault.expected}"
 
 
 def _skip_contradictions(gathered: Gathered) -> None:
