@@ -18,7 +18,16 @@ same names cx and cy counted from the image's corner: it is ``<fx>`` that tells.
 way round than OpenCV's. ``fisheye`` applies the same polynomial to the equidistant image: without p1, p2 it
 is Kannala and Brandt's, with them COLMAP's thin-prism fisheye without prisms.
 
-Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
+In the older layout the order of p1 and p2 is another one. The only formula that Agisoft published for fx, fy and skew
+has OpenCV's::
+
+    x' = x(1 + K1·r² + K2·r⁴ + K3·r⁶) + P2(r² + 2x²) + 2·P1·x·y        u = cx + x'·fx + y'·skew
+
+p3 and p4 came with the newer formula, so a file that has them follows that one, which is also how Agisoft's staff
+explained such a file (F = fy, B1 = fx − fy, B2 = skew). What was taken is stated, and ``tangential`` chooses.
+
+Sources: Agisoft Metashape User Manual, appendix C "Camera models"; Agisoft Lens User Manual 0.4.0, 2011, for the older
+formula; Agisoft's forum, topic 6437, "Camera Projection Model with 8 distortion coefficients"; DBAT's ``loadpsz.m``.
 """
 
 from __future__ import annotations
@@ -56,6 +65,11 @@ PRINCIPAL_POINT = Option(
     name="principal_point",
     values=("offset", "absolute"),
     meaning="whether cx and cy are offsets from the middle of the image or count from its top-left corner",
+)
+TANGENTIAL = Option(
+    name="tangential",
+    values=("opencv", "swapped"),
+    meaning="whether p1 and p2 of PhotoScan's older layout are OpenCV's, or p2 and p1 as Metashape's",
 )
 FARTHEST = 0.25
 """A principal point farther off the middle than this share of a side speaks for the other way to count."""
@@ -123,14 +137,17 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         )
     size = context.size(fields.size())
     intrinsics, notes = _intrinsics(fields, size, context)
+    assumptions = _order_tangential(fields, context)
     return [
         Calibration(
             camera=CameraKey(image_size=size),
             intrinsics=intrinsics,
             distortion=_fisheye(fields) if projection == "fisheye" else _frame(fields),
             grade=Grade.ADJUSTED,
-            provenance=context.provenance(date=fields.text("date") if "date" in fields else None),
-            notes=notes,
+            provenance=context.provenance(
+                date=fields.text("date") if "date" in fields else None, assumptions=assumptions
+            ),
+            notes=(*notes, *assumptions),
             extras=fields.extras(),
         )
     ]
@@ -207,6 +224,26 @@ def _refuse_the_other_count(K: Intrinsics, *, absolute_style: bool) -> None:
         )
 
 
+def _order_tangential(fields: _Fields, context: ReadContext) -> tuple[str, ...]:
+    """Put p1 and p2 of the older layout into Metashape's order; what was taken for granted, in words."""
+    asked = context.option(TANGENTIAL.name)
+    older = any(name in fields for name in ABSOLUTE_STYLE)
+    if not (fields.number("p1", 0.0) or fields.number("p2", 0.0)) or not (older or asked):
+        return ()
+    newer_formula = bool(fields.number("p3", 0.0) or fields.number("p4", 0.0))
+    opencv = asked == "opencv" if asked else not newer_formula
+    if opencv:
+        fields.exchange("p1", "p2")
+    if asked:
+        return (f"the order of p1 and p2 is {'OpenCV' if opencv else 'Metashape'}'s, as the caller says",)
+    taken = (
+        "OpenCV's was taken, as in the manual of Agisoft Lens 0.4"
+        if opencv
+        else "Metashape's was taken, because p3 and p4 belong to its formula"
+    )
+    return (f"PhotoScan's older layout does not tell the order of p1 and p2; {taken}",)
+
+
 def _frame(fields: _Fields) -> Distortion:
     c = {name: fields.number(name, 0.0) for name in COEFFICIENTS}
     if not any(c.values()):
@@ -249,6 +286,12 @@ class _Fields:
         if name not in self.elements:
             raise ParseError(f"there is no <{name}>")
         return (self.elements[name].text or "").strip()
+
+    def exchange(self, first: str, second: str) -> None:
+        """Let each stand under the other's name."""
+        pair = {first: self.elements.get(second), second: self.elements.get(first)}
+        kept = {name: element for name, element in self.elements.items() if name not in pair}
+        self.elements = kept | {name: element for name, element in pair.items() if element is not None}
 
     def number(self, name: str, default: float | None = None) -> float:
         """A number; the default where there is one and the element is absent."""
@@ -295,5 +338,5 @@ FORMAT = Format(
         models=(NoDistortion, BrownConrady, MetashapeFrame, KannalaBrandt, MetashapeFisheye), skew=True
     ),
     states=("date",),
-    options=(PRINCIPAL_POINT,),
+    options=(PRINCIPAL_POINT, TANGENTIAL),
 )

@@ -61,6 +61,9 @@ def metashape(fields: dict[str, str], xy: NDArray[np.float64]) -> NDArray[np.flo
     r2 = x**2 + y**2
     radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3 + k4 * r2**4
     growth = 1 + p3 * r2 + p4 * r2**2
+    if "fx" in c and not (p3 or p4):
+        # Agisoft Lens 0.4, the formula of fx, fy and skew: x' = … + P2(r² + 2x²) + 2·P1·x·y.
+        p1, p2 = p2, p1
     xd = x * radial + (p1 * (r2 + 2 * x**2) + 2 * p2 * x * y) * growth
     yd = y * radial + (p2 * (r2 + 2 * y**2) + 2 * p1 * x * y) * growth
     if "fx" in c:
@@ -75,12 +78,13 @@ def metashape(fields: dict[str, str], xy: NDArray[np.float64]) -> NDArray[np.flo
     [
         FRAME,
         OLD,
+        OLD | {"p3": "-0.31", "p4": "0.12"},
         FRAME | {"k4": "0.0021"},
         FRAME | {"k4": "0.0021", "p3": "-0.31", "p4": "0.12"},
         {**FRAME, "projection": "fisheye", "k4": "0.0021", "p1": "0", "p2": "0.0"},
         {**FRAME, "projection": "fisheye", "k4": "0.0021"},
     ],
-    ids=["frame", "absolute", "k4", "p3 p4", "fisheye", "fisheye p1 p2"],
+    ids=["frame", "absolute", "absolute p3 p4", "k4", "p3 p4", "fisheye", "fisheye p1 p2"],
 )
 def test_a_camera_projects_by_metashapes_own_formula(fields: dict[str, str]) -> None:
     calibration = read(xml(fields))
@@ -98,6 +102,26 @@ def test_k_holds_the_affinity_and_the_skew_exactly() -> None:
 def test_the_tangential_terms_change_places() -> None:
     assert read(xml(FRAME)).distortion == BrownConrady(
         k1=-0.1131, k2=0.0247, p1=-0.00037, p2=0.00081, k3=-0.0062
+    )
+
+
+def test_the_older_layouts_order_is_stated_and_can_be_chosen() -> None:
+    calibration = read(xml(OLD, k4=None))
+    assert calibration.distortion == BrownConrady(k1=-0.0084, k2=-0.0025, k3=0.012, p1=-0.0014, p2=-0.00047)
+    [assumption] = calibration.provenance.assumptions
+    assert "OpenCV's was taken, as in the manual of Agisoft Lens 0.4" in assumption
+    assert assumption in calibration.notes
+    swapped = read(xml(OLD, k4=None), tangential="swapped")
+    assert swapped.distortion == BrownConrady(k1=-0.0084, k2=-0.0025, k3=0.012, p1=-0.00047, p2=-0.0014)
+    assert "as the caller says" in swapped.provenance.assumptions[0]
+    assert "p3 and p4" in read(xml(OLD, p3="0.1")).provenance.assumptions[0]
+
+
+def test_the_order_is_no_matter_where_there_are_no_terms_or_the_layout_tells() -> None:
+    assert read(xml(OLD, p1=None, p2="0")).provenance.assumptions == ()
+    assert read(xml(FRAME)).provenance.assumptions == ()
+    assert read(xml(FRAME), tangential="opencv").distortion == BrownConrady(
+        k1=-0.1131, k2=0.0247, p1=0.00081, p2=-0.00037, k3=-0.0062
     )
 
 
