@@ -19,6 +19,7 @@ from xml.sax.saxutils import escape
 
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
+from calibrary.parsers.content import HEAD_BYTES
 from calibrary.parsers.document import Node, load_json
 from calibrary.parsers.xml import parse_xml
 from calibrary.records import Json
@@ -27,7 +28,7 @@ from calibrary.strictyaml import load_yaml
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["SUFFIXES", "dump", "holds", "load", "matrix", "numbers"]
+__all__ = ["LONGEST_VECTOR", "ROOTLESS", "SUFFIXES", "dump", "holds", "load", "matrix", "numbers"]
 
 MATRIX = "opencv-matrix"
 ND_MATRIX = "opencv-nd-matrix"
@@ -39,6 +40,10 @@ MAX_BYTES = 2 * 1024 * 1024
 LONGEST_VECTOR = 64
 """No matrix and no lens has more numbers; longer ones are other things and need not be looked at."""
 
+ROOTLESS = 'type_id="opencv-matrix"'
+"""What still tells an OpenCV file whose matrices were pasted without the root around them."""
+_ROOT = re.compile(rb"<opencv_storage[\s/>]")
+_DECLARATION = re.compile(rb"\A\s*<\?xml[^>]{0,200}\?>")
 _DIRECTIVE = re.compile(r"\A%(?=YAML)")
 _KEY = re.compile(r"[A-Za-z]|[A-Za-z_][\w.-]+", re.ASCII)
 # A sequence in XML: words, and texts in quotes. A quote inside a text is no longer told from one around it.
@@ -58,6 +63,8 @@ def load(data: bytes, *, source: str) -> Node:
         raise ParseError(f"{len(data)} bytes of an OpenCV file; at most {MAX_BYTES} are read", source=source)
     head = data[:256].lstrip(b"\xef\xbb\xbf\xff\xfe \t\r\n\0")
     if head.startswith(b"<"):
+        if not _ROOT.search(data[:HEAD_BYTES]) and ROOTLESS.encode() in data:
+            data = b"<opencv_storage>" + _DECLARATION.sub(b"", data) + b"</opencv_storage>"
         root = parse_xml(data, source=source)
         if root.tag != "opencv_storage":
             raise ParseError(

@@ -48,7 +48,7 @@ from calibrary.parsers.formats._json_text import restored
 from calibrary.parsers.formats._opencv_lens import BrownWithoutK3
 from calibrary.parsers.formats._yaml_text import flow, scalar
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "camera_of"]
 
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
@@ -85,13 +85,13 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the chain, in the file's order."""
     tree = storage.load(data, source=context.name)
     if "camera_model" in tree:
-        return [_camera(None, tree, context, several=False)]
+        return [camera_of(None, tree, context, several=False)]
     named = [(key, node) for key, node in tree.entries() if _CAMERA.fullmatch(key)]
     if not named:
         tree.fail("there is neither a cam0 nor a camera_model")
     if len(named) > MAX_CAMERAS:
         tree.fail(f"{len(named)} cameras, expected at most {MAX_CAMERAS}")
-    return [_camera(key, node, context, several=len(named) > 1) for key, node in named]
+    return [camera_of(key, node, context, several=len(named) > 1) for key, node in named]
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -105,7 +105,8 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode()
 
 
-def _camera(name: str | None, node: Node, context: ReadContext, *, several: bool) -> Calibration:
+def camera_of(name: str | None, node: Node, context: ReadContext, *, several: bool) -> Calibration:
+    """The camera of one mapping of the chain."""
     # The last key first: a file cut short before it has no camera model that could be unknown.
     width, height = node["resolution"].numbers(2)
     size = context.size(strict.image_size(width, height, place=node["resolution"].place))

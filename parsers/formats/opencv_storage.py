@@ -85,9 +85,11 @@ PREFIX = "opencv_storage/"
 def sniff(content: Content) -> Sniff | None:
     """The container with a camera matrix in it; a program with keys of its own may claim it more strongly."""
     if content.xml_root is not None:
-        if content.xml_root != "opencv_storage":
+        rootless = storage.ROOTLESS in (content.text or "")
+        if content.xml_root != "opencv_storage" and not rootless:
             return None
-        keys, storage_mark = content.xml_tags, "the XML root is <opencv_storage>"
+        keys = content.xml_tags
+        storage_mark = "an element is an opencv-matrix" if rootless else "the XML root is <opencv_storage>"
     else:
         keys = content.json_keys or content.yaml_keys
         text = content.text or ""

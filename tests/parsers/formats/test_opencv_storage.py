@@ -508,3 +508,20 @@ def test_a_metashape_lens_with_k4_is_refitted_and_the_verdict_is_what_opencv_see
     by_cv2 = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2) + 0.5
     missed = np.linalg.norm(by_cv2 - original.project(seen), axis=1)
     assert missed.max() == pytest.approx(verdict.max_px, rel=0.05)
+
+
+def test_matrices_that_were_pasted_without_their_root_are_read() -> None:
+    def element(name: str, rows: int, cols: int, data: str) -> str:
+        return f'<{name} type_id="opencv-matrix"><rows>{rows}</rows><cols>{cols}</cols><data>{data}</data></{name}>'
+
+    text = element("camera_matrix", 3, 3, "3404.9 0. 1715.0\n0. 3409.1 2350.8\n0. 0. 1.")
+    text += element("distortion_coefficients", 5, 1, "-0.031 0.399 0.0029 -0.0028 -0.543")
+    for declaration in ("", '<?xml version="1.0"?>\n'):
+        [item] = parsers.decode(
+            (declaration + text).encode(), name="calibration.xml", image_size=(3456, 4608)
+        )
+        assert item.intrinsics.fx == 3404.9
+        assert item.distortion is not None
+        assert item.distortion.coefficients["k3"] == -0.543
+    with pytest.raises(ParseError):
+        parsers.decode(text[:-9].encode(), name="calibration.xml", image_size=(3456, 4608))

@@ -57,6 +57,22 @@ def read(source: str, **options: str) -> list[Calibration]:
     return parsers.decode(source.encode(), name="ost.txt", options=options)
 
 
+PRINTED = """**** Calibrating ****
+D = [-0.1131, 0.0247, -0.00037, 0.00081, -0.0062]
+('K = ', [1733.2, 0.0, 971.6, 0.0, 1731.9, 588.3, 0.0, 0.0, 1.0])
+P = [1602.0, 0.0, 975.5, 0.0, 0.0, 1602.0, 590.1, 0.0, 0.0, 0.0, 1.0, 0.0]
+None
+"""
+
+
+def test_what_the_calibrator_prints_before_a_camera_may_be_pasted_along() -> None:
+    left, right = read(PRINTED + text() + "Right:\n" + PRINTED + text(name="narrow_stereo/right"))
+    assert left.intrinsics == right.intrinsics == read(text())[0].intrinsics
+    assert [item.camera.sub_camera for item in (left, right)] == ["narrow_stereo/left", "narrow_stereo/right"]
+    with pytest.raises(ParseError, match="expected one of"):
+        read(text() + "\n[more]\nsome words\n")
+
+
 @pytest.mark.parametrize(
     ("D", "model"), [(BROWN5, BrownConrady), (BROWN5 + " 0.0083 -0.0061 0.0042", Rational)]
 )

@@ -1,0 +1,125 @@
+"""Kalibr's ``results-cam-*.txt``, what its calibrators print, with the standard deviations.
+
+In the format's own words::
+
+    Calibration results
+    ====================
+    Camera-system parameters:
+    cam0 (/cam0/image_raw):
+        type: <class 'aslam_cv.libaslam_cv_python.DistortedPinholeCameraGeometry'>
+        distortion: [-0.2134  0.0447 -0.0004  0.0008] +- [0.0012 0.0011 0.0001 0.0001]
+        projection: [433.21 432.93 371.58 238.34] +- [0.13 0.12 0.22 0.24]
+        reprojection error: [0.000012, -0.000003] +- [0.120000, 0.090000]
+
+    baseline T_1_0: …
+
+The numbers and their order are those of the camera chain (``kalibr``); the class tells the models. The deviations are
+one sigma. The file does not say how large the images are, which the chain beside it does.
+
+Source: Kalibr, ``kalibr_camera_calibration/CameraUtils.py``, ``printParameters`` and ``saveResultTxt``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from calibrary.calibration import Calibration, Quality
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content
+from calibrary.parsers.document import Node
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats import kalibr
+from calibrary.parsers.formats._text_rows import text_of
+from calibrary.records import Json, replace
+
+__all__ = ["FORMAT"]
+
+MODELS = {
+    "PinholeCameraGeometry": ("pinhole", "none"),
+    "DistortedPinholeCameraGeometry": ("pinhole", "radtan"),
+    "EquidistantPinholeCameraGeometry": ("pinhole", "equidistant"),
+    "EquidistantDistortedPinholeCameraGeometry": ("pinhole", "equidistant"),
+    "FovPinholeCameraGeometry": ("pinhole", "fov"),
+    "FovDistortedPinholeCameraGeometry": ("pinhole", "fov"),
+    "OmniCameraGeometry": ("omni", "none"),
+    "DistortedOmniCameraGeometry": ("omni", "radtan"),
+    "ExtendedUnifiedCameraGeometry": ("eucm", "none"),
+    "DoubleSphereCameraGeometry": ("ds", "none"),
+}
+"""Kalibr's classes, each with the models of its camera chain."""
+MAX_BYTES = 1024 * 1024
+MAX_CAMERAS = 1000
+_CAMERA = re.compile(r"^\s*(cam\d+) \(.{0,200}\):\s*$", re.MULTILINE)
+_TYPE = re.compile(r"type: <class '[\w.]{0,100}?\.?(\w{1,100})'>")
+_VALUES = re.compile(r"(distortion|projection): \[([^\[\]]{0,2000})\] \+- \[([^\[\]]{0,2000})\]")
+NAMES = ("fx", "fy", "cx", "cy")
+
+
+def sniff(content: Content) -> Sniff | None:
+    """The line of a camera, and the class under it."""
+    text = content.text or ""
+    if _CAMERA.search(text) and "CameraGeometry'>" in text and "projection: [" in text:
+        return Sniff(Sure.MAGIC, "a line 'cam0 (…):' with a type and a projection under it")
+    return None
+
+
+def read(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera, in order."""
+    text = text_of(data, most=MAX_BYTES)
+    blocks = _CAMERA.split(text)[1:]
+    cameras = list(zip(blocks[::2], blocks[1::2], strict=True))
+    if not cameras or len(cameras) > MAX_CAMERAS:
+        raise ParseError(f"{len(cameras)} cameras, expected 1 to {MAX_CAMERAS}")
+    size = context.size(None)
+    several = len(cameras) > 1
+    found = []
+    for name, block in cameras:
+        table, deviations = _table(name, block)
+        node = Node({**table, "resolution": list(size)}, source=context.name, place=name)
+        item = kalibr.camera_of(name, node, context, several=several)
+        std = dict(zip(NAMES, deviations[-4:], strict=True))
+        found.append(
+            replace(item, quality=Quality(std={key: value for key, value in std.items() if value > 0}))
+        )
+    return found
+
+
+def _table(name: str, block: str) -> tuple[dict[str, Json], tuple[float, ...]]:
+    """The camera as the chain has it, and the deviations of its projection."""
+    kind = _TYPE.search(block)
+    if kind is None:
+        raise ParseError("there is no type", place=name)
+    if kind[1] not in MODELS:
+        raise UnsupportedModelError(
+            f"the class is {strict.shown(kind[1])}, which is not known here; read the camera chain (camchain.yaml)",
+            place=name,
+        )
+    model, distortion = MODELS[kind[1]]
+    values: Mapping[str, tuple[str, str]] = {key: (own, sigma) for key, own, sigma in _VALUES.findall(block)}
+    if values.keys() != {"distortion", "projection"}:
+        raise ParseError("there is no distortion and projection, each with its deviations", place=name)
+    numbers = {key: strict.numbers(own, place=f"{name}, {key}") for key, (own, _) in values.items()}
+    deviations = strict.numbers(
+        values["projection"][1], count=len(numbers["projection"]), place=f"{name}, projection"
+    )
+    table: dict[str, Json] = {
+        "camera_model": model,
+        "intrinsics": list(numbers["projection"]),
+        "distortion_model": distortion,
+        "distortion_coeffs": list(numbers["distortion"]),
+    }
+    return table, deviations
+
+
+FORMAT = Format(
+    name="kalibr_results",
+    title="Kalibr results (results-cam.txt)",
+    suffixes=(".txt",),
+    reference="https://github.com/ethz-asl/kalibr/wiki/multiple-camera-calibration",
+    convention=kalibr.FORMAT.convention,
+    sniff=sniff,
+    read=read,
+    needs_image_size=True,
+)

@@ -1,0 +1,83 @@
+"""Kalibr's printed results, held against the camera chain that Kalibr writes beside them."""
+
+from __future__ import annotations
+
+import pytest
+
+from calibrary import parsers
+from calibrary.calibration import Calibration
+from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from tests.parsers.peers import assert_projects_as_opencv
+from tests.parsers.samples import Sample
+
+FILE = """Calibration results
+====================
+Camera-system parameters:
+cam0 (/cam0/image_raw):
+    type: <class 'aslam_cv.libaslam_cv_python.DistortedPinholeCameraGeometry'>
+    distortion: [-0.2131  0.0447 -0.00037  0.00081] +- [0.0012 0.0011 0.0001 0.0001]
+    projection: [433.2 432.9 371.6 238.3] +- [0.13 0.12 0.22 0.24]
+    reprojection error: [0.000012, -0.000003] +- [0.120000, 0.090000]
+
+cam1 (/cam1/image_raw):
+    type: <class 'aslam_cv.libaslam_cv_python.DoubleSphereCameraGeometry'>
+    distortion: [] +- []
+    projection: [ -0.27 0.55 433.2 432.9 371.6 238.3] +- [0.01 0.02 0.13 0.12 0.22 0.24]
+    reprojection error: [0.000012, -0.000003] +- [0.120000, 0.090000]
+
+baseline T_1_0:
+    q: [0.0 0.0 0.0 1.0] +- [0.0 0.0 0.0]
+
+Target configuration
+====================
+  Type: aprilgrid
+"""
+SIZE = (752, 480)
+CHAIN = """cam0:
+  camera_model: ds
+  intrinsics: [-0.27, 0.55, 433.2, 432.9, 371.6, 238.3]
+  distortion_model: none
+  distortion_coeffs: []
+  resolution: [752, 480]
+"""
+SAMPLES = {"kalibr_results": Sample(FILE.encode())}
+
+
+def read(text: str) -> list[Calibration]:
+    return parsers.decode(text.encode(), name="results-cam.txt", image_size=SIZE)
+
+
+def test_every_camera_is_that_of_the_chain() -> None:
+    first, second = read(FILE)
+    assert_projects_as_opencv(first, (433.2, 432.9, 371.6, 238.3), (-0.2131, 0.0447, -0.00037, 0.00081))
+    [chain] = parsers.decode(CHAIN.encode(), name="camchain.yaml")
+    assert (second.intrinsics, second.distortion) == (chain.intrinsics, chain.distortion)
+    assert [item.camera.sub_camera for item in (first, second)] == ["cam0", "cam1"]
+
+
+def test_the_deviations_are_ks() -> None:
+    for item in read(FILE):
+        assert item.quality is not None
+        assert dict(item.quality.std) == {"fx": 0.13, "fy": 0.12, "cx": 0.22, "cy": 0.24}
+
+
+def test_the_image_size_has_to_be_given() -> None:
+    with pytest.raises(MissingTagError, match="--image-size"):
+        parsers.decode(FILE.encode(), name="results-cam.txt")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "kind", "match"),
+    [
+        ("DistortedPinholeCameraGeometry", "DepthCameraGeometry", UnsupportedModelError, "camchain"),
+        (" 0.00081]", "]", ParseError, "3 numbers, expected 4"),
+        ("[0.13 0.12 0.22 0.24]\n    reprojection error: [0.000012, -0.000003] +- [0.120000, 0.090000]\n\ncam1",
+         "[0.13]\n\ncam1", ParseError, "1 numbers, expected 4"),
+        ("    distortion: []", "    nothing: []", ParseError, "cam1: there is no distortion and projection"),
+        ("type:", "kind:", ParseError, "no type"),
+        ("433.2 432.9", "433.2 wide", ParseError, "not a number"),
+    ],
+)  # fmt: skip
+def test_a_broken_file_names_what_is_wrong(old: str, new: str, kind: type[Exception], match: str) -> None:
+    with pytest.raises(kind, match=match):
+        parsers.decode(FILE.replace(old, new).encode(), name="x", format="kalibr_results", image_size=SIZE)
