@@ -165,7 +165,7 @@ def _parameters(numbers: Numbers, width: int) -> list[Text]:
                 _cell(row.std_a, "{:.2g}"),
                 _cell(row.b, form),
                 _cell(row.std_b, "{:.2g}"),
-                _cell(row.delta, "{:+.3f}" if in_px else "{:+.3g}"),
+                _cell(row.delta, "0" if not row.delta else "{:+.3f}" if in_px else "{:+.3g}"),
                 _cell(row.z, "{:+.1f}"),
             )
         )

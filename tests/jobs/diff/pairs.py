@@ -578,7 +578,7 @@ def one_sided() -> Iterator[Pair]:
         b=undated,
         verdict=DRIFT,
         alarm=True,
-        says="excuses",
+        says="no measured uncertainty explains",
     )
     yield Pair(
         name="no uncertainty, no dates",

@@ -101,22 +101,25 @@ def test_the_propagated_noise_is_that_of_draws_from_both_covariances() -> None:
     std = numbers.difference.std_px
     assert std is not None
     lengths = np.array(
-        [numbers_of(drawn(a, seed), drawn(b, seed + 500)).difference.vectors for seed in range(10, 130)]
+        [
+            numbers_of(silent(drawn(a, seed)), silent(drawn(b, seed + 500))).difference.vectors
+            for seed in range(10, 80)
+        ]
     )
     worst = [
         np.sqrt(np.linalg.eigvalsh(np.cov(lengths[:, *at].T))[-1])
         for at in ((12, 4), (3, 16), (12, 16), (20, 28))
     ]
-    np.testing.assert_allclose(worst, [std[at] for at in ((12, 4), (3, 16), (12, 16), (20, 28))], rtol=0.25)
+    np.testing.assert_allclose(worst, [std[at] for at in ((12, 4), (3, 16), (12, 16), (20, 28))], rtol=0.35)
 
 
 def test_the_noise_of_repeated_calibrations_is_explained_as_often_as_it_should_be() -> None:
     found = [
-        numbers_of(drawn(camera(), seed), drawn(camera(), seed + 1000)).significance for seed in range(150)
+        numbers_of(drawn(camera(), seed), drawn(camera(), seed + 1000)).significance for seed in range(80)
     ]
-    assert sum(not one.explains for one in found if one is not None) <= 4
+    assert sum(not one.explains for one in found if one is not None) <= 3
     p = np.sort([one.p for one in found if one is not None])
-    assert len(p) == 150
+    assert len(p) == 80
     assert np.mean(p < 0.5) == pytest.approx(0.45, abs=0.15)
 
 

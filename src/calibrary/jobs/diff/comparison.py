@@ -159,7 +159,7 @@ def _reasons(
         f"projections differ by {pixels(seen.rms_px)} rms and {pixels(seen.max_px)} at most over the frame, "
         f"the image scale by {percent(numbers.scale.change)}"
     )
-    told.append(f"{'in one frame, ' if structural else ''}{differ}")
+    told.append(differ)
     if not numbers.matters(policy):
         return [*told, f"that is below the limits ({limits}): it does not matter, significant or not"]
     told.append(f"that is beyond the limits ({limits})")
@@ -173,7 +173,7 @@ def _reasons(
 
 def _explained(numbers: Numbers, policy: Policy) -> str:
     if numbers.significance is None:
-        return "no measured uncertainty excuses it: at least one of the two states none"
+        return "no measured uncertainty explains it: at least one of the two states none"
     p = chance(numbers.significance.p)
     if not numbers.significance.explains:
         return f"noise would do so with a chance of {p} ({numbers.basis.value})"

@@ -30,7 +30,7 @@ __all__ = ["Basis", "Scale", "Significance", "basis_of", "covariances_of", "imag
 
 FLOOR_PX: Final = 0.02
 """Standard deviation below which no pixel is believed to be known, whatever the covariance says."""
-DRAWS: Final = 4000
+DRAWS: Final = 2000
 EVERY: Final = 2
 """Of the grid, for the draws: the fields are smooth."""
 TAIL: Final = 0.01

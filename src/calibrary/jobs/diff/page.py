@@ -47,7 +47,7 @@ MEANINGS = {
     ChangeVerdict.NEGLIGIBLE: "They differ by too little to be seen on a map.",
     ChangeVerdict.UNRESOLVED: "They may be the same or not: their uncertainty is larger than the limits.",
     ChangeVerdict.DRIFT: "They differ by enough to be seen on a map, and no noise explains it.",
-    ChangeVerdict.STRUCTURAL: "Something of another kind has changed than the values of one camera.",
+    ChangeVerdict.STRUCTURAL: "The frame, the lens or a convention changed, or numbers were lost; this is no drift.",
 }
 IN_PX = frozenset({"fx", "fy", "cx", "cy", "skew"})
 
@@ -179,7 +179,7 @@ def _parameter(row: Parameter) -> tuple[Cell, ...]:
         _cell(row.std_a, "{:.2g}"),
         _cell(row.b, form),
         _cell(row.std_b, "{:.2g}"),
-        _cell(row.delta, "{:+.3f}" if in_px else "{:+.3g}"),
+        _cell(row.delta, "0" if not row.delta else "{:+.3f}" if in_px else "{:+.3g}"),
         _cell(row.z, "{:+.1f}"),
     )
 
