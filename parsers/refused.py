@@ -11,6 +11,7 @@ them yields a K: lens profiles, calibrations of other sensors, and formats that 
     calcam_cal             CalCam in the first lines; Metashape exports it and describes it nowhere
     ladybug_cal            camera0_rotX=…  camera0_FocalLen=…  camera0_CameraCenterX=…
     image_pro_cal          [SPATIAL]  CalibName=…  UnitName=…  PixPerUnit=10,10
+    ptgui_project          {"project": {"globallenses": …}}, before version 11 "# ptGui project file"
     python_pickle          the bytes 80 04 95 …, or a .npy of Python objects
     sensor_cal             accel_bias = …  gyro_scale = …  mag_offset_x = …; ArgyllCMS: CAL, DEVICE_CLASS "DISPLAY"
 
@@ -108,6 +109,18 @@ def _image_pro(content: Content) -> Sniff | None:
     ):
         return Sniff(Sure.MAGIC, f"it begins with the section {section}")
     return None
+
+
+def _ptgui(content: Content) -> Sniff | None:
+    """The lenses of its JSON, or the first line of its older text."""
+    document = content.json
+    if isinstance(document, dict):
+        projects = (value for key, value in document.items() if "project" in key)
+        if any(isinstance(value, dict) and "globallenses" in value for value in projects):
+            return Sniff(Sure.MAGIC, "JSON with a project that has globallenses")
+        return None
+    found = content.first_line.lower().startswith("# ptgui project file")
+    return Sniff(Sure.MAGIC, f"the first line is '{content.first_line[:40]}'") if found else None
 
 
 def _pickle(content: Content) -> Sniff | None:
@@ -219,6 +232,15 @@ REFUSED = (
         sniff=_image_pro,
         refuses="it states how many pixels make a unit of length on a specimen and how grey values scale, nothing "
         "about a lens or a focal length. Calibrate the camera from photographs of a board instead",
+    ),
+    Format(
+        name="ptgui_project",
+        title="a PTGui project",
+        suffixes=(".pts",),
+        reference="https://www.ptgui.com/support.html",
+        sniff=_ptgui,
+        refuses="what its lens parameters mean is not published. Optimise the images in Hugin, with b alone of the "
+        "lens's polynomial, and read its .pto, or calibrate the camera from photographs of a board",
     ),
     Format(
         name="python_pickle",

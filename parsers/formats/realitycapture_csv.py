@@ -90,7 +90,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         raise ParseError(
             "the first line has no columns name and f, or one of them twice", source=context.name
         )
-    names: dict[tuple[float, ...], list[str]] = {}
+    # Rows without a pose are not images of a scene: each is there for its camera.
+    merged = "x" in columns
+    names: dict[tuple[int, tuple[float, ...]], str] = {}
     for index, fields in enumerate(csv.reader(rows[1:]), start=2):
         if len(fields) != len(columns):
             raise ParseError(
@@ -103,11 +105,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             else 0.0
             for key in (*PLACE, *COEFFICIENTS)
         )
-        names.setdefault(numbers, []).append(named["name"])
+        names.setdefault((0 if merged else index, numbers), named["name"])
         if len(names) > MAX_CAMERAS:
             raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=context.name)
     several = len(names) > 1
-    return [_camera(numbers, images, context, several=several) for numbers, images in names.items()]
+    return [_camera(numbers, name, context, several=several) for (_, numbers), name in names.items()]
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -132,14 +134,11 @@ def _columns(line: str) -> tuple[str, ...]:
     return tuple(name.strip().lower() for name in line.lstrip("#").split(","))
 
 
-def _camera(
-    numbers: Sequence[float], images: list[str], context: ReadContext, *, several: bool
-) -> Calibration:
+def _camera(numbers: Sequence[float], name: str, context: ReadContext, *, several: bool) -> Calibration:
     f, px, py, *terms = numbers
     lens = brown(dict(zip(COEFFICIENTS, terms, strict=True)), context, place="t1, t2")
     focal = f / FILM_WIDTH_MM
     native = Native(fx=focal, fy=focal, cx=px, cy=py)
-    name = images[0] or None
     item = camera(
         context,
         CONVENTION,
@@ -147,7 +146,7 @@ def _camera(
         None,
         lens,
         name=name if several else None,
-        tag=name,
+        tag=name or None,
         assumptions=(MIDDLE,),
     )
     return replace(item, grade=Grade.ADJUSTED)

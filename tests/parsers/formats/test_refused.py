@@ -61,6 +61,8 @@ CASES = [
         r"Image-Pro.*board",
     ),
     ("image_pro_cal", "[INTENSITY]\nImageClass=1\nName=Grey\nInputRange=0,255\n", r"Image-Pro.*board"),
+    ("ptgui_project", "# ptGui project file\np w1000 h500\n", "Hugin"),
+    ("ptgui_project", '{"contenttype": "x", "project": {"globallenses": [{}]}}', "Hugin"),
     ("python_pickle", "\x80\x04\x95\x0b\0\0\0\0\0\0\0}\x94\x8c\x03mtx\x94K\x01s.", "numpy.savez"),
     ("sensor_cal", "accel_bias = 0.01 0.02 -0.01\ngyro_bias = 0.001 0 0\n", "geometric calibration"),
     ("sensor_cal", "[MAG]\nmag_offset_x: 12\nmag_offset_y: -3\n", "geometric calibration"),

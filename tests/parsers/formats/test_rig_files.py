@@ -71,7 +71,23 @@ CALIBU = """<rig>
     </camera>
 </rig>
 """
+THEIA_LENS = {
+    "camera_intrinsics_type": "PINHOLE_RADIAL_TANGENTIAL", "radial_distortion_coeffs": [-0.2131, 0.0447, 0.0062],
+    "tangential_distortion_coeffs": [-0.00037, 0.00081],
+}  # fmt: skip
+
+
+def prior(name: str, **changes: Any) -> dict[str, Any]:
+    fields = {
+        "image_name": name, "focal_length": 433.2, "width": 752, "height": 480, "principal_point": [371.6, 238.3],
+        "aspect_ratio": 432.9 / 433.2, "skew": 0.0, **THEIA_LENS, **changes,
+    }  # fmt: skip
+    return {"CameraIntrinsicsPrior": {key: value for key, value in fields.items() if value is not None}}
+
+
+THEIA = {"priors": [prior("a.jpg"), prior("b.jpg"), prior("c.jpg", focal_length=500.0)]}
 SAMPLES = {
+    "theia_priors": Sample(json.dumps(THEIA).encode()),
     "azure_kinect": Sample(json.dumps(KINECT).encode()),
     "qualisys": Sample(QUALISYS.encode()),
     "calibu": Sample(CALIBU.encode()),
@@ -161,3 +177,40 @@ def test_calibus_type_lists_the_parameters(kind: str, rest: str, lens: object) -
 def test_a_broken_rig_names_what_is_wrong(old: str, new: str, kind: type[Exception], match: str) -> None:
     with pytest.raises(kind, match=match):
         read(CALIBU.replace(old, new))
+
+
+def test_theias_priors_are_opencvs_and_read_once_for_each_camera() -> None:
+    first, second = read(THEIA)
+    assert_projects_as_opencv(
+        first, (433.2, 432.9, 371.6, 238.3), (-0.2131, 0.0447, -0.00037, 0.00081, 0.0062)
+    )
+    assert [item.camera.sub_camera for item in (first, second)] == ["a.jpg", "c.jpg"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "lens"),
+    [
+        ({"camera_intrinsics_type": "FISHEYE", "radial_distortion_coeffs": [0.1, 0.2, 0.3, 0.4]},
+         KannalaBrandt(k1=0.1, k2=0.2, k3=0.3, k4=0.4)),
+        ({"camera_intrinsics_type": "FOV", "radial_distortion_coeffs": [0.92]}, FieldOfView(omega=0.92)),
+        ({"camera_intrinsics_type": "PINHOLE", "radial_distortion_coeffs": None, "tangential_distortion_coeffs": None},
+         NoDistortion()),
+    ],
+)  # fmt: skip
+def test_theias_other_models(changes: dict[str, Any], lens: object) -> None:
+    assert read({"priors": [prior("a.jpg", **changes)]})[0].distortion == lens
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "match"),
+    [
+        ({"camera_intrinsics_type": "DIVISION_UNDISTORTION"}, UnsupportedModelError, "DIVISION"),
+        ({"camera_intrinsics_type": "FISHEYE"}, ParseError, "3 numbers, expected 4"),
+        ({"principal_point": None}, ParseError, "no 'principal_point'"),
+    ],
+)
+def test_a_broken_prior_names_what_is_wrong(
+    changes: dict[str, Any], kind: type[Exception], match: str
+) -> None:
+    with pytest.raises(kind, match=match):
+        read({"priors": [prior("a.jpg", **changes)]})
