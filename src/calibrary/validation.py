@@ -151,7 +151,7 @@ class Circumstances:
         weighed: nothing is known of the camera, and the sources of an image are all there is.
         sensor_assumed: the K rests on an assumed sensor size.
         sensor_given: it rests on one that the user stated.
-        zoomed: the K rests on how the camera handles digital zoom.
+        zoom: by how much digital zoom may have enlarged the image: the K rests on how the camera handles it.
         edits: what an editor did to the pixels since the camera wrote them.
         spread: how far K's numbers spread over the images of this camera, as a share of fx.
     """
@@ -163,7 +163,7 @@ class Circumstances:
     weighed: bool = False
     sensor_assumed: bool = False
     sensor_given: bool = False
-    zoomed: bool = False
+    zoom: float = 1.0
     edits: tuple[str, ...] = ()
     spread: float | None = None
 
@@ -428,13 +428,18 @@ def _sensor_stated(_: Calibration, policy: Policy, around: Circumstances) -> Ite
     )
 
 
-def _digital_zoom(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
-    if not around.zoomed:
+def _digital_zoom(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    """Of a camera that nothing is known of, K with the zoom and K without it are sources that contradict each other."""
+    if around.zoom <= 1.0:
         return
+    severity = Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING
+    contradicts = around.weighed and around.zoom > 1.0 + 2 * policy.source_agreement
+    if contradicts and policy.independent_sources_settle and _confirming(c, policy, around) is None:
+        severity = Severity.ERROR
     yield Finding(
         rule="digital-zoom",
-        severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
-        message="digital zoom is on, and no tag states how it changed the image",
+        severity=severity,
+        message=f"digital zoom {around.zoom:.3g}× is on, and no tag states how it changed the image",
         remedy="fly without digital zoom, or calibrate and register this zoom state",
     )
 

@@ -147,7 +147,7 @@ def test_half_a_per_cent_between_images_of_one_camera_is_the_line() -> None:
 
 
 def test_digital_zoom_is_unproven_under_fleet() -> None:
-    assert validate(calibration(), FLEET, Circumstances(zoomed=True)).verdict is Verdict.UNPROVEN
+    assert validate(calibration(), FLEET, Circumstances(zoom=2.0)).verdict is Verdict.UNPROVEN
 
 
 def test_a_measured_calibration_of_an_unknown_camera_is_held_to_what_a_lens_can_be() -> None:

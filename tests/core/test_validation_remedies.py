@@ -36,7 +36,7 @@ BROKEN = {
     ),
     "source-agreement": (calibration(), Circumstances(others=(NamedFocal(name="another", fx=9000.0),))),
     "sensor-stated": (calibration(), Circumstances(sensor_assumed=True)),
-    "digital-zoom": (calibration(), Circumstances(zoomed=True)),
+    "digital-zoom": (calibration(), Circumstances(zoom=2.0)),
     "distortion-monotonic": (replace(calibration(3657.0, 3657.0), distortion=FOLDED), QUIET),
     "one-k-per-camera": (calibration(), Circumstances(spread=0.02)),
 }
@@ -54,7 +54,7 @@ def test_a_broken_rule_says_what_to_do_and_says_it_once(rule: str) -> None:
 
 def test_every_rule_there_is_has_been_broken() -> None:
     everything = Circumstances(
-        others=(PRIOR,), focal_mm=24.0, focal_35mm=24.0, sensor_assumed=True, zoomed=True, spread=0.0
+        others=(PRIOR,), focal_mm=24.0, focal_35mm=24.0, sensor_assumed=True, zoom=2.0, spread=0.0
     )
     told = validate(replace(calibration(), distortion=FOLDED), FLEET, everything).findings
     assert {finding.rule for finding in told} == set(BROKEN)
@@ -74,7 +74,7 @@ def test_a_valid_k_has_no_remedy() -> None:
 
 
 def test_the_first_remedy_is_the_worst_failures() -> None:
-    report = validate(calibration(), FLEET, Circumstances(zoomed=True, spread=0.02))
+    report = validate(calibration(), FLEET, Circumstances(zoom=2.0, spread=0.02))
     assert report.remedy == report.failures[0].remedy
     assert report.failures[0].rule == "one-k-per-camera"
 

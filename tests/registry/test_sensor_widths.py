@@ -20,6 +20,10 @@ from calibrary.catalogue.sensor_widths import sensor_width
         ("OLYMPUS IMAGING CORP.", "E-P3", 17.3),
         ("Minolta Co., Ltd.", "DiMAGE A1", 8.8),
         ("Apple", "iPhone 12 Pro", 5.75),
+        ("OLYMPUS IMAGING CORP.", "X450,D535Z,C370Z", 5.27),
+        ("SAMSUNG", "SAMSUNG-SGH-I537", 3.0),
+        ("asus", "ASUS_Z00ED", 4.69),
+        ("Hewlett-Packard", "HP PhotoSmart C945 (V01.61)", 7.176),
     ],
 )
 def test_a_camera_is_found_as_exif_spells_it(make: str, model: str, mm: float) -> None:

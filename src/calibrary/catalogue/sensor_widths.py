@@ -65,9 +65,12 @@ def _names(model: str, makers: set[str]) -> Iterator[str]:
     words = model.casefold().replace("_", " ").split()
     while len(words) > 1 and re.split(r"[\-,.]", words[0])[0] in makers:
         words = words[1:]
+    before, _, rest = words[0].partition("-") if words else ("", "", "")
+    if before in makers and rest:
+        words[0] = rest
     yield _squeezed(" ".join(words))
     shorter = list(words)
-    while len(shorter) > 1 and shorter[-1] in ADDED_WORDS:
+    while len(shorter) > 1 and (shorter[-1] in ADDED_WORDS or shorter[-1].startswith("(")):
         shorter.pop()
         yield _squeezed(" ".join(shorter))
 

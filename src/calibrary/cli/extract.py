@@ -102,7 +102,7 @@ def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
         default=13.2,
         metavar="MM",
         help="physical sensor width, for a folder with one camera (default: the camera's own where it is "
-        "known, else 13.2, marked as assumed)",
+        "known or its images state one, else 13.2, marked as assumed)",
     )
     known.add_argument(
         "--sensor-height-mm",

@@ -8,6 +8,7 @@ equal; firmware is no part of it, for a K that moved with the firmware must be s
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 from calibrary.calibration import CameraKey
 from calibrary.evidence.dji import is_dewarped
@@ -40,7 +41,12 @@ PROGRAMS = re.compile(
 def firmware(metadata: ImageMetadata) -> str | None:
     """The camera's firmware: EXIF Software, unless a program that the image went through wrote its own name."""
     software = metadata.software
-    return None if software is None or PROGRAMS.search(software) else software
+    return None if software is None or _is_program(software) else software
+
+
+@lru_cache(maxsize=256)
+def _is_program(software: str) -> bool:
+    return PROGRAMS.search(software) is not None
 
 
 def stated_sub_camera(metadata: ImageMetadata) -> str | None:

@@ -208,6 +208,20 @@ class TestResizedImages:
         assert words in camera.evidence.dropped[0].reason
 
 
+class TestDigitalZoom:
+    def test_a_zoom_that_nothing_confirms_is_a_contradiction(self) -> None:
+        camera = only(image(focal_mm=70.0, digital_zoom=2.0, **D70))
+        assert camera.verdict is Verdict.REJECTED
+        assert "digital zoom 2×" in str(camera.reason) + str(camera.report)
+
+    def test_a_phones_arithmetic_is_no_zoom(self) -> None:
+        tags = {"make": "Apple", "model": "iPhone 99", "focal_mm": 5.7, "focal_35mm": 26.0}
+        camera = only(image((4032, 3024), digital_zoom=1.000661813, **tags))
+        assert camera.key.capture_mode is None
+        assert camera.report is not None
+        assert "digital-zoom" not in {finding.rule for finding in camera.report.findings}
+
+
 class TestTheAssumedSensor:
     def test_it_stands_while_nothing_speaks_against_it(self) -> None:
         assert only(image((5472, 3648), focal_mm=13.2)).verdict is Verdict.UNPROVEN

@@ -66,7 +66,7 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
         weighed=evidence.scene.weighs,
         sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
         sensor_given=chosen is not None and chosen.source is Source.GIVEN_SENSOR,
-        zoomed=evidence.scene.written.zoom > 1.0,
+        zoom=evidence.scene.written.zoom,
         edits=tuple(f"the image was {edit}" for edit in edits(metadata)),
         spread=spread,
     )

@@ -307,7 +307,7 @@ def _judged(
         weighed=False,
         sensor_assumed=False,
         sensor_given=False,
-        zoomed=False,
+        zoom=1.0,
         edits=(),
         focal_mm=None,
         spread=None,
