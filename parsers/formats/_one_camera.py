@@ -80,7 +80,7 @@ def opencv_lens(node: Node, counts: Sequence[int] = COUNTS) -> Distortion:
         ParseError: its length is none of ``counts``.
     """
     values = storage.numbers(node)
-    strict.check_count(len(values), counts, source=node.source, place=node.place)
+    strict.check_count(len(values), counts, place=node.place)
     return lens(values)
 
 
@@ -96,10 +96,10 @@ def size_of(node: Node) -> ImageSize:
         ParseError: it is none.
     """
     width, height = node.numbers(2)
-    return strict.image_size(width, height, source=node.source, place=node.place)
+    return strict.image_size(width, height, place=node.place)
 
 
-def refuse_model(found: str, expected: Sequence[str], *, source: str, place: str | None = None) -> NoReturn:
+def refuse_model(found: str, expected: Sequence[str], *, place: str | None = None) -> NoReturn:
     """Refuse a camera or distortion model.
 
     Raises:
@@ -107,6 +107,5 @@ def refuse_model(found: str, expected: Sequence[str], *, source: str, place: str
     """
     raise UnsupportedModelError(
         f"the model is {strict.shown(found)}, which has no counterpart here; expected {', '.join(expected)}",
-        source=source,
         place=place,
     )

@@ -63,7 +63,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     try:
         tree = Node(tomllib.loads(text.replace("\r\n", "\n")), source=context.name)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise ParseError(f"this is not TOML: {shown(str(error), 80)}", source=context.name) from None
+        raise ParseError(f"this is not TOML: {shown(str(error), 80)}") from None
     nodes = [node for _, node in tree.entries() if isinstance(node.value, dict) and "matrix" in node]
     if len(nodes) > MAX_CAMERAS:
         tree.fail(f"{len(nodes)} cameras, expected at most {MAX_CAMERAS}")

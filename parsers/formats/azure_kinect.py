@@ -60,7 +60,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def _camera(node: Node, context: ReadContext, *, several: bool) -> Calibration:
     intrinsics = node["Intrinsics"]
     if intrinsics["ModelType"].text() != MODEL:
-        refuse_model(intrinsics["ModelType"].text(), (MODEL,), source=context.name, place=node.place)
+        refuse_model(intrinsics["ModelType"].text(), (MODEL,), place=node.place)
     numbers = intrinsics["ModelParameters"].numbers(14)
     cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, codx, cody, p2, p1 = numbers
     if codx or cody:

@@ -79,7 +79,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def _camera(model: _Element, context: ReadContext, name: str | None) -> Calibration:
     kind = model.get("type", "")
     if kind not in TYPES:
-        refuse_model(kind, tuple(TYPES), source=context.name, place=name)
+        refuse_model(kind, tuple(TYPES), place=name)
     width, height = (strict.number(_text(model, key), place=key) for key in ("width", "height"))
     params = _text(model, "params").strip().strip("[]").replace(";", " ")
     fx, fy, cx, cy, *rest = strict.numbers(params, count=4 + TYPES[kind], place="params")

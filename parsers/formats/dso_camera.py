@@ -68,7 +68,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     rows = [row for line in text.splitlines() if (row := line.split())]
     if len(rows) < 3:
         raise ParseError(f"{len(rows)} lines, expected the camera, its image size and what to make")
-    model, values = _camera(rows[0], context.name)
+    model, values = _camera(rows[0])
     size = strict.numbers(" ".join(rows[1]), count=2, place="line 2")
     fx, fy, cx, cy, *rest = values
     convention = RELATIVE if cx < 1 and cy < 1 else CONVENTION
@@ -85,16 +85,16 @@ def _numeric(row: list[str]) -> int:
         return 0
 
 
-def _camera(row: list[str], source: str) -> tuple[str, tuple[float, ...]]:
+def _camera(row: list[str]) -> tuple[str, tuple[float, ...]]:
     """The model's name in lower case, and all its numbers."""
     if row[0][:1].isalpha():
         model, row = row[0], row[1:]
         if model.lower() not in COUNTS:
-            refuse_model(model, tuple(COUNTS), source=source, place="line 1")
+            refuse_model(model, tuple(COUNTS), place="line 1")
     else:
         model = "radtan" if len(row) == 8 else "fov"
     counts = COUNTS[model.lower()]
-    return model.lower(), strict.numbers(" ".join(row), count=counts, source=source, place="line 1")
+    return model.lower(), strict.numbers(" ".join(row), count=counts, place="line 1")
 
 
 def _lens(model: str, values: list[float]) -> Distortion:

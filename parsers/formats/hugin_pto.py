@@ -69,15 +69,14 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     rows = rows_of(data, most=context.at_most(MAX_BYTES))
     images = [_fields(row[1:]) for row in rows if re.match(r"i\s", row)]
     if len(images) > MAX_IMAGES:
-        raise ParseError(f"there are over {MAX_IMAGES} images", source=context.name)
+        raise ParseError(f"there are over {MAX_IMAGES} images")
     cameras: dict[tuple[float, ...], list[str]] = {}
     for index, fields in enumerate(images):
-        numbers = [_number(images, index, key, context.name) for key in ("w", "h", "f", *NUMBERS)]
-        odd = next((key for key in UNUSED[:2] if _number(images, index, key, context.name, 0.0)), None)
+        numbers = [_number(images, index, key) for key in ("w", "h", "f", *NUMBERS)]
+        odd = next((key for key in UNUSED[:2] if _number(images, index, key, 0.0)), None)
         if odd:
             raise UnsupportedModelError(
                 f"image {index} is sheared ({odd} is not 0), which no camera is; optimise without it",
-                source=context.name,
             )
         cameras.setdefault(tuple(numbers), []).append(fields.get("n", ("", ""))[1])
     several = len(cameras) > 1
@@ -96,45 +95,39 @@ def _fields(row: str) -> dict[str, tuple[str, str]]:
 
 
 def _number(
-    images: list[dict[str, tuple[str, str]]], index: int, key: str, source: str, default: float | None = None
+    images: list[dict[str, tuple[str, str]]], index: int, key: str, default: float | None = None
 ) -> float:
     place = f"image {index}, {key}"
     reference, text = images[index].get(key, ("", ""))
     if reference:
         if int(reference) >= len(images) or images[int(reference)].get(key, ("", ""))[0]:
-            raise ParseError(
-                f"it refers to image {reference}, which has no number of its own", source=source, place=place
-            )
-        return _number(images, int(reference), key, source, default)
+            raise ParseError(f"it refers to image {reference}, which has no number of its own", place=place)
+        return _number(images, int(reference), key, default)
     if not text and default is not None:
         return default
-    return strict.number(text, source=source, place=place)
+    return strict.number(text, place=place)
 
 
 def _camera(
     numbers: tuple[float, ...], names: list[str], context: ReadContext, name: str | None
 ) -> Calibration:
     width, height, projection, v, a, b, c, d, e = numbers
-    size = strict.image_size(width, height, source=context.name, place=name)
+    size = strict.image_size(width, height, place=name)
     if projection not in (RECTILINEAR, FISHEYE):
         raise UnsupportedModelError(
             f"projection f{projection:g} has no counterpart here, expected f0 (rectilinear) or f3 (fisheye)",
-            source=context.name,
             place=name,
         )
     if a or c:
         raise UnsupportedModelError(
             "a and c give the radius odd powers, which have no counterpart here; optimise b alone and save again",
-            source=context.name,
             place=name,
         )
     limit = 180.0 if projection == RECTILINEAR else 360.0
     if not 0 < v < limit:
-        raise ParseError(
-            f"the field of view is {v:g}°, expected 0 to {limit:g}", source=context.name, place=name
-        )
+        raise ParseError(f"the field of view is {v:g}°, expected 0 to {limit:g}", place=name)
     if not b < 1:
-        raise ParseError(f"b is {b:g}, expected below 1", source=context.name, place=name)
+        raise ParseError(f"b is {b:g}, expected below 1", place=name)
     half = math.radians(v) / 2
     focal = width / 2 / (math.tan(half) if projection == RECTILINEAR else half)
     k1 = _k1(b, focal, min(size))

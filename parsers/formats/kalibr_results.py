@@ -60,7 +60,7 @@ NAMES = ("fx", "fy", "cx", "cy")
 def sniff(content: Content) -> Sniff | None:
     """The line of a camera, and the class under it."""
     text = content.text or ""
-    if _CAMERA.search(text) and "CameraGeometry'>" in text and "projection: [" in text:
+    if "CameraGeometry'>" in text and "projection: [" in text and _CAMERA.search(text):
         return Sniff(Sure.MAGIC, "a line 'cam0 (…):' with a type and a projection under it")
     return None
 

@@ -78,12 +78,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         if not row.strip() or row.startswith("#") or len(fields) < 3 or fields[2] != "camera":
             continue
         if len(found) == MAX_CAMERAS:
-            raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=context.name)
+            raise ParseError(f"there are over {MAX_CAMERAS} cameras")
         if fields[0] in names.values():
-            raise ParseError(
-                "it is a duplicate sensor_id", source=context.name, place=strict.shown(fields[0])
-            )
-        found.append(_stored(fields[3:], index, context.name))
+            raise ParseError("it is a duplicate sensor_id", place=strict.shown(fields[0]))
+        found.append(_stored(fields[3:], index))
         names[str(index)] = fields[0]
     several = len(found) > 1
     return [
@@ -107,20 +105,18 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode()
 
 
-def _stored(fields: Sequence[str], line: int, source: str) -> StoredCamera:
+def _stored(fields: Sequence[str], line: int) -> StoredCamera:
     place = f"line {line}"
     if len(fields) < 3:
-        raise ParseError(
-            f"{len(fields)} parameters, expected a model, a width and a height", source=source, place=place
-        )
-    width, height, *rest = (strict.number(field, source=source, place=place) for field in fields[1:])
+        raise ParseError(f"{len(fields)} parameters, expected a model, a width and a height", place=place)
+    width, height, *rest = (strict.number(field, place=place) for field in fields[1:])
     model = model_named(fields[0]) if fields[0] in MODELS else None
     if model is None and fields[0] != WITHOUT_K:
-        refuse_model(fields[0], MODELS, source=source, place=place)
+        refuse_model(fields[0], MODELS, place=place)
     return StoredCamera(
         number=line,
         model=model or WITHOUT_K,
-        image_size=strict.image_size(width, height, source=source, place=place),
+        image_size=strict.image_size(width, height, place=place),
         parameters=tuple(rest),
         place=place,
     )

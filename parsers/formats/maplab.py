@@ -86,10 +86,10 @@ def _cameras(node: Node) -> Iterator[Node]:
 def _camera(node: Node, context: ReadContext, name: str | None) -> Calibration:
     kind = node["type"]
     if kind.text() not in TYPES:
-        refuse_model(kind.text(), TYPES, source=context.name, place=kind.place)
+        refuse_model(kind.text(), TYPES, place=kind.place)
     unified = kind.text() == "unified-projection"
     numbers = storage.numbers(node["intrinsics"])
-    check_count(len(numbers), 5 if unified else 4, source=context.name, place=node["intrinsics"].place)
+    check_count(len(numbers), 5 if unified else 4, place=node["intrinsics"].place)
     *special, fu, fv, cu, cv = numbers
     size = node.image_size("image_width", "image_height")
     native = Native(fx=fu, fy=fv, cx=cu, cy=cv)
@@ -100,12 +100,12 @@ def _lens(node: Node, special: list[float]) -> Distortion:
     kind = node["distortion"]["type"]
     expected = ("none", "radial-tangential") if special else tuple(COUNTS)
     if kind.text() not in expected:
-        refuse_model(kind.text(), expected, source=kind.source, place=kind.place)
+        refuse_model(kind.text(), expected, place=kind.place)
     values: tuple[float, ...] = ()
     if COUNTS[kind.text()]:
         parameters = node["distortion"]["parameters"]
         values = storage.numbers(parameters)
-        check_count(len(values), COUNTS[kind.text()], source=kind.source, place=parameters.place)
+        check_count(len(values), COUNTS[kind.text()], place=parameters.place)
     if special:
         if special[0] <= -1:
             node["intrinsics"].fail(f"xi is {special[0]:g}, expected a number above −1")

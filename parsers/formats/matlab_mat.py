@@ -49,13 +49,9 @@ def sniff(content: Content) -> Sniff | None:
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera among the variables."""
     if data.startswith(HDF5):
-        raise UnsupportedModelError(
-            f"MATLAB files of version 7.3 are not read. {WAY_OUT}", source=context.name
-        )
+        raise UnsupportedModelError(f"MATLAB files of version 7.3 are not read. {WAY_OUT}")
     if len(data) > context.at_most(MAX_BYTES):
-        raise ParseError(
-            f"{len(data)} bytes of a MATLAB file; at most {MAX_BYTES} are read", source=context.name
-        )
+        raise ParseError(f"{len(data)} bytes of a MATLAB file; at most {MAX_BYTES} are read")
     found = variables(data, source=context.name)
     tree = Node(found.values, source=context.name)
     structs = cameras(tree, context)
@@ -69,10 +65,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if found.classes:
         raise UnsupportedModelError(
             f"it holds an object of the class {shown(found.classes[0])}, which only MATLAB can open. {WAY_OUT}",
-            source=context.name,
         )
     names = ", ".join(map(shown, list(found.values)[:12])) or "none"
-    raise ParseError(f"there is no camera; the variables are {names}", source=context.name)
+    raise ParseError(f"there is no camera; the variables are {names}")
 
 
 def _words(value: Json) -> str:

@@ -65,10 +65,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def _camera(name: str, node: Node, context: ReadContext, *, several: bool) -> Calibration:
     model = node["model"].text() if "model" in node else MODELS[0]
     if model not in MODELS:
-        refuse_model(model, MODELS, source=context.name, place=node.place)
+        refuse_model(model, MODELS, place=node.place)
     if model == "fisheye":
         values = storage.numbers(node["dist"])
-        check_count(len(values), 4, source=context.name, place=node["dist"].place)
+        check_count(len(values), 4, place=node["dist"].place)
         lens: Distortion = fisheye(values)
     else:
         lens = opencv_lens(node["dist"])

@@ -71,7 +71,7 @@ def _camera(node: Node, context: ReadContext, name: str | None) -> Calibration:
 def _lens(node: Node) -> Distortion:
     kind = node["distortion_type"]
     if kind.text() not in COUNTS:
-        refuse_model(kind.text(), tuple(COUNTS), source=kind.source, place=kind.place)
+        refuse_model(kind.text(), tuple(COUNTS), place=kind.place)
     values = node["distortion_coefficients"].numbers(COUNTS[kind.text()])
     if kind.text() == "equidistant":
         return fisheye(values)

@@ -72,7 +72,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def _camera(node: Node, context: ReadContext, name: str | None) -> Calibration:
     kind = node["type"].text()
     if kind not in LENSES:
-        refuse_model(kind, tuple(LENSES), source=context.name, place=node.place)
+        refuse_model(kind, tuple(LENSES), place=node.place)
     width, height = size = size_of(node["im_size"])
     focal = node["focal_len"]
     fx, fy = focal.numbers(2) if isinstance(focal.value, list) else (focal.number(),) * 2

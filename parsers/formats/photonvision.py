@@ -64,12 +64,12 @@ def _camera(node: Node, context: ReadContext, *, several: bool) -> Calibration:
     size = node["resolution"].image_size("width", "height")
     model = node.get("lensmodel")
     if model is not None and not model.text().startswith(LENS):
-        refuse_model(model.text(), (LENS,), source=context.name, place=model.place)
+        refuse_model(model.text(), (LENS,), place=model.place)
     coefficients = node["distCoeffs"] if "distCoeffs" in node else node["cameraExtrinsics"]
     mark = node.get("isFisheye")
     if mark is not None and mark.value:
         values = storage.numbers(_untyped(coefficients))
-        check_count(len(values), 4, source=context.name, place=coefficients.place)
+        check_count(len(values), 4, place=coefficients.place)
         lens: Distortion = fisheye(values)
     else:
         lens = opencv_lens(_untyped(coefficients))

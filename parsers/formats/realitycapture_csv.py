@@ -87,27 +87,21 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     rows = [row for row in rows_of(data, most=context.at_most(MAX_BYTES)) if row.strip()]
     columns = _columns(rows[0]) if rows else ()
     if "name" not in columns or "f" not in columns or len(set(columns)) != len(columns):
-        raise ParseError(
-            "the first line has no columns name and f, or one of them twice", source=context.name
-        )
+        raise ParseError("the first line has no columns name and f, or one of them twice")
     # Rows without a pose are not images of a scene: each is there for its camera.
     merged = "x" in columns
     names: dict[tuple[int, tuple[float, ...]], str] = {}
     for index, fields in enumerate(csv.reader(rows[1:]), start=2):
         if len(fields) != len(columns):
-            raise ParseError(
-                f"{len(fields)} fields, expected {len(columns)}", source=context.name, place=f"line {index}"
-            )
+            raise ParseError(f"{len(fields)} fields, expected {len(columns)}", place=f"line {index}")
         named = dict(zip(columns, fields, strict=True))
         numbers = tuple(
-            strict.number(named[key], source=context.name, place=f"line {index}, {key}")
-            if key in named
-            else 0.0
+            strict.number(named[key], place=f"line {index}, {key}") if key in named else 0.0
             for key in (*PLACE, *COEFFICIENTS)
         )
         names.setdefault((0 if merged else index, numbers), named["name"])
         if len(names) > MAX_CAMERAS:
-            raise ParseError(f"there are over {MAX_CAMERAS} cameras", source=context.name)
+            raise ParseError(f"there are over {MAX_CAMERAS} cameras")
     several = len(names) > 1
     return [_camera(numbers, name, context, several=several) for (_, numbers), name in names.items()]
 

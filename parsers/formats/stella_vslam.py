@@ -91,7 +91,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             place=node["model"].place,
         )
     if model not in LENSES:
-        refuse_model(model, tuple(LENSES), source=context.name, place=node["model"].place)
+        refuse_model(model, tuple(LENSES), place=node["model"].place)
     size = node.image_size("cols", "rows")
     fx, fy, cx, cy = (node[key].number() for key in PLACE)
     values = [node[key].number() for key in LENSES[model]]

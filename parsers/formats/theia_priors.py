@@ -91,7 +91,7 @@ def _native(node: Node) -> Native:
 def _lens(node: Node) -> Distortion:
     kind = node["camera_intrinsics_type"]
     if kind.text() not in LENGTHS:
-        refuse_model(kind.text(), tuple(LENGTHS), source=kind.source, place=kind.place)
+        refuse_model(kind.text(), tuple(LENGTHS), place=kind.place)
     radial = _coefficients(node, "radial_distortion_coeffs", LENGTHS[kind.text()])
     if kind.text() == "FISHEYE":
         return fisheye(radial)

@@ -84,7 +84,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def _camera(node: Node, context: ReadContext, name: str | None) -> Calibration:
     model = node["cam_model"]
     if model.text() not in LENSES:
-        refuse_model(model.text(), tuple(LENSES), source=context.name, place=model.place)
+        refuse_model(model.text(), tuple(LENSES), place=model.place)
     width, height, fx, fy, cx, cy = (_named(node, key).number() for key in list(NAMES)[:6])
     skew = _named(node, "skew").number() if LENSES[model.text()] is _polynomial else 0.0
     item = camera(
@@ -132,7 +132,6 @@ def _polynomial(node: Node) -> Distortion:
         raise UnsupportedModelError(
             "the fisheye's polynomial reaches θ⁷ with even powers, which has no counterpart here; calibrate with "
             "vikit's EquidistantCamera, which is cv2.fisheye's model",
-            source=node.source,
             place=node.place,
         )
     return FisheyePolynomial(k2=k2, k3=k3, k4=k4)
