@@ -25,6 +25,10 @@ HEADER = b"MATLAB 5.0 MAT-file"
 HEADER_BYTES = 128
 LARGEST = 4 * 1024 * 1024
 """Of one variable; a calibration's struct with the corners of a thousand photographs takes half of that."""
+TOTAL = 64 * 1024 * 1024
+"""Of all compressed variables together, unpacked in a fraction of a second."""
+FIRST = 4096
+"""How much of a compressed variable is unpacked to learn how long it is."""
 MOST_NUMBERS = 64
 MOST_VARIABLES = 10_000
 MAX_DEPTH = 12
@@ -67,6 +71,7 @@ def variables(data: bytes, *, source: str) -> Variables:
     order = "<" if mark == b"IM" else ">"
     values: dict[str, Json] = {}
     classes: list[str] = []
+    unpacked_bytes = 0
     try:
         for count, (kind, payload) in enumerate(_elements(data[HEADER_BYTES:], order)):
             if count == MOST_VARIABLES:
@@ -76,6 +81,9 @@ def variables(data: bytes, *, source: str) -> Variables:
             )
             if unpacked is None:
                 continue
+            unpacked_bytes += len(unpacked)
+            if unpacked_bytes > TOTAL:
+                raise ParseError(f"its variables are over {TOTAL} bytes unpacked", source=source)
             try:
                 name, value = _matrix(unpacked, order, 0)
             except _Opaque as opaque:
@@ -108,13 +116,14 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 def _unpacked(payload: bytes, order: str) -> bytes | None:
     """The matrix in a compressed element, None where it is too large or none."""
     unpacker = zlib.decompressobj()
-    content = unpacker.decompress(payload, LARGEST)
-    if unpacker.unconsumed_tail:
+    content = unpacker.decompress(payload, FIRST)
+    kind, length = struct.unpack_from(order + "II", content)
+    if kind != MATRIX or length > LARGEST:
         return None
-    if not unpacker.eof:
+    content += unpacker.decompress(unpacker.unconsumed_tail, length + 8)
+    if len(content) < length + 8:
         raise ValueError("a compressed variable does not end")
-    kind, inner = next(_elements(content, order))
-    return inner if kind == MATRIX else None
+    return content[8 : 8 + length]
 
 
 def _matrix(payload: bytes, order: str, depth: int) -> tuple[str, Json]:

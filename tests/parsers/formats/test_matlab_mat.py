@@ -170,6 +170,16 @@ def test_objects_and_newer_files_are_refused_with_the_lines_that_export_them() -
         read(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b"\0"))
 
 
+def test_many_bombs_are_given_up() -> None:
+    count = 480_000
+    inner = struct.pack("<IIII", 6, 8, 6, 0) + struct.pack("<IIii", 5, 8, 1, count) + struct.pack("<II", 1, 0)
+    inner += struct.pack("<II", 9, 8 * count) + b"\0" * (8 * count)
+    bomb = zlib.compress(struct.pack("<II", 14, len(inner)) + inner, 9)
+    data = SAMPLES["matlab_mat"].data[:128] + (struct.pack("<II", 15, len(bomb)) + bomb) * 40
+    with pytest.raises(ParseError, match="bytes unpacked"):
+        read(data)
+
+
 def test_a_bomb_is_not_unpacked() -> None:
     bomb = zlib.compress(b"\0" * 50_000_000, 9)
     data = SAMPLES["matlab_mat"].data[:128] + struct.pack("<II", 15, len(bomb)) + bomb
