@@ -21,6 +21,7 @@ from calibrary.parsers.discovery import known_formats
 from calibrary.parsers.document import parse_json
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_companion
+from calibrary.parsers.last_line import read_to_the_end
 from calibrary.parsers.text import shown
 from calibrary.records import replace
 
@@ -109,7 +110,16 @@ def read_content(
         max_bytes=max_bytes if max_bytes > MAX_BYTES else None,
         json=content.parsed_json,
     )
-    calibrations = _taken(lambda: read(content.data, context), record, content.name)
+
+    def read_bytes(data: bytes) -> list[Calibration]:
+        return read(data, context)
+
+    def read_whole() -> list[Calibration]:
+        if content.text is None:
+            return read_bytes(content.data)
+        return read_to_the_end(read_bytes, content.data)
+
+    calibrations = _taken(read_whole, record, content.name)
     if sure is Sure.WEAK:
         note = f"nothing in the file says that it is {record.title}; it was read so because it has the shape"
         calibrations = [replace(item, notes=(*item.notes, note)) for item in calibrations]

@@ -30,7 +30,7 @@ def decode(data: bytes, *, source: str | None = None, errors: str = "strict") ->
     """Text of a file whose encoding is not declared: UTF-16 with its mark, UTF-8, else Latin-1.
 
     Numbers and keys are ASCII in every format; only labels can come out wrong, and Latin-1 loses no byte of
-    them.
+    them. Lines end in LF, however they did.
 
     Raises:
         ParseError: the bytes are not text.
@@ -51,24 +51,12 @@ def decode(data: bytes, *, source: str | None = None, errors: str = "strict") ->
             text = data.decode("latin-1")
     if "\0" in text:
         raise ParseError("the file is binary, expected text", source=source)
-    return text
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
-def lines(text: str, *, source: str | None = None) -> tuple[str, ...]:
-    """The lines of a line-based format, without their ends (LF, CR LF or CR).
-
-    Such a format has no closing bracket, so a missing newline at the end is the only sign of a file that was
-    cut short in the middle of its last number.
-
-    Raises:
-        ParseError: the last line is not ended.
-    """
-    if not text.endswith(("\n", "\r")):
-        raise ParseError(
-            "the last line is not ended, so the file may be cut short; complete it, or end it with a newline",
-            source=source,
-        )
-    return tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")[:-1])
+def lines(text: str) -> tuple[str, ...]:
+    """The lines of a line-based format, without their ends; a reader sees the last one ended."""
+    return tuple(text.removesuffix("\n").split("\n"))
 
 
 def number(text: str, *, source: str | None = None, place: str | None = None) -> float:

@@ -23,9 +23,9 @@ def text_of(data: bytes, *, source: str | None = None, most: int = MAX_BYTES) ->
 
 
 def rows_of(data: bytes, *, source: str | None = None, most: int = MAX_BYTES) -> tuple[str, ...]:
-    """The file's lines, the last of which must be ended.
+    """The file's lines.
 
     Raises:
-        ParseError: it is not text, too long, or cut short.
+        ParseError: it is not text, or too long.
     """
-    return strict.lines(text_of(data, source=source, most=most), source=source)
+    return strict.lines(text_of(data, source=source, most=most))

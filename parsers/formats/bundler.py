@@ -20,6 +20,7 @@ Source: N. Snavely, "Bundler v0.4 User's Manual".
 
 from __future__ import annotations
 
+import codecs
 import io
 from collections.abc import Iterator
 
@@ -51,7 +52,7 @@ CONVENTION = Convention(
 
 def sniff(content: Content) -> Sniff | None:
     """The comment it begins with."""
-    if content.data.startswith(MARK):
+    if content.first_line.startswith(MARK.decode()):
         return Sniff(Sure.MAGIC, "the first line is '# Bundle file v…'")
     return None
 
@@ -96,7 +97,7 @@ def _calibration(
 
 def _images(data: bytes, source: str) -> Iterator[tuple[float, ...]]:
     """f, k1 and k2 of every image; what follows them, the points, is not looked at."""
-    rows = enumerate(io.BytesIO(data), start=1)
+    rows = enumerate(io.BytesIO(data.removeprefix(codecs.BOM_UTF8)), start=1)
     _, first = next(rows, (0, b""))
     version = first.removeprefix(MARK).strip().decode("ascii", "replace")
     if not first.startswith(MARK) or version not in VERSIONS:

@@ -22,7 +22,6 @@ Source: A. Geiger et al., "Vision meets robotics: the KITTI dataset", 2013, and 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import Distortion, NoDistortion
@@ -93,7 +92,7 @@ class _Table:
 
     def __init__(self, text: str) -> None:
         self.values: dict[str, str] = {}
-        for number, line in enumerate(_ended(text), start=1):
+        for number, line in enumerate(strict.lines(text), start=1):
             match = _LINE.fullmatch(line.strip())
             if match is None:
                 if line.strip():
@@ -119,13 +118,6 @@ class _Table:
     def size(self, name: str) -> ImageSize:
         width, height = self.numbers(name, 2)
         return strict.image_size(width, height, place=name)
-
-
-def _ended(text: str) -> Iterator[str]:
-    """Devkit files end with their last number; when that is a line nothing is read from, no harm is done."""
-    last = text.rpartition("\n")[2]
-    harmless = last.startswith(("R", "T", "calib_time", "corner_dist"))
-    yield from strict.lines(text + "\n" if harmless else text)
 
 
 def _raw(number: str, table: _Table, context: ReadContext) -> Calibration:

@@ -153,8 +153,6 @@ def _rows(data: bytes) -> Iterator[tuple[str, int]]:
     for index, row in enumerate(io.BytesIO(data), start=1):
         if not row.strip():
             continue
-        if not row.endswith(b"\n"):
-            raise ParseError("the last line is not ended, so the file may be cut short")
         if len(row) > LONGEST_LINE:
             raise ParseError(f"a line of {len(row)} bytes", place=f"line {index}")
         yield strict.decode(row).strip(), index

@@ -150,16 +150,13 @@ def _sections(text: str) -> Iterator[Section]:
 
 
 def _lines(text: str) -> Iterator[str]:
-    """Without comments; after the last camera's distortion nothing is read whose end could be missing.
+    """Without comments.
 
     The calibrator prints D, K, R and P as Python lists before each camera, and people paste that along.
     """
     heading, mark, rest = text.partition(HEADING)
     if mark and "[image]" not in heading:
         text = mark + rest
-    unended = not text.endswith(("\n", "\r"))
-    if unended and "projection" in text.rpartition("distortion")[2]:
-        text += "\n"
     for line in strict.lines(text):
         yield "" if _PRINTED.match(line) else re.split("[#;]", line, maxsplit=1)[0].strip()
 

@@ -178,10 +178,7 @@ def _refuse_part_of_a_lens(last: Section) -> None:
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
-    """Lines that say something, numbered; the last one must be ended where a camera's numbers stand in it."""
-    last_section = text.upper().rpartition("[")[2]
-    if not last_section.startswith(("LEFT_", "RIGHT_")):
-        text += "\n"
+    """Lines that say something, numbered."""
     for number, raw in enumerate(strict.lines(text), start=1):
         line = re.split("[#;]", raw, maxsplit=1)[0].strip()
         if line:

@@ -75,10 +75,9 @@ def test_bytes_that_are_no_text_are_refused(data: bytes) -> None:
         decode(data, source="x")
 
 
-def test_a_last_line_without_an_end_may_be_cut_short() -> None:
-    assert lines("a\r\nb\rc\n", source="x") == ("a", "b", "c")
-    with pytest.raises(ParseError, match="cut short"):
-        lines("a\n3650.1", source="x")
+def test_lines_end_in_any_of_three_ways() -> None:
+    assert lines(decode(b"a\r\nb\rc\n\n")) == ("a", "b", "c", "")
+    assert lines("a\n3650.1") == ("a", "3650.1")
 
 
 @pytest.mark.parametrize(

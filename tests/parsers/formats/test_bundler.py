@@ -80,7 +80,7 @@ def test_without_a_size_it_asks_for_one() -> None:
         (bundle("-700 0 0"), "focal length"),
         (bundle("0 0 0"), "no image of it was placed"),
         (bundle("700 0 0", count=40), "numbers, expected|ends before"),
-        (b"# Bundle file v0.3\n1 1\n700 0 0\n1 0 0\n0 1 0\n0 0 1\n0.1 0.2 -0.", "ends before"),
+        (b"# Bundle file v0.3\n1 1\n700 0 0\n1 0 0\n0 1 0\n0 0 1\n0.1 0.2", "2 numbers.*not ended"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(data: bytes, message: str) -> None:

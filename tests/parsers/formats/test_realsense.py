@@ -155,7 +155,7 @@ def test_what_is_not_said_is_asked_for_or_unknown() -> None:
         (stream("F-Theta", coeffs=[53.0, 0, 0, 0, 0]), ParseError, "degrees"),
         (stream("None", fx=0, coeffs=[]), ParseError, "focal"),
         ({**TABLE, "rectified.0.width": 19.5}, ParseError, "image size"),
-        ({"fx": 1, "fy": 1, "cx": 1, "cy": 1}, UnknownFormatError, "no format"),
+        ({"fx": 1, "fy": 1}, UnknownFormatError, "no format"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(document: Json, error: type[InputError], match: str) -> None:

@@ -1,0 +1,92 @@
+"""A text whose last line is not ended: whether the file may have been cut short in a number that is used.
+
+Editors and programs leave out the last newline, and a copy that stops early loses it too. The difference shows
+once the last number goes on: where another ending (3650.1 → 3650.11, 3650.1e1) changes nothing that was read, the
+number does not matter and the file is read; where it does, it may lack digits, and the file is refused.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Callable, Iterator
+
+from calibrary.calibration import Calibration
+from calibrary.errors import InputError, MissingTagError, ParseError
+from calibrary.parsers.text import shown
+from calibrary.records import replace
+
+__all__ = ["read_to_the_end"]
+
+NOT_ENDED = "the last line is not ended, so the file may be cut short; complete it, or end it with a newline"
+
+_CLOSED = tuple("]})>\"';")
+"""What ends in one of these has no number that could go on."""
+_LAST_WORD = re.compile(r"[^\s,;:=]*\s*\Z")
+_DIGIT = re.compile(r"\d")
+_ZERO = re.compile(r"[+-]?0")
+_EXPONENT = re.compile(r"[\d.][eE][+-]?\d*\Z")
+_TAIL_BYTES = 2000
+_UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+
+
+def read_to_the_end(read: Callable[[bytes], list[Calibration]], data: bytes) -> list[Calibration]:
+    """What a reader gives of a text, whose last line it always sees ended.
+
+    What the file states beyond the camera and may be cut short is left out, with a note.
+
+    Args:
+        read: the reader.
+        data: the file; a text.
+
+    Raises:
+        ParseError: the last line is not ended, and its last word is used.
+        InputError: as the reader raises them.
+    """
+    encoding = _UTF_16.get(data[:2], "utf-8")
+    tail = data[-_TAIL_BYTES:].decode(encoding, "replace")
+    if tail.endswith(("\n", "\r")):
+        return read(data)
+    newline = "\n".encode(encoding)
+    if tail.rstrip().endswith(_CLOSED):
+        return read(data + newline)
+    try:
+        found = read(data + newline)
+    except MissingTagError:
+        raise
+    except InputError as error:
+        raise ParseError(f"{error.message}; {NOT_ENDED}", source=error.source, place=error.place) from None
+    match = _LAST_WORD.search(tail)
+    word = match[0].strip() if match else ""
+    if word and not _DIGIT.search(word):
+        return found
+    for ending in _endings(word):
+        try:
+            other = read(data + ending.encode(encoding) + newline)
+        except InputError:
+            other = []
+        if [_camera(item) for item in other] != [_camera(item) for item in found]:
+            raise ParseError(f"{NOT_ENDED}: what it ends in, {shown(word)}, is used")
+        found = [_common(item, changed) for item, changed in zip(found, other, strict=True)]
+    return found
+
+
+def _endings(word: str) -> Iterator[str]:
+    """What may have followed: more digits, or an exponent where there is none."""
+    yield ".5" if _ZERO.fullmatch(word) else "1"
+    if not _EXPONENT.search(word):
+        yield "e1"
+
+
+def _camera(item: Calibration) -> Calibration:
+    return replace(item, notes=(), extras=())
+
+
+def _common(item: Calibration, changed: Calibration) -> Calibration:
+    """The calibration without what depends on the last word."""
+    extras = tuple(pair for pair in item.extras if pair in changed.extras)
+    notes = tuple(note for note in item.notes if note in changed.notes)
+    lost = [name for name, _ in item.extras if name not in dict(extras)]
+    if lost:
+        notes += (f"{', '.join(lost)} is left out: the last line is not ended, so it may be cut short",)
+    return replace(item, extras=extras, notes=notes)
