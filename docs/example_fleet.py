@@ -88,14 +88,19 @@ def write_fleet(folder: Path) -> Registry:
 def _entry(model: Model, *, day: str, firmware: str, change: float = 0.0) -> Entry:
     width, height = model.size
     rho = np.eye(len(NAMES))
-    rho[0, 1] = rho[1, 0] = 0.95
-    rho[4, 5] = rho[5, 4] = -0.9
+    for one, other, correlation in ((0, 1, 0.95), (4, 5, -0.95), (5, 8, -0.97), (4, 8, 0.86)):
+        rho[one, other] = rho[other, one] = correlation
+    C = rho * np.outer(STD, STD)
+    # No two measurements of a lens give the same digits.
+    rng = np.random.default_rng(int(day.replace("-", "")))
+    error = rng.multivariate_normal(np.zeros(5), C[4:, 4:])
+    lens = dict(zip(NAMES[4:], np.array([-0.0724, 0.0213, 0.00071, -0.00018, -0.0061]) + error, strict=True))
     measured = model.grade is Grade.CALIBRATED
     quality = Quality(
         rms_px=0.27,
         views=42,
         points=3696,
-        covariance=Covariance.from_matrix(NAMES, rho * np.outer(STD, STD)),
+        covariance=Covariance.from_matrix(NAMES, C),
         kappa2=1.4,
         coverage=0.86,
     )
@@ -109,7 +114,7 @@ def _entry(model: Model, *, day: str, firmware: str, change: float = 0.0) -> Ent
             cy=height / 2 + 7.3 - change / 14,
             image_size=model.size,
         ),
-        distortion=BrownConrady(k1=-0.0724, k2=0.0213, p1=0.00071, p2=-0.00018, k3=-0.0061),
+        distortion=BrownConrady(**{name: float(value) for name, value in lens.items()}),
         grade=model.grade,
         quality=quality if measured else None,
         provenance=Provenance(

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Quality
-from calibrary.distortion import BrownConrady, NoDistortion
+from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.jobs.diff.comparison import ChangeVerdict
 from calibrary.jobs.diff.kinds import Kind
 from calibrary.records import replace
@@ -204,6 +204,11 @@ def edited() -> Iterator[Pair]:
         alarm=True,
         says="only cx differs",
     )
+    yield Pair(name="skew added", a=a, b=changed(a, skew=5.0), verdict=DRIFT, alarm=True, says="only skew")
+    fisheye = camera(distortion=KannalaBrandt(k1=-0.2, k2=0.05, k3=0.0, k4=0.0))
+    yield Pair(
+        name="another model in its place", a=a, b=fisheye, verdict=DRIFT, alarm=True, says="distortion model"
+    )
     yield Pair(
         name="fy alone +0.1 %", a=a, b=changed(a, fy=K.fy * 1.001), verdict=DRIFT, alarm=True, says="only fy"
     )
@@ -333,6 +338,12 @@ def frames() -> Iterator[Pair]:
         kind=Kind.TURNED,
         says="180°",
     )
+    square = changed(a, image_size=(3648, 3648), cx=1850.0, cy=1800.0)  # type: ignore[arg-type]  # a size
+    side = replace(
+        changed(square, fx=K.fy, fy=K.fx, cx=3648 - 1800.0, cy=1850.0),
+        distortion=replace(LENS, p1=LENS.p2, p2=-LENS.p1),
+    )
+    yield kind_of(name="a square turned by 90°", a=square, b=side, kind=Kind.TURNED, says="90° clockwise")
     yield kind_of(
         name="turned by 180°, measured twice",
         a=drawn(a, 1),

@@ -17,7 +17,7 @@ from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.priors import std_of
 from calibrary.jobs.diff.wording import frame_size
 
-__all__ = ["is_turned", "of_orientation", "of_origin", "quarter_turn"]
+__all__ = ["is_turned", "is_turned_square", "of_orientation", "of_origin", "quarter_turn"]
 
 EXACT_PX: Final = 0.02
 SAME_FOCAL: Final = 2e-5
@@ -48,6 +48,17 @@ def is_turned(a: Calibration, b: Calibration) -> bool:
     return same_aspect(size_a, size_b[::-1]) and not same_aspect(size_a, size_b)
 
 
+def is_turned_square(a: Calibration, b: Calibration) -> bool:
+    """Whether a square frame was turned by 90° or 270°, to the exact digits."""
+    K, after = a.intrinsics, b.intrinsics
+    side = K.image_size[0]
+    if K.image_size != (side, side) or after.image_size != K.image_size or abs(K.cx - K.cy) < LEAST_PX:
+        return False
+    swapped = all(abs(x / y - 1) <= SAME_FOCAL for x, y in ((after.fx, K.fy), (after.fy, K.fx)))
+    ways = ((side - K.cy, K.cx), (K.cy, side - K.cx))
+    return swapped and any(math.hypot(after.cx - x, after.cy - y) <= EXACT_PX for x, y in ways)
+
+
 def quarter_turn(a: Calibration, b: Calibration) -> str:
     """Which way a frame on its side was turned, as far as the principal point says."""
     K, after = a.intrinsics, b.intrinsics
@@ -69,6 +80,9 @@ def quarter_turn(a: Calibration, b: Calibration) -> str:
 def of_orientation(a: Calibration, b: Calibration) -> Iterator[Structural]:
     """Turned by 180° or mirrored, or the principal point counted from another side, in frames of one size."""
     K, after = a.intrinsics, b.intrinsics
+    if is_turned_square(a, b):
+        yield Structural(kind=Kind.TURNED, reason=quarter_turn(a, b))
+        return
     if K.image_size != after.image_size or not _same_focal(a, b, SIGMAS):
         return
     width, height = K.image_size

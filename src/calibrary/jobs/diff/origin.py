@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from calibrary.calibration import Calibration
+from calibrary.distortion import Distortion
 
 __all__ = ["K_NAMES", "SAME", "Common", "common_numbers", "has_other_source", "is_same", "values_of"]
 
 K_NAMES: Final = ("fx", "fy", "cx", "cy")
+PINHOLE: Final = (*K_NAMES, "skew")
 
 SAME: Final = 1e-7
 """Two numbers this near, relative to the larger, are one number written twice: files hold seven digits and more."""
@@ -51,15 +53,19 @@ class Common:
 def common_numbers(a: Calibration, b: Calibration) -> Common:
     """Compare the numbers of two calibrations of one frame size, digit by digit."""
     one, two = values_of(a), values_of(b)
+    other_model = not _share_names(a.distortion, b.distortion)
+    if other_model:
+        one, two = ({name: values[name] for name in PINHOLE} for values in (one, two))
     names = [name for name in dict.fromkeys([*one, *two]) if one.get(name) or two.get(name)]
-    same, changed, lost, gained = [], [], [], []
+    same, lost, gained = [], [], []
+    changed = ["the distortion model"] if other_model else []
     for name in names:
         x, y = one.get(name, 0.0), two.get(name, 0.0)
         if is_same(x, y):
             same += [name] if _is_free(a, name, x) else []
-        elif not y and name not in K_NAMES:
+        elif not y and name not in PINHOLE:
             lost.append(name)
-        elif not x and name not in K_NAMES:
+        elif not x and name not in PINHOLE:
             gained.append(name)
         else:
             changed.append(name)
@@ -82,13 +88,21 @@ def has_other_source(a: Calibration, b: Calibration) -> bool:
 def values_of(calibration: Calibration) -> Mapping[str, float]:
     """Every number of K and of the distortion by its name."""
     K, lens = calibration.intrinsics, calibration.distortion
-    pinhole = {name: float(getattr(K, name)) for name in (*K_NAMES, "skew")}
+    pinhole = {name: float(getattr(K, name)) for name in PINHOLE}
     return pinhole | (lens.coefficients if lens is not None else {})
 
 
 def is_same(x: float, y: float) -> bool:
     """Whether two numbers are one that was written twice."""
     return abs(x - y) <= SAME * max(abs(x), abs(y))
+
+
+def _share_names(one: Distortion | None, two: Distortion | None) -> bool:
+    """Whether a coefficient's name means the same in both: in one model, or in a model and the one that extends it."""
+    if one is None or two is None:
+        return True
+    names = sorted((list(one.coefficients), list(two.coefficients)), key=len)
+    return names[1][: len(names[0])] == names[0]
 
 
 def _is_free(calibration: Calibration, name: str, value: float) -> bool:

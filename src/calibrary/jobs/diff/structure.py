@@ -19,7 +19,13 @@ from calibrary.distortion import NoDistortion
 from calibrary.jobs.diff.frames import FOCAL_SLACK
 from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.numbers import Numbers
-from calibrary.jobs.diff.orientation import is_turned, of_orientation, of_origin, quarter_turn
+from calibrary.jobs.diff.orientation import (
+    is_turned,
+    is_turned_square,
+    of_orientation,
+    of_origin,
+    quarter_turn,
+)
 from calibrary.jobs.diff.origin import Common, common_numbers, is_same
 from calibrary.jobs.diff.priors import PRIORS, std_of
 from calibrary.jobs.diff.wording import frame_size, listed, pixels
@@ -151,6 +157,8 @@ def _is_part(whole: ImageSize, part: ImageSize, zoom: float, *, same: bool) -> b
 
 def _of_focal_lengths(a: Calibration, b: Calibration) -> Iterator[Structural]:
     before, after = a.intrinsics, b.intrinsics
+    if is_turned_square(a, b):
+        return
     if before.image_size == after.image_size and _is_swapped_focal(a, b):
         was, now = (f"{K.fx:.6g}, {K.fy:.6g}" for K in (before, after))
         reason = f"fx, fy were {was} and are {now} px: they changed places"
