@@ -79,19 +79,15 @@ def choose(
 
     Args:
         cameras: all of them.
-        number: which, from 1; None for the only one, or for any of several with the same K and distortion, since
-            some programs list one camera under several names.
+        number: which, from 1; None for the only one.
         source: the file's name, for messages.
         how: how to say which, for messages.
 
     Raises:
-        InputError: there are several different ones and no number, or none of that number.
+        InputError: there are several and no number, or none of that number.
     """
-    first = cameras[0]
-    if number is None and all(
-        (one.intrinsics, one.distortion) == (first.intrinsics, first.distortion) for one in cameras
-    ):
-        return first
+    if number is None and len(cameras) == 1:
+        return cameras[0]
     more = f" and {len(cameras) - LISTED} more" if len(cameras) > LISTED else ""
     listed = "; ".join(f"{at} {item.camera}" for at, item in enumerate(cameras[:LISTED], start=1)) + more
     if number is None:
@@ -144,7 +140,16 @@ def _read(text: str, reading: Reading, image_size: ImageSize | None) -> Argument
         entry = parse_entry(data, path.name, require_digest=False)
         return Argument(label=text, calibration=entry.calibration)
     calibrations = replace(reading, image_size=image_size).read(path)
-    return Argument(label=text, calibration=choose(calibrations, reading.camera, source=text))
+    number = 1 if reading.camera is None and _is_one_camera(calibrations) else reading.camera
+    return Argument(label=text, calibration=choose(calibrations, number, source=text))
+
+
+def _is_one_camera(calibrations: Sequence[Calibration]) -> bool:
+    """Whether all have the same K and distortion: some programs list one camera under several names."""
+    first = calibrations[0]
+    return all(
+        (one.intrinsics, one.distortion) == (first.intrinsics, first.distortion) for one in calibrations
+    )
 
 
 def _entry(text: str, registry: Path | None) -> Argument:
