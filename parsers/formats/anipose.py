@@ -47,6 +47,8 @@ MAX_CAMERAS = 1000
 
 def sniff(content: Content) -> Sniff | None:
     """A section in brackets, and the keys of a camera under it."""
+    if "distortions" not in (content.text or ""):
+        return None
     keys = {line.partition("=")[0].strip() for line in content.lines}
     if (
         content.lines

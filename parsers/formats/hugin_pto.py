@@ -57,6 +57,8 @@ _FIELD = re.compile(r'(?:^|\s)([A-Za-z]{1,3})(?:=(\d{1,6})|([-+.\d][-+.\deE]*))?
 
 def sniff(content: Content) -> Sniff | None:
     """A line of the panorama, and one of an image with a field of view and a lens."""
+    if "i w" not in (content.text or ""):
+        return None
     panorama = any(line.startswith("p f") for line in content.lines)
     image = next((line for line in content.lines if line.startswith("i w")), None)
     if panorama and image and re.search(r"\sv[=\d]", image) and re.search(r"\sb[-=\d]", image):

@@ -40,13 +40,14 @@ MOST = 4096
 SMALLEST = 10.0
 """px: a focal length shorter than that is another matrix's number."""
 DERIVED = "a bare matrix does not say how it came about; taken as derived"
+FIRST = frozenset("0123456789+-.[#")
 _PARTS = re.compile(r"[\s,;\[\]]+")
 
 
 def sniff(content: Content) -> Sniff | None:
     """Nothing but a K."""
     text = content.text
-    if text is None or len(content.data) > MOST:
+    if text is None or len(content.data) > MOST or content.first_line[:1] not in FIRST:
         return None
     try:
         _native(text)

@@ -54,6 +54,8 @@ MAX_CAMERAS = 1000
 
 def sniff(content: Content) -> Sniff | None:
     """Cameras in a list, each with an image_height, a type and a T_B_C."""
+    if "image_height" not in (content.text or ""):
+        return None
     inner = {line.partition(":")[0].lstrip("- ") for line in content.lines}
     rig = next((key for key in content.yaml_keys if key in {"cameras", "sensors", "ncameras"}), None)
     if rig and {"camera", "image_height", "type", "intrinsics", "distortion"} <= inner:

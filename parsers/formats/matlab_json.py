@@ -29,6 +29,8 @@ def sniff(content: Content) -> Sniff | None:
         if any(is_camera(value) for value in (document, *document.values())):
             return Sniff(Sure.MAGIC, "JSON with RadialDistortion and MATLAB's names of K")
         return None
+    if "RadialDistortion" not in (content.text or ""):
+        return None
     keys = {line.partition(":")[0].strip("\"' ") for line in content.lines}
     if "RadialDistortion" in keys and keys & {"IntrinsicMatrix", "FocalLength"} and not content.xml_tags:
         return Sniff(Sure.MAGIC, "the keys RadialDistortion and MATLAB's names of K")

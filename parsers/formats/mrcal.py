@@ -84,9 +84,10 @@ Span: TypeAlias = tuple[Json, str]
 
 def sniff(content: Content) -> Sniff | None:
     """The key 'lensmodel' with one of mrcal's names; PhotonVision's JSON has it beside other keys."""
-    if "cameraIntrinsics" in (content.text or ""):
+    text = content.text or ""
+    if "LENSMODEL_" not in text or "cameraIntrinsics" in text:
         return None
-    if re.search(r"""['"]lensmodel['"]\s*:\s*['"]LENSMODEL_""", content.text or ""):
+    if re.search(r"""['"]lensmodel['"]\s*:\s*['"]LENSMODEL_""", text):
         return Sniff(Sure.MAGIC, "the key 'lensmodel' with a LENSMODEL_")
     return None
 

@@ -51,6 +51,8 @@ MOST = 64 * 1024
 
 def sniff(content: Content) -> Sniff | None:
     """The names of either."""
+    if not any(name in (content.text or "") for name in ("fx_color", "doffs")):
+        return None
     names = {line.partition("=")[0].strip() for line in content.lines}
     if {"fx_color", "mx_color", "colorWidth"} <= names:
         return Sniff(Sure.MAGIC, "the names fx_color, mx_color and colorWidth of ScanNet")

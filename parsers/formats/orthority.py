@@ -52,6 +52,8 @@ MAX_CAMERAS = 1000
 
 def sniff(content: Content) -> Sniff | None:
     """The keys im_size and focal_len under a camera's name."""
+    if "im_size" not in (content.text or ""):
+        return None
     keys = {line.partition(":")[0] for line in content.lines}
     if not content.xml_tags and {"type", "im_size", "focal_len"} <= keys:
         return Sniff(Sure.MAGIC, "the keys type, im_size and focal_len")

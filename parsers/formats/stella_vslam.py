@@ -66,8 +66,10 @@ def sniff(content: Content) -> Sniff | None:
     keys = content.yaml_keys
     if "Camera.model" in keys:
         return Sniff(Sure.MAGIC, "the key Camera.model")
+    if BLOCK not in keys:
+        return None
     nested = {line.partition(":")[0] for line in content.lines}
-    if BLOCK in keys and {"model", "setup", "cols", "rows"} <= nested:
+    if {"model", "setup", "cols", "rows"} <= nested:
         return Sniff(Sure.MAGIC, "the key Camera with model, setup, cols and rows under it")
     return None
 
