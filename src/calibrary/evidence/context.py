@@ -182,5 +182,5 @@ class Scene:
 def numbers(text: str) -> tuple[float, ...] | None:
     """A comma- or space-separated list of finite numbers, or None when it is anything else."""
     values = [as_float(part) for part in text.replace(",", " ").split()]
-    known = tuple(value for value in values if value is not None and math.isfinite(value))
+    known = tuple(value for value in values if value is not None)
     return known if known and len(known) == len(values) else None
