@@ -92,9 +92,8 @@ def test_the_document_keeps_to_its_schema_and_says_what_was_compared(
 def test_the_last_line_says_which_to_use(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, files / "one.xml", files / "drifted.xml")
     assert code == ALARM
-    assert (
-        out.rstrip().splitlines()[-1].startswith("Keep using A, and find out who changed fx and fy and why")
-    )
+    last = out.rstrip().splitlines()[-1]
+    assert last.startswith("drift, needs attention. Keep using A, and find out who changed fx and fy and why")
     assert "e+" not in out
 
 

@@ -43,7 +43,7 @@ VERDICTS = {
     "calibrate --from corners.json --correlations": r"PASS ",
     "registry check": r"good: ",
     "registry audit survey": r"needs attention: ",
-    "diff camera.xml later.xml": r"drift  needs attention",
+    "diff camera.xml later.xml": r"drift, needs attention\. Keep using A, ",
     "diff --since HEAD~6": r"1 need attention: ",
     "onboard payload --yes --for unit --html new/o/onboard.html": r"draft proposed: ",
     "convert camera.xml new/v/camera.yml --to opencv_storage": r"exact",

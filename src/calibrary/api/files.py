@@ -293,7 +293,7 @@ def formats(word: str = "") -> list[Format]:
 
     >>> from calibrary.api.files import formats
     >>> [one.name for one in formats("kalibr")]
-    ['kalibr']
+    ['kalibr', 'kalibr_results']
     """
     wanted = word.casefold()
     return [

@@ -146,11 +146,9 @@ def _show(screen: Screen, comparison: Comparison, labels: tuple[str, str], altit
         screen.say(f"[yellow]{plain(warning)}[/]")
     kinds = ", ".join(one.kind.value for one in comparison.structural)
     screen.say("")
-    screen.say(
-        f"[bold {STYLES[verdict]}]{verdict}{f': {kinds}' if kinds else ''}[/]"
-        + ("  [red]needs attention[/]" if comparison.alarm else "")
-    )
-    screen.say(plain(comparison.advice))
+    badge = f"[bold {STYLES[verdict]}]{verdict}{f': {kinds}' if kinds else ''}[/]"
+    attention = ", [red]needs attention[/]" if comparison.alarm else ""
+    screen.say(f"{badge}{attention}. {plain(comparison.advice)}")
 
 
 def _parameters(numbers: Numbers, width: int) -> list[Text]:

@@ -130,9 +130,7 @@ def test_the_command_prints_a_row_for_every_story(
     flight: Flight, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, images = flight
-    monkeypatch.setattr(
-        "calibrary.jobs.demo.flight.write_flight", lambda _out, *, seed: images if seed == 3 else []
-    )
+    monkeypatch.setattr("calibrary.api.demo.write_flight", lambda _out, *, seed: images if seed == 3 else [])
     monkeypatch.setenv("COLUMNS", "160")
     assert main(["demo", str(out), "--seed", "3"]) == 0
     printed = capsys.readouterr().out
