@@ -11,11 +11,12 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.board import Board
+from calibrary.calib.board_shape import BoardShape, board_shape, laid_on, stretch
 from calibrary.calib.corners_file import corners_sha256
 from calibrary.calib.covariance import identifiability, lens_covariance
 from calibrary.calib.geometry import geometry
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.misfit import corner_noise, rolling_shutter, stretch
+from calibrary.calib.misfit import corner_noise, rolling_shutter
 from calibrary.calib.model_choice import WarpTest, has_sound_lens, warp_test
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations, View
@@ -83,13 +84,18 @@ def estimate(
     usable, dropped = _usable(observations)
     network = Network.of(usable)
     solution = solve(network, usable.image_size, model=chosen, guess=guess, warp=warp, gate=gate)
+    solution, shape = _before_the_real_board(solution, asked=warp)
     adjusted = solution.adjusted
     halves = split_half(adjusted, seed=seed)
-    covariance = lens_covariance(adjusted)
+    tested, explained = _with_warp(solution, asked=warp)
+    stretched = stretch(explained)
+    left_out = [shape.shift] if shape is not None and not solution.is_lifted else []
+    left_out += [stretched[1]] if stretched is not None else []
+    stated = shape.covariance if shape is not None and solution.is_lifted else None
+    covariance = _covariance(adjusted, stated, left_out, halves)
     calibration = _calibration(observations, usable, adjusted, covariance, halves)
     uncertainty = _uncertainty(calibration)
     noise = corner_noise(usable)
-    tested, explained = _with_warp(solution, asked=warp)
     views = _views(observations, usable, solution, dropped)
     quality = calibration.quality or Quality()
     seen = geometry(adjusted, usable.image_size)
@@ -117,13 +123,21 @@ def estimate(
         edge_px=_largest(uncertainty),
         warp=tested,
         is_warped=solution.is_warped,
-        stretch=stretch(explained),
+        shape=shape,
+        is_lifted=solution.is_lifted,
+        stretch=stretched[0] if stretched is not None else None,
         shutter=rolling_shutter(explained, usable.image_size, noise),
         focus=usable.focus,
     )
     findings = judge(judged, limits)
+    refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
     return CalibrationResult(
-        calibration=replace(calibration, notes=tuple(_notes(findings))),
+        # What was refused is worth no more than any other number to start a search from.
+        calibration=replace(
+            calibration,
+            notes=tuple(_notes(findings)),
+            grade=Grade.SEED if refused else Grade.CALIBRATED,
+        ),
         findings=findings,
         evidence=judged,
         limits=limits,
@@ -137,6 +151,35 @@ def estimate(
         observations=observations,
         versions=_versions(),
     )
+
+
+def _before_the_real_board(solution: Solution, *, asked: bool) -> tuple[Solution, BoardShape | None]:
+    """The solution on the board as its corners show it, where they show that it is bent, and its shape."""
+    shape = board_shape(solution.adjusted)
+    if shape is None or not shape.is_bent or not asked:
+        return solution, shape
+    try:
+        found = laid_on(solution.adjusted, solution.everything)
+    except CalibrationError:
+        found = None
+    if found is None:
+        return solution, shape
+    adjusted, everything, shape = found
+    return replace(solution, adjusted=adjusted, everything=everything, is_lifted=True), shape
+
+
+def _covariance(
+    adjusted: Adjusted, stated: FloatArray | None, left_out: Sequence[FloatArray], halves: SplitHalf | None
+) -> Covariance:
+    """What the residuals say, and what the models that were not taken would have made of the lens.
+
+    The shift d to a larger model adds d·dᵀ: as much as the two models differ by (model averaging's variance between
+    the models). It is no noise, so the variance factor, which multiplies everything, is taken out of it beforehand.
+    """
+    C = lens_covariance(adjusted)
+    inflation = max(1.0, halves.kappa2) if halves is not None else 1.0
+    between = sum((np.outer(shift, shift) for shift in left_out), np.zeros_like(C.matrix))
+    return Covariance.from_matrix(C.names, (C.matrix if stated is None else stated) + between / inflation)
 
 
 def _model(model: str | Solvable) -> Solvable | None:

@@ -17,16 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.adjustment import Adjusted, reduce, scaled_solve
+from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.board import Board
 from calibrary.calib.model_choice import f_test
 from calibrary.calib.network import Linear
 from calibrary.calib.observations import Observations
 from calibrary.calibration import ImageSize
-from calibrary.errors import CalibrationError
 from calibrary.records import Record, replace
 
-__all__ = ["Shutter", "Stretch", "corner_noise", "rolling_shutter", "stretch"]
+__all__ = ["Shutter", "corner_noise", "rolling_shutter"]
 
 
 FOURTH_DIFFERENCE: Final = (1.0, -4.0, 6.0, -4.0, 1.0)
@@ -35,23 +34,6 @@ SHUTTER_LEVEL: Final = 1e-4
 SMALLEST_SINGULAR: Final = 1e-5
 LEFT_BY_MOTION: Final = 1.2
 """What is left when the cause is found is corner noise; its estimate from neighbours is this good."""
-
-
-class Stretch(Record):
-    """Of the print, down against across.
-
-    Attributes:
-        value: relative: +0.001 is 0.1 % longer down than across.
-        std: of the value; large where the board was never rolled, for then it is the same as fx ≠ fy.
-    """
-
-    value: float
-    std: float
-
-    @property
-    def z(self) -> float:
-        """The value in its standard deviations."""
-        return self.value / self.std if self.std > 0 else 0.0
 
 
 class Shutter(Record):
@@ -74,25 +56,6 @@ class Shutter(Record):
         """Whether there is motion, and nothing but noise beside it."""
         explained = self.noise_px is not None and self.left_px <= LEFT_BY_MOTION * self.noise_px
         return self.p < SHUTTER_LEVEL and explained
-
-
-def stretch(adjusted: Adjusted) -> Stretch | None:
-    """Fit one length of the print against the other; None for points that are no board."""
-    network = adjusted.network
-    if not network.is_planar:
-        return None
-    linear, free = _with_stretch(adjusted)
-    reduced = reduce(linear, free)
-    try:
-        value = float(scaled_solve(reduced.matrix, reduced.right)[-1])
-        last = np.zeros(len(free))
-        last[-1] = 1.0
-        variance = float(scaled_solve(reduced.matrix, last)[-1])
-    except CalibrationError:
-        return None
-    if not variance > 0:
-        return None
-    return Stretch(value=value, std=math.sqrt(variance * adjusted.variance))
 
 
 def rolling_shutter(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) -> Shutter | None:

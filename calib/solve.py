@@ -38,8 +38,10 @@ __all__ = ["Solution", "solve"]
 ROUNDS: Final = 4
 FEWEST_POSES: Final = 3
 """Each pose of a plane gives two equations for K's four numbers; two can do it only where nothing else is unknown."""
-ALL: Final = tuple(Solvable)
-PERSPECTIVE: Final = tuple(model for model in Solvable if model is not Solvable.FISHEYE)
+ALL: Final = (Solvable.BROWN, Solvable.FISHEYE, Solvable.RATIONAL)
+"""To choose from. Nothing leaner than full Brown: of a coefficient too small to be seen its standard deviation says so,
+and one that is set to zero for being small moves fx and the frame's edge by up to 11 σ of what is then stated."""
+PERSPECTIVE: Final = tuple(model for model in ALL if model is not Solvable.FISHEYE)
 POOR_START_PX: Final = 2.0
 """A perspective start that misses by more than this may be no perspective camera at all: a fisheye is tried."""
 
@@ -54,6 +56,7 @@ class Solution:
         repeats: (view, the earlier view that shows the same pose).
         warp: None for points on no board, or where the warp was not asked for.
         candidates: the models that were compared.
+        is_lifted: whether the points of both networks stand where the board is bent to, not in its plane.
     """
 
     adjusted: Adjusted
@@ -61,6 +64,7 @@ class Solution:
     repeats: tuple[tuple[int, int], ...]
     warp: WarpTest | None
     candidates: tuple[Candidate, ...]
+    is_lifted: bool = False
 
     @property
     def state(self) -> State:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, Self
 
+from calibrary.calib.board_shape import BoardShape, Stretch
 from calibrary.calib.geometry import Geometry
-from calibrary.calib.misfit import Shutter, Stretch
+from calibrary.calib.misfit import Shutter
 from calibrary.calib.model_choice import WarpTest
 from calibrary.calibration import ImageSize
 from calibrary.records import Record
@@ -40,14 +41,15 @@ class Limits(Record):
     Attributes:
         views_needed, views_wanted: views that count: other poses, not rejected.
         tilt_needed_deg, tilt_wanted_deg: spread of the boards' normals. At 0.5° fx was wrong by a tenth.
-        kappa2_wanted, kappa2_needed: largest variance factor.
+        kappa2_wanted, kappa2_needed: largest variance factor. Between the two σ × κ holds, and says what the
+            numbers are worth; past the second the views contradict one another.
         reach_needed: how far out corners were seen, 1 in the frame's corners. At 0.4 the edge is off by 15 px.
         cells_wanted: fraction of 8 × 6 cells with a corner.
         depth_wanted: farthest over nearest corner.
         focal_std_wanted, focal_std_needed: relative, of fx, the variance factor included.
         condition_needed: of the normal matrix of the polynomial models; the rational one has its own.
-        rms_needed: over the noise of single corners.
-        rms_needed_px: of 20 megapixels, smaller frames in proportion but never below half a pixel.
+        rms_wanted, rms_needed: over the noise of single corners.
+        rms_wanted_px, rms_needed_px: of 20 megapixels, smaller frames in proportion but never below half of it.
         lost_views_wanted: fraction of the views rejected as outliers.
         stretch_z, stretch_wanted: of the print: that sure, and that large.
         edge_px: standard deviation anywhere in the frame above which it is mentioned.
@@ -59,15 +61,17 @@ class Limits(Record):
     tilt_needed_deg: float = 10.0
     tilt_wanted_deg: float = 20.0
     kappa2_wanted: float = 2.0
-    kappa2_needed: float = 4.0
+    kappa2_needed: float = 100.0
     reach_needed: float = 0.5
     cells_wanted: float = 0.65
     depth_wanted: float = 1.2
     focal_std_wanted: float = 0.001
     focal_std_needed: float = 0.01
     condition_needed: float = 1e8
-    rms_needed: float = 3.0
-    rms_needed_px: float = 1.0
+    rms_wanted: float = 3.0
+    rms_needed: float = 10.0
+    rms_wanted_px: float = 1.0
+    rms_needed_px: float = 3.0
     lost_views_wanted: float = 0.15
     stretch_z: float = 4.0
     stretch_wanted: float = 2e-4
@@ -102,6 +106,8 @@ class Evidence:
         edge_px: largest standard deviation in the image, the variance factor included; None where nothing is seen.
         warp: the test for a warped board.
         is_warped: whether the warp is part of the solution.
+        shape: of the board but for its warp; None for points on no board.
+        is_lifted: whether that shape is part of the solution.
         stretch: of the print.
         shutter: motion during the read-out.
         focus: how the lens was focused, in words; None where nothing says it.
@@ -127,6 +133,8 @@ class Evidence:
     edge_px: float | None
     warp: WarpTest | None
     is_warped: bool
+    shape: BoardShape | None
+    is_lifted: bool
     stretch: Stretch | None
     shutter: Shutter | None
     focus: str | None
@@ -261,16 +269,19 @@ def _focal_length(e: Evidence, limits: Limits) -> Iterator[Finding]:
 
 
 def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    largest = limits.rms_needed_px * max(e.image_size) / 5472
-    at_most, than = max(largest, 0.5), "images of this size"
-    if e.noise_px is not None and limits.rms_needed * e.noise_px * math.sqrt(2) < at_most:
+    share = max(max(e.image_size) / 5472, 0.5)
+    wanted, needed, than = limits.rms_wanted_px * share, limits.rms_needed_px * share, "images of this size"
+    noise = math.inf if e.noise_px is None else e.noise_px * math.sqrt(2)
+    if limits.rms_wanted * noise < wanted:
         # A quarter of a pixel is no misfit where corners are that hard to see; below that, noise sets the scale.
-        at_most, than = max(limits.rms_needed * e.noise_px * math.sqrt(2), 0.25), "the noise of the corners"
+        wanted, than = max(limits.rms_wanted * noise, wanted / 4), "the noise of the corners"
+        needed = min(needed, max(limits.rms_needed * noise, needed / 4))
     yield from _at_most(
         "poor-fit",
         e.rms_px,
-        (at_most, at_most),
-        f"the reprojection error (RMS) is {e.rms_px:.2f} px, at most {at_most:.2f} px for {than}",
+        (wanted, needed),
+        f"the reprojection error (RMS) is {e.rms_px:.2f} px; {than} allows {wanted:.2f} px, and above {needed:.2f} px "
+        "it is refused",
         "check that this is the board, flat and still, at one focus and zoom",
     )
 
@@ -290,9 +301,9 @@ def _halves(e: Evidence, limits: Limits) -> Iterator[Finding]:
         "unstable",
         e.kappa2,
         (limits.kappa2_wanted, limits.kappa2_needed),
-        f"the variance factor is {e.kappa2:.1f}, at most {limits.kappa2_wanted:g}: halves of the views differ by that "
-        f"many times the variance they state, so the standard deviations are {math.sqrt(max(e.kappa2, 1.0)):.1f} "
-        "times too small; something bends or moves",
+        f"the variance factor is {e.kappa2:.1f}; PASS needs at most {limits.kappa2_wanted:g}, above "
+        f"{limits.kappa2_needed:g} it is refused. Halves of the views differ by that many times the variance they "
+        f"state: multiply every σ by {math.sqrt(max(e.kappa2, 1.0)):.1f} (σ × κ)",
         "mount the board on glass or aluminium, use a tripod",
     )
 
@@ -307,6 +318,16 @@ def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
             message=f"the board is warped by {w0:+.2f} mm across and {w1:+.2f} mm down (F = {e.warp.f:.0f}); "
             + ("this was solved for" if e.is_warped else "if it is ignored fx is wrong: 0.2 mm make 0.14 %"),
             remedy=None if e.is_warped else "solve for the board's warp",
+        )
+    if e.shape is not None and e.shape.is_bent:
+        yield Finding(
+            rule="board-shape",
+            severity=Severity.NOTE if e.is_lifted else Severity.UNPROVEN,
+            measured=e.shape.largest_mm,
+            message=f"the board is bent by up to {e.shape.largest_mm:.2f} mm elsewhere than a smooth arch bends it "
+            f"(F = {e.shape.f:.1f}); "
+            + ("this was solved for" if e.is_lifted else "the standard deviations allow for it"),
+            remedy="glue the print to glass or aluminium",
         )
     z = e.stretch
     # Whatever else bends the views shows here too; the variance factor says how much of a z that is worth.

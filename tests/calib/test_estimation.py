@@ -14,7 +14,6 @@ from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.result import CalibrationResult, DismissalReason
-from calibrary.calib.synthesis import Shutter, observe, poses
 from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calibration import CameraKey, Grade, Intrinsics
 from calibrary.errors import CalibrationError, InputError
@@ -23,6 +22,7 @@ from calibrary.records import from_json, replace, to_json
 from calibrary.schemas import require
 from calibrary.validation import Severity
 
+from .faults import rolling, two_boards
 from .solving import BOARD, SIZE, Session, camera, moved, shoot
 
 
@@ -123,34 +123,18 @@ def _burst() -> Observations:
     return replace(seen, views=tuple(views))
 
 
-def _rolling() -> Observations:
-    rng, views = np.random.default_rng(4), []
-    for index, pose in enumerate(poses(BOARD, camera(), 16, 4, roll_deg=180.0)):
-        a, b, c = rng.normal(0, 3.0, 3)
-        shutter = Shutter(readout_s=0.03, rate_deg_s=(a, b, c))
-        seen = observe(BOARD, camera(), [pose], 0.05, index, shutter=shutter)
-        views.append(replace(seen.views[0], name=f"{index}.jpg"))
-    return replace(seen, views=tuple(views))
-
-
-def _unrelated() -> Observations:
-    """Views of two boards taken for one: every other view is of squares a fiftieth longer down than across."""
-    a, b = (shoot(seed=1, how=Session(views=10, stretch=(1.0, longer))) for longer in (1.0, 1.02))
-    return replace(a, views=tuple(view for pair in zip(a.views, b.views, strict=True) for view in pair))
-
-
 FAULTS: dict[str, tuple[Callable[[], Observations], Severity]] = {
     "corners-rejected": (_bad_corners, Severity.NOTE),
     "views-rejected": (_dragged, Severity.NOTE),
     "duplicates": (_burst, Severity.NOTE),
-    "rolling-shutter": (_rolling, Severity.UNPROVEN),
+    "rolling-shutter": (rolling, Severity.UNPROVEN),
     "few-views": (_burst, Severity.ERROR),
     "centre-only": (lambda: shoot(how=Session(reach=0.4, fill=(0.1, 0.35))), Severity.ERROR),
     "low-coverage": (lambda: shoot(how=Session(reach=0.55, fill=(0.1, 0.35))), Severity.UNPROVEN),
     "low-tilt": (lambda: shoot(how=Session(tilt_deg=2.0)), Severity.ERROR),
     "stretched-print": (lambda: shoot(how=Session(stretch=(1.0, 1.001))), Severity.UNPROVEN),
     "board-warp": (lambda: shoot(how=Session(bow_mm=0.3)), Severity.NOTE),
-    "poor-fit": (_unrelated, Severity.ERROR),
+    "poor-fit": (two_boards, Severity.ERROR),
     "wrong-square": (
         lambda: replace(shoot(), board=Board(columns=11, rows=8, square_mm=0.04)),
         Severity.UNPROVEN,
@@ -179,12 +163,6 @@ def test_each_fault_is_called_by_its_name(code: str) -> None:
 def test_a_rolling_shutter_is_not_seen_where_there_is_another_fault() -> None:
     for how in (Session(stretch=(1.0, 1.001)), Session(bow_mm=0.3), Session(reach=0.4, fill=(0.1, 0.35))):
         assert "rolling-shutter" not in _codes(estimate(shoot(how=how, seed=5)))
-
-
-def test_a_bow_that_is_not_to_be_solved_for_is_named_and_halves_disagree() -> None:
-    result = estimate(shoot(how=Session(bow_mm=0.3)), warp=False)
-    assert _grave(result) >= {"board-warp", "unstable"}
-    assert result.verdict is BoardVerdict.REFUSE
 
 
 def test_low_tilt_says_what_to_do() -> None:
@@ -293,13 +271,6 @@ def test_views_without_enough_corners_are_listed_and_left_out() -> None:
     assert [view.without.reason for view in result.views_out if view.without] == [
         DismissalReason.TOO_FEW_CORNERS
     ] * 2
-
-
-def test_corners_of_no_board_at_all_are_refused() -> None:
-    rng = np.random.default_rng(0)
-    seen = shoot(how=Session(views=10))
-    views = tuple(replace(view, image_points=rng.uniform(0, 1, (88, 2)) * SIZE) for view in seen.views)
-    assert estimate(replace(seen, views=views)).verdict is BoardVerdict.REFUSE
 
 
 def test_an_unknown_model_is_refused() -> None:

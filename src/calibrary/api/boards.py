@@ -85,7 +85,7 @@ class CalibrateResult:
         return entry_of(self.result, self.request)
 
     def write(self, places: Places) -> Files:
-        """Write its page, its corners and its calibration; of a refused calibration the page only.
+        """Write its page, its corners and its calibration; of a refused calibration no calibration.
 
         Raises:
             InputError: a file cannot be written.

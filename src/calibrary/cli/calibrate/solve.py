@@ -28,8 +28,8 @@ DESCRIPTION = """\
 Find a camera's K and distortion from frames of a calibration board, and say how far to trust them.
 
 FRAMES are files, folders and patterns; the frames of one camera at one focus. The verdict is PASS, PROVISIONAL or
-REFUSE, with every reason and what to do next. A provisional calibration becomes a draft at most, a refused
-one a report and nothing else.
+REFUSE, with every reason and what to do next. A provisional calibration becomes a draft at most, with the wider
+standard deviation that it states; a refused one a report and its corners.
 """
 EXAMPLES = """\
 examples:

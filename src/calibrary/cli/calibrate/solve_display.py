@@ -34,8 +34,9 @@ STYLES: Final = {
     "unproven": "yellow",
     "error": "red",
 }
-MOST_VIEWS: Final = 40
-"""Of those that count; the ones that do not are all listed."""
+MOST_VIEWS: Final = 12
+"""Of those that count, the ones that fit worst; what does not count is all listed. The page has every one, and a
+terminal of forty lines must still show K when the verdict stands under it."""
 
 
 class Display:
@@ -161,7 +162,12 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
         )
         yield "model", f"{result.model.value}; BIC against the best: {tried}"
     if quality is not None and quality.kappa2 is not None:
-        yield "variance factor", f"{quality.kappa2:.2f} between halves of the views; up to 2 is good"
+        limits = result.limits
+        yield (
+            "variance factor",
+            f"{quality.kappa2:.2f} between halves of the views; PASS up to {limits.kappa2_wanted:g}, refused above "
+            f"{limits.kappa2_needed:g}",
+        )
     if result.warp is not None:
         w0, w1 = result.warp.warp_mm
         found = "solved for" if evidence.is_warped else "not taken"
@@ -182,11 +188,11 @@ def _views(result: CalibrationResult, collected: Collected, width: int) -> list[
     """One row a frame, whether it counts or not and why."""
     remarks = {remark.name: remark.remark.text for remark in collected.remarks}
     rows: list[tuple[str, str, str]] = []
-    shown = 0
+    worst = sorted(result.rms_by_view.values(), reverse=True)
+    least = worst[MOST_VIEWS] if len(worst) > MOST_VIEWS else -1.0
     for view in result.views:
         if view.without is None:
-            shown += 1
-            if shown > MOST_VIEWS:
+            if view.rms_px is None or view.rms_px <= least:
                 continue
             out = f"{len(view.corners_out)} corners rejected" if view.corners_out else ""
             said = "; ".join(text for text in (out, remarks.get(view.name, "")) if text)
@@ -195,8 +201,8 @@ def _views(result: CalibrationResult, collected: Collected, width: int) -> list[
             rms = f"{view.rms_px:.3f}" if view.rms_px is not None else "–"
             why = f"[yellow]{view.without.reason.value}[/]: {plain(view.without.message)}"
             rows.append((plain(view.name), rms, why))
-    if shown > MOST_VIEWS:
-        rows.append((f"and {shown - MOST_VIEWS} more", "", ""))
+    if len(worst) > MOST_VIEWS:
+        rows.append((f"{len(worst) - MOST_VIEWS} more that fit better", f"≤ {least:.3f}", ""))
     for one in collected.rejected:
         why = f"[red]{one.remark.reason.value}[/]: {plain(one.remark.text)}"
         rows.append((plain(one.name), "–", why))

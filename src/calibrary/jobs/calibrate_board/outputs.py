@@ -71,7 +71,10 @@ class Places:
             self._format()
 
     def files(self, result: CalibrationResult, collected: Collected) -> Files:
-        """Everything that the verdict allows: of a refused calibration its report only.
+        """Everything that the verdict allows: of a refused calibration its report and its corners.
+
+        The corners are measurements, which no verdict on the camera makes worse: with more of them, or another lens
+        model, they can be solved again.
 
         Raises:
             UnsupportedModelError: the format has no place for this lens.
@@ -79,11 +82,10 @@ class Places:
         content: dict[Path, bytes] = {}
         if self.report is not None:
             content[self.report] = render_page(calibration_page(result, collected)).encode()
-        if result.verdict is BoardVerdict.REFUSE:
-            held_back = tuple(path for path in (self.corners, self.out) if path is not None)
-            return Files(content=content, held_back=held_back)
         if self.corners is not None:
             content[self.corners] = encode_corners(collected.observations)
+        if result.verdict is BoardVerdict.REFUSE:
+            return Files(content=content, held_back=(self.out,) if self.out is not None else ())
         losses: tuple[str, ...] = ()
         if self.out is not None:
             content[self.out], verdict = parsers.encode(

@@ -45,7 +45,7 @@ TONES = {Severity.NOTE: Tone.NEUTRAL, Severity.UNPROVEN: Tone.CAUTION, Severity.
 LEADS = {
     BoardVerdict.PASS: "It may be approved.",
     BoardVerdict.PROVISIONAL: "It may be kept as a draft, and not be approved.",
-    BoardVerdict.REFUSE: "No K was written.",
+    BoardVerdict.REFUSE: "No K was written; the corners can be solved again.",
 }
 MOST_ROWS = 300
 

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from typing import Annotated, TypeAlias
 
 from calibrary.arrays import FloatArray
+from calibrary.calib.board_shape import Stretch
 from calibrary.calib.geometry import Geometry
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.misfit import Shutter, Stretch
+from calibrary.calib.misfit import Shutter
 from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calib.result import CalibrationResult, Dismissal, ViewResult
 from calibrary.calib.verdict import BoardVerdict, Limits

@@ -1,0 +1,74 @@
+"""Boards that are no planes: seen, solved for, and nothing made up where a board is flat."""
+
+from __future__ import annotations
+
+import pytest
+
+from calibrary.calib.board_shape import board_shape, stretch
+from calibrary.calib.estimation import estimate
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.network import Network
+from calibrary.calib.observations import Observations
+from calibrary.calib.solve import Solution, solve
+from calibrary.calib.verdict import BoardVerdict
+from calibrary.records import replace
+
+from .faults import bumped, twisted
+from .solving import SIZE, Session, camera, shoot
+
+
+def _solved(seen: Observations) -> Solution:
+    return solve(Network.of(seen), SIZE, model=Solvable.BROWN)
+
+
+def test_a_flat_board_has_no_shape() -> None:
+    for seed in range(4):
+        found = board_shape(_solved(shoot(how=Session(views=12), seed=seed)).adjusted)
+        assert found is not None
+        assert not found.is_bent
+        assert found.largest_mm < 0.15
+
+
+@pytest.mark.parametrize(("make", "lift_mm"), [(bumped, 0.5), (twisted, 1.0)])
+def test_a_bent_board_is_seen_and_the_camera_before_it_is_the_true_one(make: object, lift_mm: float) -> None:
+    assert callable(make)
+    result = estimate(make(3))
+    found = result.evidence.shape
+    assert found is not None
+    assert result.evidence.is_lifted
+    assert found.largest_mm == pytest.approx(lift_mm, rel=0.5)
+    assert "board-shape" in result.rules
+    quality, K, truth = result.calibration.quality, result.calibration.intrinsics, camera().intrinsics
+    assert quality is not None
+    assert quality.kappa2 is not None
+    assert quality.kappa2 < 2.0
+    for name in ("fx", "fy", "cx", "cy"):
+        assert abs(getattr(K, name) - getattr(truth, name)) < 3 * quality.std[name]
+
+
+def test_a_shape_that_may_not_be_solved_for_widens_the_standard_deviation() -> None:
+    flat, solved = (estimate(twisted(3), "brown", warp=warp) for warp in (False, True))
+    found = next(finding for finding in flat.findings if finding.rule == "board-shape")
+    assert "the standard deviations allow for it" in found.message
+    assert flat.verdict is BoardVerdict.PROVISIONAL
+    assert flat.calibration.quality is not None
+    assert solved.calibration.quality is not None
+    assert flat.calibration.quality.std["fx"] > 2 * solved.calibration.quality.std["fx"]
+    off = flat.calibration.intrinsics.fx - camera().intrinsics.fx
+    assert abs(off) < 3 * flat.calibration.quality.std["fx"] * flat.calibration.quality.inflation**0.5
+
+
+def test_a_print_that_is_longer_down_than_across_is_measured_and_moves_the_lens() -> None:
+    found = stretch(_solved(shoot(how=Session(views=20, stretch=(1.0, 1.001)))).adjusted)
+    assert found is not None
+    measured, shift = found
+    assert measured.value == pytest.approx(1e-3, abs=4 * measured.std)
+    assert abs(shift[0]) > 0.1
+
+
+def test_points_on_no_board_have_neither() -> None:
+    network = Network.of(shoot(how=Session(views=6)))
+    adjusted = solve(network, SIZE, model=Solvable.BROWN, warp=False).adjusted
+    loose = replace(adjusted, network=replace(network, is_planar=False))
+    assert board_shape(loose) is None
+    assert stretch(loose) is None
