@@ -48,6 +48,7 @@ class Fleet(FleetView):
         reason: str | None = None,
         approve: bool = False,
         override_held: bool = False,
+        force: bool = False,
     ) -> ProposedChange:
         """The entries that a calibration file, an image or an entry's file would become; nothing is written yet.
 
@@ -61,6 +62,7 @@ class Fleet(FleetView):
             reason: why, for the history.
             approve: use it at once, if the check has nothing against it.
             override_held: replace an entry that is held.
+            force: take a K that is that of no camera.
 
         Raises:
             InputError: it cannot be read, its camera is not known, or its K is a guess.
@@ -82,6 +84,7 @@ class Fleet(FleetView):
             reason=reason,
             approve=approve,
             override_held=override_held,
+            force=force,
         )
         proposals = propose_file(self.registry, Path(file), reading or Reading(), request)
         return ProposedChange(self.registry, proposals, Path(file))

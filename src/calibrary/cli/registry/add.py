@@ -61,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--override-held", action="store_true", help="take the place of an entry that a person pinned"
     )
+    parser.add_argument("--force", action="store_true", help="take a K that is that of no camera")
     add_camera_flags(parser, with_image_size=False)
     add_reading_flags(parser)
     add_registry_flag(parser)
@@ -119,6 +120,7 @@ def _proposed(arguments: argparse.Namespace) -> ProposedChange:
         reason=arguments.reason,
         approve=arguments.approve,
         override_held=arguments.override_held,
+        force=arguments.force,
     )
 
 
