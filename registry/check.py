@@ -6,6 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, groupby
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -15,14 +16,24 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.registry.entry import UNSTATED, Entry
+from calibrary.registry.contradictions import contradictions
+from calibrary.registry.entry import UNSTATED, Entry, Status
 from calibrary.registry.entry_form import PARAMETERS
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import ROOT, SUFFIX, folder_of, match_key, path_of, scripts
+from calibrary.registry.paths import (
+    ROOT,
+    SUFFIX,
+    folder_of,
+    in_use_path,
+    is_proposal,
+    match_key,
+    path_of,
+    scripts,
+)
 from calibrary.registry.resolution import answering
 from calibrary.validation import Finding, Severity, validate
 
-__all__ = ["BOARD_BLOCK", "CheckReport", "check"]
+__all__ = ["BOARD_BLOCK", "CheckReport", "check", "check_order"]
 
 SENSOR_AGREEMENT: Final = 0.05
 """Between a principal distance and a nominal focal length lie some per cent; a wrong sensor is off by more."""
@@ -59,28 +70,44 @@ class CheckReport:
         return not self.errors
 
 
-def check(entries: Mapping[str, bytes], policy: Policy) -> CheckReport:
-    """Hold every entry against the schema, its digest, its path, the policy, and every other entry.
+def check(
+    entries: Mapping[str, bytes], policy: Policy, former: Mapping[str, Entry] = MappingProxyType({})
+) -> CheckReport:
+    """Hold every entry against the schema, its digest, its path, the policy, its camera, and every other entry.
 
     Args:
-        entries: the bytes of each file by its path. Each is asked for once or twice, in the order of the paths, so
-            the mapping may read them when it is asked.
+        entries: the bytes of each file by its path. Each is asked for once or twice, in the order of
+            :func:`check_order`, so the mapping may read them when it is asked.
         policy: what is physically plausible.
+        former: by path, what was in use before; of those whose change is checked.
     """
     tree = _Tree(entries)
     findings = list(tree.names())
-    for _, paths in groupby(tree.paths, key=_folder):
+    for _, paths in groupby(sorted(entries, key=check_order), key=_folder):
         group = {}
         for path in paths:
             try:
-                group[path] = parse_entry(entries[path], path)
+                entry = parse_entry(entries[path], path)
             except InputError as error:
                 broken = "digest" if error.place == "digest" else "entry"
                 findings.append(_finding(path, broken, str(error)))
+                continue
+            if is_proposal(path) and entry.status is not Status.DRAFT:
+                message = f"is {entry.status.value} and lies among the proposals, expected a draft"
+                findings.append(
+                    _finding(path, "proposal", f"{message}; 'calibrary registry approve' puts it to use")
+                )
+                entry = replace(entry, status=Status.DRAFT)
+            group[path] = entry
         for path, entry in group.items():
             for rule in _RULES:
                 findings += rule(path, entry, policy)
             findings += tree.references(path, entry)
+            # A proposal stands beside what it is to replace.
+            before = former.get(in_use_path(path)) or (
+                group.get(in_use_path(path)) if is_proposal(path) else None
+            )
+            findings += contradictions(path, entry, group, before, policy)
         findings += _overlaps(group)
         findings += _resolves_to_itself(group)
     findings += tree.shared_aliases()
@@ -98,7 +125,12 @@ def _finding(path: str, rule: str, message: str, severity: Severity = Severity.E
 
 
 def _folder(path: str) -> str:
-    return "/".join(path.split("/")[:3])
+    return "/".join(in_use_path(path).split("/")[:3])
+
+
+def check_order(path: str) -> tuple[str, str]:
+    """A sort key: what is proposed for a model follows on what is in use."""
+    return _folder(path), path
 
 
 class _Tree:
@@ -166,7 +198,7 @@ class _Tree:
 
 
 def _path(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
-    if entry.path != path:
+    if entry.path != in_use_path(path):
         yield _finding(path, "path", f"its key gives {entry.path}; move it there, or correct the key")
 
 

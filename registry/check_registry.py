@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -10,14 +11,26 @@ from typing import Annotated, Final, Literal
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record
-from calibrary.registry.check import CheckReport, check
+from calibrary.registry.check import CheckReport, check, check_order
+from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, commit_at, history, parse_rev
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.signatures import signatures
-from calibrary.registry.paths import CAMERAS, ROOT, SUFFIX, check_path, folder_of, id_of
-from calibrary.registry.snapshot import Snapshot, entry_paths, read_entry_file
+from calibrary.registry.paths import (
+    CAMERAS,
+    PROPOSALS,
+    ROOT,
+    SUFFIX,
+    check_path,
+    folder_of,
+    id_of,
+    in_use_path,
+    is_entry,
+    is_proposal,
+)
+from calibrary.registry.snapshot import Snapshot, entry_paths, proposal_paths, read_entry_file
 from calibrary.validation import Finding, Severity
 
 __all__ = [
@@ -31,6 +44,7 @@ __all__ = [
     "parse_range",
 ]
 
+FOLDERS: Final = (CAMERAS, PROPOSALS)
 MENTIONS: Final = (b"aliases", b"supersedes")
 """Fields by which an entry speaks of others, wherever they are."""
 
@@ -106,15 +120,19 @@ def check_all(
     """
     if snapshot.repo is None or snapshot.commit is None:
         return check_work_tree(snapshot, policy, progress=progress)
-    files = _Files(snapshot.paths, snapshot.read_many, progress)
+    files = _Files({**snapshot.paths, **_entries_of(snapshot.proposed)}, snapshot.read_many, progress)
     report = _completed(check(files, policy or snapshot.configuration.policy), files, files)
     report = CheckReport(
         entries=report.entries,
-        findings=(*_no_files(snapshot.repo.irregular(snapshot.commit, CAMERAS)), *report.findings),
+        findings=(*_no_files(snapshot.repo.irregular(snapshot.commit, *FOLDERS)), *report.findings),
     )
     return Checked(
         what=f"{_entries(len(files))} at {snapshot.commit[:12]}", commit=snapshot.commit, report=report
     )
+
+
+def _entries_of(proposed: Mapping[str, str | None]) -> dict[str, str | None]:
+    return {path: oid for path, oid in proposed.items() if is_entry(path)}
 
 
 def _no_files(paths: Iterable[str]) -> Iterator[Finding]:
@@ -146,7 +164,11 @@ def check_work_tree(
         if snapshot.repo.work_tree is None:
             raise RegistryError(f"{snapshot.place}: a bare repository has no work tree; leave out --worktree")
         root = snapshot.repo.work_tree
-    files = _Files(entry_paths(root), lambda names: (read_entry_file(root, name) for name in names), progress)
+    files = _Files(
+        [*entry_paths(root), *proposal_paths(root)],
+        lambda names: (read_entry_file(root, name) for name in names),
+        progress,
+    )
     report = _completed(check(files, policy or snapshot.configuration.policy), files, files)
     return Checked(what=f"{_entries(len(files))} in the folder", commit=None, report=report)
 
@@ -178,12 +200,13 @@ def check_range(
     policy = policy or snapshot.configuration.policy
     start = commit_at(repo, parse_rev(before))
     end = commit_at(repo, parse_rev(after)) if after is not None else newest
-    old, new = repo.listing(start, CAMERAS), repo.listing(end, CAMERAS)
-    touched = {file.path for file in changed(repo, start, end, CAMERAS)}
+    old, new = repo.listing(start, *FOLDERS), repo.listing(end, *FOLDERS)
+    touched = {file.path for folder in FOLDERS for file in changed(repo, start, end, folder)}
     own = touched & new.keys()
     files = _Files(_met(repo, new, touched), _in_git(repo, new), progress)
     was = _Files(_met(repo, old, touched), _in_git(repo, old))
-    found = _completed(check(files, policy), files, own).findings
+    former = _former(repo, old, own)
+    found = _completed(check(files, policy, former), files, own).findings
     known = set(check(was, policy).findings) if len(own) < len(files) else set()
     findings = tuple(item for item in found if item.place in own or item not in known)
     return Checked(
@@ -192,6 +215,16 @@ def check_range(
         before=start,
         report=CheckReport(entries=len(own), findings=findings),
     )
+
+
+def _former(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:
+    """What was in use where something is changed; what cannot be read says nothing."""
+    paths = sorted({in_use_path(path) for path in own} & old.keys())
+    found = {}
+    for path, data in zip(paths, repo.read_many([old[path] for path in paths]), strict=True):
+        with suppress(InputError):
+            found[path] = parse_entry(data, path)
+    return found
 
 
 def check_signatures(
@@ -241,7 +274,7 @@ class _Files(Mapping[str, bytes]):
         progress: Progress | None = None,
     ) -> None:
         self.unreadable: dict[str, str] = {}
-        self._order = sorted(paths)
+        self._order = sorted(paths, key=check_order)
         self._known = frozenset(paths)
         self._read = read
         self._progress = progress
@@ -312,8 +345,9 @@ def _error(path: str, rule: str, message: str) -> Finding:
 def _met(repo: Repository, listed: Mapping[str, str], touched: Collection[str]) -> set[str]:
     """The changed entries of a state, and every other that one of them may meet."""
     models = {_model(path) for path in touched}
-    met = {path for path in listed if path in touched or _model(path) in models}
-    rest = sorted(listed.keys() - met)
+    # A proposal meets nobody but what it is to replace.
+    met = {path for path in listed if path in touched or (_model(path) in models and not is_proposal(path))}
+    rest = sorted(path for path in listed.keys() - met if not is_proposal(path))
     ids = [id_of(path).encode() for path in touched]
     for path, data in zip(rest, repo.read_many([listed[path] for path in rest]), strict=True):
         aliases, supersedes = (word in data for word in MENTIONS)
@@ -339,4 +373,4 @@ def _spoken_of(path: str, data: bytes, listed: Mapping[str, str]) -> set[str]:
 
 
 def _model(path: str) -> str:
-    return "/".join(path.split("/")[:3])
+    return "/".join(in_use_path(path).split("/")[:3])

@@ -17,7 +17,7 @@ from calibrary.records.limits import require_declared
 from calibrary.registry import entry_form
 from calibrary.registry.entry_form import BLOCKS_WITH_EXTENSIONS, UNSTATED
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.paths import ROOT, SUFFIX, path_of
+from calibrary.registry.paths import id_of, path_of
 
 __all__ = [
     "UNSTATED",
@@ -146,6 +146,7 @@ class EntryFields(Record):
         tolerance: how far a K of this camera may lie from this one, as a share of fx; None leaves it to the
             policy (3 % under ``fleet``).
         supersedes: the id of the entry it took the place of.
+        override: why K is used although it contradicts what is known of the camera.
         extensions: the file's ``x-`` fields as they are; one inside a block goes by ``block/x-name``.
     """
 
@@ -158,6 +159,7 @@ class EntryFields(Record):
     validity: Annotated[Validity, Stated] | None = None
     tolerance: Annotated[float, Meta(gt=0, le=1)] | None = None
     supersedes: Text | None = None
+    override: Text | None = None
     extensions: Mapping[str, Any] = {}
 
 
@@ -239,7 +241,7 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
     @property
     def id(self) -> str:
         """Its path without ``cameras/`` and ``.yaml``."""
-        return self.path.removeprefix(ROOT).removesuffix(SUFFIX)
+        return id_of(self.path)
 
     @property
     def notes(self) -> tuple[str, ...]:

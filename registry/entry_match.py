@@ -15,12 +15,14 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.known_camera import normalise_sub_camera
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.paths import match_key
+from calibrary.registry.paths import is_proposal, match_key
 
-__all__ = ["FOCAL_TOLERANCE", "EntryMatch", "match_entry"]
+__all__ = ["FOCAL_TOLERANCE", "ONLY_PROPOSED", "EntryMatch", "match_entry"]
 
 FOCAL_TOLERANCE: Final = 0.02
 """Cameras round the focal length they write, and a zoom lens does not stop at the same place twice."""
+
+ONLY_PROPOSED: Final = "it is only a proposal, which nothing uses before it is approved"
 
 Rank = tuple[float, ...]
 
@@ -75,6 +77,8 @@ def match_entry(
         if (reason := rule(entry, key)) is not None:
             return reason
     if entry.status not in statuses:
+        if is_proposal(path):
+            return ONLY_PROPOSED
         return f"it is {entry.status.value}" + (f": {entry.reason}" if entry.reason else "")
     if on is not None and entry.validity is not None and not entry.validity.holds(on):
         return f"it is valid {entry.validity}, not on {on}"

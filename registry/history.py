@@ -22,7 +22,7 @@ from calibrary.registry.git import history as git_history
 from calibrary.registry.git.history import Revision
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import ROOT, SUFFIX, find_path
+from calibrary.registry.paths import ROOT, SUFFIX, proposal_path
 from calibrary.registry.snapshot import ListedEntry, Snapshot, StoredEntry
 from calibrary.registry.writing import SOURCE_FILE, SOURCE_SHA256
 
@@ -270,20 +270,33 @@ def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
     """
     if stored.commit is None:
         return None
-    found, digest = None, None
-    for revision in git_history.history(repo, stored.path, stored.commit):
-        line = DIGEST.search(repo.blob(revision.oid)) if revision.oid is not None else None
-        if line is None or (digest is not None and line[1] != digest):
-            break
-        found, digest = revision, line[1]
+    found, digest = _oldest_like(repo, stored.path, stored.commit, None)
     if found is None:
         return None
+    beside = proposal_path(found.path)
+    if beside != found.path and found.parents and repo.read(found.parents[0], beside) is not None:
+        # It was approved there; who proposed it is told by the proposal's own history.
+        earlier, _ = _oldest_like(repo, beside, found.parents[0], digest)
+        found = earlier or found
     return Recorded(
         by=found.author.name,
         date=found.authored,
         commit=found.commit,
         file=_source_file(found, stored.entry.calibration.provenance.sha256),
     )
+
+
+def _oldest_like(
+    repo: Repository, path: str, at: str, digest: bytes | None
+) -> tuple[Revision | None, bytes | None]:
+    """The oldest revision since which a file's digest is the same: the one named, or its newest."""
+    found = None
+    for revision in git_history.history(repo, path, at):
+        line = DIGEST.search(repo.blob(revision.oid)) if revision.oid is not None else None
+        if line is None or (digest is not None and line[1] != digest):
+            break
+        found, digest = revision, line[1]
+    return found, digest
 
 
 def log_report(revisions: Sequence[EntryRevision], key: str | None) -> LogReport:
@@ -299,7 +312,7 @@ def blame_report(origins: Sequence[FieldOrigin], id_: str) -> BlameReport:
 
 def _path(snapshot: Snapshot, key: str) -> str:
     try:
-        return find_path(snapshot.paths, key)
+        return snapshot.find(key)
     except UnknownCameraError:
         repo, commit = snapshot.require_git("has no history")
         gone = f"{ROOT}{key.strip('/')}{SUFFIX}"

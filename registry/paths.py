@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CAMERAS",
+    "PROPOSALS",
+    "PROPOSED",
     "ROOT",
     "SUFFIX",
     "check_path",
@@ -32,9 +34,12 @@ __all__ = [
     "find_paths",
     "folder_of",
     "id_of",
+    "in_use_path",
     "is_entry",
+    "is_proposal",
     "match_key",
     "path_of",
+    "proposal_path",
     "scripts",
     "slug",
 ]
@@ -105,6 +110,7 @@ def _stem(key: str) -> str:
 
 
 CAMERAS = "cameras"
+PROPOSALS = "proposals"
 DEEPEST = 8
 SINGLE_FILES = frozenset({".gitattributes", "README.md", "registry.yaml"})
 WORKFLOW = re.compile(r"\.github/workflows/[a-z0-9][a-z0-9._-]*\.yml\Z")
@@ -116,13 +122,13 @@ def check_path(path: str) -> str:
     """The path itself, if a registry may hold a file there.
 
     Raises:
-        RegistryError: it is not ``cameras/**.yaml`` and none of the few files beside it.
+        RegistryError: it is not ``cameras/**.yaml``, ``proposals/**.yaml`` or one of the few files beside them.
     """
     if path in SINGLE_FILES or WORKFLOW.match(path) or SCHEMA.match(path):
         return path
     root, *names = path.split("/")
     if (
-        root != CAMERAS
+        root not in {CAMERAS, PROPOSALS}
         or not 1 <= len(names) <= DEEPEST
         or not names[-1].endswith(".yaml")
         or any(name.endswith(".yaml") for name in names[:-1])
@@ -130,13 +136,16 @@ def check_path(path: str) -> str:
     ):
         raise RegistryError(
             f"{path!r} is not allowed in a registry: expected cameras/<make>/<model>/<variant>.yaml in lower-case "
-            f"letters, digits and . _ ~ + -, or one of {', '.join(sorted(SINGLE_FILES))}, schema/*.json, "
-            ".github/workflows/*.yml"
+            f"letters, digits and . _ ~ + -, the same below proposals/, or one of {', '.join(sorted(SINGLE_FILES))}, "
+            "schema/*.json, .github/workflows/*.yml"
         )
     return path
 
 
 ROOT: Final = "cameras/"
+"""What is used, or was."""
+PROPOSED: Final = "proposals/"
+"""What is proposed, at the path that it would have in use; nothing of it is used before it is approved."""
 SUFFIX: Final = ".yaml"
 LONGEST_LEAF: Final = 110
 
@@ -181,8 +190,23 @@ def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
 
 
 def id_of(path: str) -> str:
-    """An entry's id, which is also its longest KEY: its path without ``cameras/`` and ``.yaml``."""
-    return path.removeprefix(ROOT).removesuffix(SUFFIX)
+    """An entry's id, which is also its longest KEY: its path without ``cameras/`` or ``proposals/``, and ``.yaml``."""
+    return path.removeprefix(ROOT).removeprefix(PROPOSED).removesuffix(SUFFIX)
+
+
+def is_proposal(path: str) -> bool:
+    """Whether a file is a proposal, by where it lies."""
+    return path.startswith(PROPOSED)
+
+
+def proposal_path(path: str) -> str:
+    """Where the proposal of an entry lies."""
+    return path if is_proposal(path) else f"{PROPOSED}{path.removeprefix(ROOT)}"
+
+
+def in_use_path(path: str) -> str:
+    """Where an entry lies once it is approved."""
+    return f"{ROOT}{path.removeprefix(PROPOSED)}" if is_proposal(path) else path
 
 
 def find_path(paths: Collection[str], key: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +12,14 @@ from calibrary.calibration import Provenance
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import Record, replace
 from calibrary.registry.check import check
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.contradictions import CONTRADICTIONS
+from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
-from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.git.writing import Written
-from calibrary.registry.paths import ROOT, SUFFIX, folder_of
+from calibrary.registry.git.objects import ObjectId, blob_id
+from calibrary.registry.git.writing import Change, Written
+from calibrary.registry.paths import ROOT, SUFFIX, folder_of, in_use_path, proposal_path
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.validation import Finding, Severity
 
@@ -25,16 +27,20 @@ __all__ = [
     "ChangeReport",
     "Proposal",
     "Proposals",
+    "approving",
     "change_report",
     "checked",
-    "from_branch",
     "of_current",
     "proposal_of",
     "propose",
+    "require_digests",
     "require_not_held",
 ]
 
+SHORT_DIGEST: Final = re.compile("[0-9a-f]{8,40}")
 BY_HAND: Final = "numbers changed by hand"
+MOST_UNITS: Final = 8
+"""Units that are asked what a camera's K may be, where nothing stands for its model."""
 BY_FLAGS: Final = ("tool", "date", "operator", "firmware", "focus")
 """What a flag can say of a calibration that its file does not."""
 
@@ -45,24 +51,42 @@ class Proposal:
 
     Attributes:
         entry: the proposed entry.
-        data: its file.
-        current: the entry at its path now, None for none or one that cannot be read.
-        base: blob id of the current entry; the write fails with FileConflictError if it has changed.
+        path: of the file that is written: in ``proposals/`` what waits for approval, in ``cameras/`` what is used.
+        data: its file; None where a proposal is withdrawn.
+        current: the entry that it is to replace, None for none or one that cannot be read.
+        base: blob id of the file at its path; the write fails with FileConflictError if it has changed.
         changes: field by field; everything of a new entry, nothing where all is there already.
         warnings: what a person should know before agreeing.
+        approves: blob id of the proposal that is put to use; None where none is.
+        replaced: path and blob id of files that go in the same commit: the proposal that is approved, or a draft that
+            an older version wrote to ``cameras/``.
     """
 
     entry: Entry
-    data: bytes
+    path: str
+    data: bytes | None
     current: Entry | None
     base: str | None
     changes: tuple[FieldChange, ...]
     warnings: tuple[str, ...] = ()
+    replaced: tuple[tuple[str, str], ...] = ()
+    approves: str | None = None
 
     @property
     def is_new(self) -> bool:
-        """Whether there is nothing at its path yet."""
-        return self.base is None
+        """Whether nothing of this camera is in use or waits."""
+        return self.base is None and self.current is None and not self.replaced
+
+    @property
+    def digest(self) -> str | None:
+        """Of the file, as ``approve --digest`` takes it: git's id of its content."""
+        return blob_id(self.data) if self.data else None
+
+    @property
+    def file_changes(self) -> tuple[Change, ...]:
+        """What becomes of which file."""
+        gone = (Change(path=path, data=None, base=oid) for path, oid in self.replaced)
+        return (Change(path=self.path, data=self.data, base=self.base), *gone)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +119,9 @@ class Proposals:
         due = self.due
         verb, ending = self.verb, ""
         if verb is None:
-            verb = "Add" if all(one.is_new for one in due) else "Update"
-            ending = ", approved" if all(one.entry.status is Status.APPROVED for one in due) else ""
+            approved = all(one.entry.status is Status.APPROVED for one in due)
+            verb = "Add" if all(one.is_new for one in due) else "Update" if approved else "Propose"
+            ending = ", approved" if approved else ""
         else:
             # An entry that only names its successor is not what the commit is about.
             about = [one for one in due if one.current is None or one.entry.status is not one.current.status]
@@ -110,15 +135,17 @@ class ChangedEntry(Record):
 
     Attributes:
         id: the longest KEY.
-        path: of its file.
+        path: of its file; in proposals/ where it waits for approval.
+        digest: git's id of the file, to which an approval is bound; None where nothing is written.
         status: as it is written.
-        status_before: None for a new one, or one that could not be read.
+        status_before: of the entry that it is to replace; None for a new one, or one that could not be read.
         changes: field by field; none where all is there already.
         warnings: what a person should know before agreeing.
     """
 
     id: str
     path: str
+    digest: ObjectId | None
     status: Status
     status_before: Status | None
     changes: tuple[FieldChange, ...]
@@ -151,7 +178,8 @@ def change_report(place: Path, proposals: Proposals, written: Written | None) ->
         entries=tuple(
             ChangedEntry(
                 id=one.entry.id,
-                path=one.entry.path,
+                path=one.path,
+                digest=one.digest,
                 status=one.entry.status,
                 status_before=one.current.status if one.current is not None else None,
                 changes=one.changes,
@@ -172,6 +200,7 @@ def propose(
     reason: str | None = None,
     override_held: bool = False,
     edited: bool = False,
+    force: str | None = None,
 ) -> Proposals:
     """Entries beside the current ones, checked; nothing is written.
 
@@ -182,6 +211,7 @@ def propose(
         reason: why they are approved.
         override_held: replace entries that are held.
         edited: whether they are current entries that a person has edited.
+        force: why to take a K that contradicts what is known of its camera.
 
     Raises:
         InputError: two of the entries have the same path.
@@ -196,10 +226,12 @@ def propose(
             )
         seen.add(entry.path)
         items.append(_proposal(snapshot, entry, approve, reason, override_held=override_held, edited=edited))
-    return checked(snapshot, items)
+    return checked(snapshot, items, force=force)
 
 
-def checked(snapshot: Snapshot, items: Sequence[Proposal], verb: str | None = None) -> Proposals:
+def checked(
+    snapshot: Snapshot, items: Sequence[Proposal], verb: str | None = None, *, force: str | None = None
+) -> Proposals:
     """Proposals with the findings of :func:`calibrary.registry.check.check` on all that would be written.
 
     Only the entries that they can affect are read: those of their models, of their aliases, and those they
@@ -210,21 +242,82 @@ def checked(snapshot: Snapshot, items: Sequence[Proposal], verb: str | None = No
         return Proposals(items=tuple(items), verb=verb)
     policy = snapshot.configuration.policy
     before = {path: snapshot.read(path) for path in _concerned(snapshot.paths, [one.entry for one in due])}
-    own = {one.entry.path: one.data for one in due}
+    own = {one.path: one.data for one in due if one.data is not None}
+    gone = {path for one in due for path, _ in one.replaced}
+    former = {one.entry.path: one.current for one in due if one.current is not None}
     known = set(check(before, policy).findings) if before else set()
-    found = check({**before, **own}, policy).findings
+    left = {path: data for path, data in before.items() if path not in gone}
+    found = check({**left, **own}, policy, former).findings
     findings = tuple(finding for finding in found if finding.place in own or finding not in known)
+    if force is not None and (contradicted := _contradicted(findings)):
+        forced = [_forced(one, force) if one.path in contradicted else one for one in items]
+        return checked(snapshot, forced, verb)
     return Proposals(items=tuple(items), findings=findings, verb=verb)
 
 
+def _contradicted(findings: Sequence[Finding]) -> set[str | None]:
+    return {
+        finding.place
+        for finding in findings
+        if finding.severity is Severity.ERROR and finding.rule in CONTRADICTIONS
+    }
+
+
+def _forced(one: Proposal, why: str) -> Proposal:
+    entry = replace(one.entry, override=why)
+    return replace(one, entry=entry, data=entry_yaml(entry), changes=differences(one.current, entry))
+
+
+def require_digests(proposals: Proposals, digests: Sequence[str]) -> None:
+    """Make sure that what is approved is what was looked at.
+
+    Args:
+        proposals: that would be approved.
+        digests: of the proposals' files, git's ids, or how they begin.
+
+    Raises:
+        RegistryError: a proposal has none of them, or one is of no proposal.
+    """
+    left = {text.lower() for text in digests}
+    if wrong := next((text for text in sorted(left) if SHORT_DIGEST.fullmatch(text) is None), None):
+        raise RegistryError(
+            f"{wrong!r:.60} is not a digest: expected at least 8 hexadecimal digits, as 'calibrary registry add' "
+            "prints them"
+        )
+    for one in proposals.due:
+        if one.approves is None:
+            continue
+        of_it = {text for text in left if one.approves.startswith(text)}
+        if not of_it:
+            raise RegistryError(
+                f"{one.entry.id}: nothing was written: what is proposed now has the digest {one.approves[:12]}; look "
+                f"at it ('calibrary registry show {proposal_path(one.path)}') and approve that one"
+            )
+        left -= of_it
+    if left:
+        raise RegistryError(f"nothing was written: {min(left)} is the digest of none of these proposals")
+
+
 def proposal_of(
-    entry: Entry, current: Entry | None, base: str | None, warnings: Iterable[str] = ()
+    entry: Entry,
+    current: Entry | None,
+    base: str | None,
+    warnings: Iterable[str] = (),
+    *,
+    path: str | None = None,
+    replaced: tuple[tuple[str, str], ...] = (),
 ) -> Proposal:
-    """A proposal with the changes that it makes."""
+    """A proposal with the changes that it makes; written to the entry's own path unless another is named."""
     changes = differences(current, entry)
-    data = entry_yaml(entry) if changes else b""
     return Proposal(
-        entry=entry, data=data, current=current, base=base, changes=changes, warnings=tuple(warnings)
+        entry=entry,
+        path=path or entry.path,
+        data=entry_yaml(entry) if changes else b"",
+        current=current,
+        base=base,
+        changes=changes,
+        warnings=tuple(warnings),
+        replaced=replaced,
     )
 
 
@@ -249,9 +342,17 @@ def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:
         folders.update(folder_of(alias.make, alias.model) for alias in entry.aliases)
         if entry.supersedes is not None:
             whole.add(f"{ROOT}{entry.supersedes}{SUFFIX}")
+    units: list[str] = []
+    has_relative = False
+    own = {entry.path for entry in entries}
     for path in paths:
         if path in whole or path.rpartition("/")[0] + "/" in folders:
+            has_relative = has_relative or path not in own
             yield path
+        elif len(units) < MOST_UNITS and path.rpartition("/sn-")[0] + "/" in folders:
+            units.append(path)
+    if not has_relative:
+        yield from units
 
 
 def _proposal(
@@ -263,28 +364,82 @@ def _proposal(
     override_held: bool,
     edited: bool,
 ) -> Proposal:
-    base, warnings, current = snapshot.paths.get(entry.path), [], None
-    if base is not None:
-        try:
-            current = parse_entry(snapshot.read(entry.path), entry.path)
-        except InputError as error:
-            warnings.append(f"the current entry cannot be read and is replaced: {error}")
+    here = _Standing.of(snapshot, entry.path)
+    current, warnings = here.current, [*here.warnings]
     if not override_held:
         require_not_held(current, ". --override-held replaces it")
-    if current is not None:
-        entry = _with_current(entry, current, edited=edited)
-        unchanged = replace(entry, status=current.status, reason=current.reason)
-        if not differences(current, unchanged) and (not approve or current.is_usable):
-            return proposal_of(current, current, base, warnings)
-    status, why = (Status.APPROVED, reason) if approve else (Status.DRAFT, None)
-    if entry.status is not status or entry.reason != why:
-        entry = replace(entry, status=status, reason=why)
-    if current is not None and current.is_usable and not approve:
-        warnings.append(
-            f"it is {current.status.value} now and becomes a draft, so this camera has no usable K until it is "
-            "approved; --approve approves it at once"
+    for known in (here.proposed, current):
+        if known is not None:
+            entry = _with_current(entry, known, edited=edited)
+    for known, path, oid in ((current, entry.path, here.oid), (here.proposed, here.path, here.proposed_oid)):
+        if known is None:
+            continue
+        unchanged = replace(entry, status=known.status, reason=known.reason)
+        if not differences(known, unchanged) and (not approve or known.is_usable):
+            return proposal_of(known, known, oid, warnings, path=path)
+    if approve:
+        return _approved_at_once(entry, here, reason, warnings)
+    before = current if current is not None else here.proposed
+    if current is not None and current.is_usable:
+        warnings.append(f"what is {current.status.value} now stays in use until this is approved")
+    if here.proposed is not None:
+        warnings.append("it takes the place of an earlier proposal")
+    draft = replace(entry, status=Status.DRAFT, reason=None)
+    is_draft = current is not None and current.status is Status.DRAFT
+    gone = ((entry.path, here.oid),) if is_draft and here.oid is not None else ()
+    return proposal_of(draft, before, here.proposed_oid, warnings, path=here.path, replaced=gone)
+
+
+def _approved_at_once(entry: Entry, here: _Standing, reason: str | None, warnings: list[str]) -> Proposal:
+    approved = replace(entry, status=Status.APPROVED, reason=reason)
+    before = here.current if here.current is not None else here.proposed
+    gone: tuple[tuple[str, str], ...] = ()
+    if here.proposed is not None and here.proposed_oid is not None:
+        if differences(here.proposed, replace(entry, status=Status.DRAFT, reason=None)):
+            warnings.append(f"another K is proposed for it and goes on waiting: {here.path}")
+        else:
+            gone = ((here.path, here.proposed_oid),)
+    return proposal_of(approved, before, here.oid, warnings, replaced=gone)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Standing:
+    """What a registry has of one camera: what is in use, and what is proposed beside it.
+
+    Attributes:
+        path: of the proposal, whether or not there is one.
+        current, oid: in ``cameras/``; None where there is nothing, and the entry also where it cannot be read.
+        proposed, proposed_oid: the same in ``proposals/``.
+        warnings: what cannot be read.
+    """
+
+    path: str
+    current: Entry | None
+    oid: str | None
+    proposed: Entry | None
+    proposed_oid: str | None
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def of(cls, snapshot: Snapshot, path: str) -> _Standing:
+        beside = proposal_path(path)
+        oids = snapshot.paths.get(path), snapshot.proposed.get(beside)
+        read: list[Entry | None] = []
+        warnings = []
+        for oid, place, what in ((oids[0], path, "entry"), (oids[1], beside, "proposal")):
+            try:
+                read.append(parse_entry(snapshot.read(place), place) if oid is not None else None)
+            except InputError as error:
+                read.append(None)
+                warnings.append(f"the current {what} cannot be read and is replaced: {error}")
+        return cls(
+            path=beside,
+            current=read[0],
+            oid=oids[0],
+            proposed=read[1],
+            proposed_oid=oids[1],
+            warnings=tuple(warnings),
         )
-    return proposal_of(entry, current, base, warnings)
 
 
 def _with_current(entry: Entry, current: Entry, *, edited: bool) -> Entry:
@@ -333,30 +488,80 @@ VERBS: Final[Mapping[Status, str]] = {
 def of_current(
     snapshot: Snapshot, keys: Sequence[str], status: Status, reason: str | None, successor: str | None = None
 ) -> Proposals:
-    """Current entries with another status; arguments and errors as of ``Registry.propose_status``."""
+    """Current entries held or retired; arguments and errors as of ``Registry.propose_status``."""
     stored = {one.path: one for one in (_current(snapshot, key) for key in keys)}
-    items = [_changed(one, _with_status(one.entry, status, reason)) for one in stored.values()]
+    items = []
+    for one in stored.values():
+        if not one.is_pending:
+            items.append(_changed(one, _with_status(one.entry, status, reason)))
+        elif status is Status.RETIRED:
+            items.append(_withdrawn(one, reason))
+        else:
+            raise RegistryError(
+                f"{one.id} is only proposed, and only what is approved can be {status.value}: 'calibrary registry "
+                f"approve {one.id}' comes first"
+            )
     if successor is not None:
         items.append(_succeeding(_current(snapshot, successor), [*stored.values()]))
     return checked(snapshot, items, VERBS[status])
 
 
-def from_branch(
-    snapshot: Snapshot, branch: Snapshot, keys: Sequence[str], status: Status, reason: str | None
+def approving(
+    snapshot: Snapshot,
+    source: Snapshot,
+    keys: Sequence[str],
+    reason: str | None,
+    *,
+    validity: Validity | None = None,
+    force: str | None = None,
 ) -> Proposals:
-    """Entries that are proposed on another branch, put to use here; otherwise as :func:`of_current`."""
-    items = []
-    for key in dict.fromkeys(keys):
+    """What is proposed, put to use.
+
+    Args:
+        snapshot: of the branch on which it is used.
+        source: of that on which it is proposed; the same, or another branch.
+        keys: of the proposals.
+        reason: why.
+        validity: the days it may be used on, in place of what the proposal states.
+        force: why to take a K that contradicts what is known of its camera.
+
+    Raises:
+        UnknownCameraError: there is no such proposal or entry.
+        RegistryError: a key means several or names a revision, or the current entry is held.
+    """
+    items: dict[str, Proposal] = {}
+    for key in keys:
         _refuse_revision(key)
-        proposed = branch.get(key)
-        here = snapshot.at(proposed.path)
-        current = here.entry if here is not None else None
-        require_not_held(current)
-        entry = _with_status(proposed.entry, status, reason)
-        if current is not None and replace(entry, reason=current.reason) == current and reason is None:
-            entry = current
-        items.append(_told(proposal_of(entry, current, here.oid if here is not None else None)))
-    return checked(snapshot, items, VERBS[status])
+        proposed = source.pending(key)
+        here = _Standing.of(snapshot, in_use_path(proposed.path))
+        if proposed.is_pending:
+            require_not_held(here.current)
+        entry = _with_status(proposed.entry, Status.APPROVED, reason)
+        if validity is not None:
+            entry = replace(entry, validity=validity)
+        is_here = here.proposed_oid is not None and here.proposed_oid == proposed.oid
+        if proposed.is_pending and here.current is not None and entry.reason is None:
+            same = replace(entry, reason=here.current.reason) == here.current
+            entry = here.current if same else entry
+        gone = ((proposed.path, here.proposed_oid),) if is_here and here.proposed_oid is not None else ()
+        # What nothing in use stands for is compared with itself, as proposed: only the status is new.
+        before = here.current if here.current is not None else proposed.entry if is_here else None
+        told = _told(proposal_of(entry, before, here.oid, replaced=gone))
+        items[entry.path] = replace(told, approves=proposed.oid) if proposed.is_pending else told
+    return checked(snapshot, [*items.values()], VERBS[Status.APPROVED], force=force)
+
+
+def _withdrawn(stored: StoredEntry, reason: str | None) -> Proposal:
+    """A proposal that is not wanted goes; its commits keep it."""
+    entry = replace(stored.entry, status=Status.RETIRED, reason=reason)
+    return Proposal(
+        entry=entry,
+        path=stored.path,
+        data=None,
+        current=stored.entry,
+        base=stored.oid,
+        changes=differences(stored.entry, entry),
+    )
 
 
 def _current(snapshot: Snapshot, key: str) -> StoredEntry:
@@ -376,7 +581,7 @@ def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
 
 
 def _changed(stored: StoredEntry, entry: Entry) -> Proposal:
-    return _told(proposal_of(entry, stored.entry, stored.oid))
+    return _told(proposal_of(entry, stored.entry, stored.oid, path=stored.path))
 
 
 def _told(one: Proposal) -> Proposal:

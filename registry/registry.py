@@ -11,21 +11,23 @@ from types import MappingProxyType
 from typing import Final
 
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
+from calibrary.records import replace
 from calibrary.registry import history as entry_history
 from calibrary.registry import proposals as proposing
 from calibrary.registry import sync
 from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, parse_configuration
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.firmware import compare
 from calibrary.registry.git import maintenance
 from calibrary.registry.git.commits import Person
 from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
+from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.remotes import Pulled, clone, push
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, Written
 from calibrary.registry.history import EntryRevision, FieldOrigin
-from calibrary.registry.paths import CAMERAS, ROOT, check_path, find_path, id_of
+from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
 from calibrary.registry.proposals import Proposals
 from calibrary.registry.snapshot import Snapshot, StoredEntry, in_its_place, read_entry_file
 from calibrary.registry.sync import Choice
@@ -134,7 +136,7 @@ class Registry:
 
     def _of_firmware(self, name: str, version: str) -> StoredEntry:
         snapshot = self.snapshot()
-        path = find_path(snapshot.paths, name)
+        path = snapshot.find(name)
         found = newest_where(self.repo, path, self.commit(), partial(_is_of_firmware, path, version))
         if found is None:
             raise UnknownCameraError(
@@ -155,35 +157,47 @@ class Registry:
         reason: str | None = None,
         override_held: bool = False,
         edited: bool = False,
+        force: str | None = None,
+        branch: str | None = None,
     ) -> Proposals:
-        """Entries beside the current ones, checked; nothing is written. See :func:`proposals.propose`.
+        """Entries beside the current ones of a branch, checked; nothing is written. See :func:`proposals.propose`.
 
         Raises:
             RegistryError: a current entry is held and ``override_held`` is false.
         """
         return proposing.propose(
-            self.snapshot(),
+            self.branch(branch),
             entries,
             approve=approve,
             reason=reason,
             override_held=override_held,
             edited=edited,
+            force=force,
         )
+
+    def branch(self, name: str | None) -> Snapshot:
+        """What stands on a branch; on the one that is checked out where there is none of that name yet."""
+        is_there = name is not None and self.repo.tip(f"refs/heads/{check_branch(name)}") is not None
+        return self.snapshot(f"refs/heads/{name}" if is_there else None)
 
     def save(
         self,
         proposals: Proposals,
         *,
+        branch: str | None = None,
         subject: str | None = None,
         reason: str | None = None,
+        note: Note | None = None,
         author: Person | None = None,
     ) -> Written:
         """Write what was proposed as one commit.
 
         Args:
             proposals: as they were shown.
+            branch: where to; None for the one that is checked out.
             subject: of the commit; by what changes if left out.
             reason: why, for the history.
+            note: all that the history says, in place of what follows from the entries.
             author: whose work it is; git's own user if left out.
 
         Raises:
@@ -193,9 +207,13 @@ class Registry:
         due = proposals.due
         if proposals.errors:
             raise RegistryError(f"nothing was written: {proposals.errors[0]}")
-        changes = [Change(path=one.entry.path, data=one.data, base=one.base) for one in due]
-        note = note_of(subject or proposals.subject, [one.entry for one in due], reason)
-        return write_changes(self.repo, changes, note, author=author, is_checked=True)
+        changes = [change for one in due for change in one.file_changes]
+        # The history of an entry goes on across its approval.
+        moved = [(old, one.path) for one in due for old, _ in one.replaced if one.base is None]
+        note = note or note_of(subject or proposals.subject, [one.entry for one in due], reason)
+        return write_changes(
+            self.repo, changes, replace(note, moved=moved), author=author, branch=branch, is_checked=True
+        )
 
     def write(
         self,
@@ -228,6 +246,8 @@ class Registry:
         *,
         branch: str | None = None,
         successor: str | None = None,
+        validity: Validity | None = None,
+        force: str | None = None,
     ) -> Proposals:
         """Entries approved, held or retired, checked; nothing is written. See :mod:`calibrary.registry.proposals`.
 
@@ -237,14 +257,17 @@ class Registry:
             reason: why.
             branch: the branch on which they are proposed; None for the current ones.
             successor: KEY of the entry that takes the place of a retired one, and will say so.
+            validity: the days that an approved one may be used on; None leaves what it states.
+            force: why to approve a K that contradicts what is known of its camera.
 
         Raises:
             UnknownCameraError: there is no such entry.
             RegistryError: a key means several or names a revision, the current entry is held, or the successor
                 supersedes another already.
         """
-        if branch is not None:
-            return proposing.from_branch(self.snapshot(), self.snapshot(branch), keys, status, reason)
+        if status is Status.APPROVED:
+            source = self.snapshot(branch) if branch is not None else self.snapshot()
+            return proposing.approving(self.snapshot(), source, keys, reason, validity=validity, force=force)
         return proposing.of_current(self.snapshot(), keys, status, reason, successor)
 
     def history(self, key: str | None = None, *, most: int | None = None) -> tuple[EntryRevision, ...]:
@@ -301,7 +324,7 @@ def uncommitted(repo: Repository) -> tuple[str, ...]:
     if repo.work_tree is None:
         return ()
     options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all")
-    listed = repo.run("status", *options, "--", ROOT).out
+    listed = repo.run("status", *options, "--", ROOT, PROPOSED).out
     return tuple(os.fsdecode(line[3:]) for line in listed.split(b"\0") if line)
 
 
@@ -361,7 +384,7 @@ def _configuration_of(repo: Repository) -> Configuration:
         return Configuration()
     blob = repo.read(tip, CONFIGURATION_FILE)
     if blob is None:
-        if repo.listing(tip, CAMERAS):
+        if repo.listing(tip, CAMERAS, PROPOSALS):
             return Configuration()
         raise RegistryError(
             f"{repo.path}: a git repository, but not a registry: it has neither {CONFIGURATION_FILE} nor entries in "

@@ -11,11 +11,20 @@ from typing import Final, TypeAlias
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, RegistryError
-from calibrary.records import Record
+from calibrary.records import Record, replace
 from calibrary.registry.entry import USABLE, Entry, Status
-from calibrary.registry.entry_match import EntryMatch, match_entry
+from calibrary.registry.entry_match import ONLY_PROPOSED, EntryMatch, match_entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import ROOT, SUFFIX, folder_of, is_entry, match_key, slug
+from calibrary.registry.paths import (
+    ROOT,
+    SUFFIX,
+    folder_of,
+    is_entry,
+    is_proposal,
+    match_key,
+    proposal_path,
+    slug,
+)
 
 __all__ = [
     "AliasMap",
@@ -163,6 +172,7 @@ class RegistryIndex:
         paths: Iterable[str],
         load: Callable[[str], bytes],
         *,
+        proposed: Iterable[str] = (),
         aliases: Callable[[], AliasMap] | None = None,
         require_digest: bool = True,
     ) -> None:
@@ -171,11 +181,13 @@ class RegistryIndex:
         Args:
             paths: of all entries, from the registry's root.
             load: gives the bytes of one.
+            proposed: paths of what is proposed beside them, which is drafts whatever it says of itself.
             aliases: gives :func:`scan_aliases` of all entries, for those who have it at hand; else every entry
                 is looked through when a camera is asked for that no entry fits by its own name.
             require_digest: refuse entries without a digest.
         """
         self.paths: Final[Sequence[str]] = sorted(paths)
+        self.proposed: Final[Sequence[str]] = sorted(filter(is_entry, proposed))
         self._load = load
         self._require_digest = require_digest
         self._find_aliases = aliases
@@ -233,26 +245,35 @@ class RegistryIndex:
             if len(self._folders) >= MOST_FOLDERS:
                 self._folders.clear()
             paths = [path for folder in folders for path in self._in_folder(folder, serial)]
-            entries = {path: self._read(path) for path in dict.fromkeys([*paths, *self._irregular])}
+            read = {path: self._read(path) for path in dict.fromkeys([*paths, *self._irregular])}
+            entries = {path: entry for path, entry in read.items() if entry is not None}
             self._folders[at] = entries
         return entries
 
     def _in_folder(self, folder: str, serial: str | None) -> list[str]:
         # Leaves start with a digit, and folders of units with a letter: the leaves come first.
-        paths = self._between(folder, f"{folder}:")
-        if serial is not None:
-            unit = f"{folder}sn-{slug(serial)}/"
-            paths += self._between(unit, f"{unit}:")
-        return paths
+        folders = [folder, *([f"{folder}sn-{slug(serial)}/"] if serial is not None else [])]
+        paths = [path for one in folders for path in _between(self.paths, one)]
+        return paths + [path for one in folders for path in _between(self.proposed, proposal_path(one))]
 
-    def _between(self, first: str, end: str) -> list[str]:
-        return list(self.paths[bisect_left(self.paths, first) : bisect_left(self.paths, end)])
-
-    def _read(self, path: str) -> Entry:
+    def _read(self, path: str) -> Entry | None:
         try:
-            return parse_entry(self._load(path), path, require_digest=self._require_digest)
+            entry = parse_entry(self._load(path), path, require_digest=self._require_digest)
         except InputError as error:
+            if is_proposal(path):
+                # It answers for nothing; saying what is wrong with it is for the check.
+                return None
             raise RegistryError(str(error)) from None
+        return (
+            entry
+            if entry.status is Status.DRAFT or not is_proposal(path)
+            else replace(entry, status=Status.DRAFT)
+        )
+
+
+def _between(paths: Sequence[str], folder: str) -> Sequence[str]:
+    """The files of a folder that are not in a folder of it."""
+    return paths[bisect_left(paths, folder) : bisect_left(paths, f"{folder}:")]
 
 
 def _sorted_out(
@@ -266,6 +287,8 @@ def _sorted_out(
             fits.append(outcome)
         elif outcome is not None:
             misses.append(RejectedEntry(path=path, reason=outcome))
+    # What would answer if it were approved is what a person has to know first.
+    misses.sort(key=lambda miss: not (is_proposal(miss.path) and miss.reason == ONLY_PROPOSED))
     return sorted(fits, key=lambda found: (found.rank, found.path)), misses
 
 

@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import Annotated, Any
 
 from calibrary.calibration import CameraKey
-from calibrary.errors import RegistryError
+from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.records import Json, Meta, Record
 from calibrary.registry.alias_cache import names_at, names_kept
 from calibrary.registry.configuration import Configuration
@@ -25,7 +25,20 @@ from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS, ROOT, find_path, folder_of, id_of, is_entry, match_key
+from calibrary.registry.paths import (
+    CAMERAS,
+    PROPOSALS,
+    PROPOSED,
+    ROOT,
+    find_path,
+    folder_of,
+    id_of,
+    in_use_path,
+    is_entry,
+    is_proposal,
+    match_key,
+    proposal_path,
+)
 from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
 from calibrary.registry.writing import parsed
 
@@ -35,6 +48,7 @@ __all__ = [
     "Snapshot",
     "StoredEntry",
     "entry_paths",
+    "proposal_paths",
     "read_entry_file",
 ]
 
@@ -48,12 +62,14 @@ class StoredEntry:
         path: of the file.
         oid: blob id of the content, from which a change of it starts; None in a plain folder.
         commit: where it was read, 40 hexadecimal digits; None in a plain folder.
+        proposal: path of what is proposed to take its place; None where nothing is, or that was not asked.
     """
 
     entry: Entry
     path: str
     oid: str | None
     commit: str | None
+    proposal: str | None = None
 
     @property
     def id(self) -> str:
@@ -61,10 +77,16 @@ class StoredEntry:
         return id_of(self.path)
 
     @property
+    def is_pending(self) -> bool:
+        """Whether it waits for approval, beside what is in use or, in an older registry, in its place."""
+        return is_proposal(self.path) or self.entry.status is Status.DRAFT
+
+    @property
     def members(self) -> dict[str, Any]:
         """The members of a listed entry, by name."""
         stated = {name: getattr(self.entry, name) for name in EntryFields.__struct_fields__}
-        return {"id": self.id, "path": self.path, "commit": self.commit, "blob": self.oid, **stated}
+        place = {"id": self.id, "path": self.path, "commit": self.commit, "blob": self.oid}
+        return {**place, "proposal": self.proposal, **stated}
 
 
 class ListedEntry(EntryFields):
@@ -74,13 +96,15 @@ class ListedEntry(EntryFields):
         id: the longest KEY.
         path: of its file.
         commit: at which it was read; None in a plain folder.
-        blob: git's id of the file; None in a plain folder.
+        blob: git's id of the file, to which an approval is bound; None in a plain folder.
+        proposal: path of what is proposed to take its place; None where nothing is.
     """
 
     id: str
-    path: Annotated[str, Meta(pattern="^cameras/.+[.]yaml$")]
+    path: Annotated[str, Meta(pattern="^(cameras|proposals)/.+[.]yaml$")]
     commit: ObjectId | None
     blob: ObjectId | None
+    proposal: str | None = None
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         """Its place first: a calibration is long."""
@@ -133,6 +157,17 @@ class Snapshot:
             return MappingProxyType(dict.fromkeys(entry_paths(self.place)))
         return MappingProxyType(self.repo.listing(self.commit, CAMERAS))
 
+    @cached_property
+    def proposed(self) -> Mapping[str, str | None]:
+        """The blob id of every file below ``proposals/``, by path; None in a plain folder.
+
+        Raises:
+            RegistryError: it cannot be listed.
+        """
+        if self.repo is None or self.commit is None:
+            return MappingProxyType(dict.fromkeys(proposal_paths(self.place)))
+        return MappingProxyType(self.repo.listing(self.commit, PROPOSALS))
+
     def require_git(self, why: str) -> tuple[Repository, str]:
         """The repository and the commit.
 
@@ -152,7 +187,7 @@ class Snapshot:
         if self.repo is None or self.commit is None:
             return read_entry_file(self.place, path)
         # Once the paths are listed, an id is the shorter way than the trees down to the file.
-        listed = self.__dict__.get("paths")
+        listed = self.__dict__.get("proposed" if is_proposal(path) else "paths")
         if listed is not None and (oid := listed.get(path)) is not None:
             return self.repo.blob(oid)
         blob = self.repo.read(self.commit, path)
@@ -168,14 +203,17 @@ class Snapshot:
         """
         if self.repo is None:
             return (self.read(path) for path in paths)
-        oids = [oid for path in paths if (oid := self.paths.get(path)) is not None]
+        oids = [oid for path in paths if (oid := self._oid(path)) is not None]
         if len(oids) < len(paths):
-            missing = next(path for path in paths if path not in self.paths)
+            missing = next(path for path in paths if self._oid(path) is None)
             raise RegistryError(f"{missing}: not in commit {(self.commit or '')[:12]}")
         return self.repo.read_many(oids)
 
+    def _oid(self, path: str) -> str | None:
+        return (self.proposed if is_proposal(path) else self.paths).get(path)
+
     def files(self) -> Iterator[tuple[str, bytes]]:
-        """Every entry's path and bytes, in the order of the paths.
+        """The path and bytes of every entry in ``cameras/``, in the order of the paths.
 
         Raises:
             RegistryError: one cannot be read.
@@ -184,7 +222,7 @@ class Snapshot:
         return zip(paths, self.read_many(paths), strict=True)
 
     def entries(self, *, unreadable: Callable[[RegistryError], None] | None = None) -> Iterator[StoredEntry]:
-        """Every entry, in the order of their paths.
+        """Every entry in ``cameras/``, in the order of their paths.
 
         Args:
             unreadable: called with the error of each entry that cannot be read, which then does not end the others.
@@ -192,7 +230,19 @@ class Snapshot:
         Raises:
             RegistryError: an entry cannot be read and ``unreadable`` was left out.
         """
-        for path, data in self.files():
+        return self._stored(self.files(), unreadable)
+
+    def proposals(
+        self, *, unreadable: Callable[[RegistryError], None] | None = None
+    ) -> Iterator[StoredEntry]:
+        """Every proposal that lies beside what is in use, in the order of their paths; otherwise as :meth:`entries`."""
+        paths = sorted(path for path in self.proposed if is_entry(path))
+        return self._stored(zip(paths, self.read_many(paths), strict=True), unreadable)
+
+    def _stored(
+        self, files: Iterable[tuple[str, bytes]], unreadable: Callable[[RegistryError], None] | None
+    ) -> Iterator[StoredEntry]:
+        for path, data in files:
             try:
                 entry = self._parsed(path, data)
             except RegistryError as error:
@@ -200,7 +250,17 @@ class Snapshot:
                     raise
                 unreadable(error)
                 continue
-            yield StoredEntry(entry=entry, path=path, oid=self.paths[path], commit=self.commit)
+            yield self._as_stored(entry, path)
+
+    def _as_stored(self, entry: Entry, path: str) -> StoredEntry:
+        beside = proposal_path(path)
+        return StoredEntry(
+            entry=entry,
+            path=path,
+            oid=self._oid(path),
+            commit=self.commit,
+            proposal=beside if beside != path and beside in self.proposed else None,
+        )
 
     def at(self, path: str) -> StoredEntry | None:
         """The entry at a path; None where there is none.
@@ -208,30 +268,54 @@ class Snapshot:
         Raises:
             RegistryError: the entry cannot be read.
         """
-        if path not in self.paths:
+        if path not in (self.proposed if is_proposal(path) else self.paths):
             return None
-        entry = self._parsed(path, self.read(path))
-        return StoredEntry(entry=entry, path=path, oid=self.paths[path], commit=self.commit)
+        return self._as_stored(self._parsed(path, self.read(path)), path)
+
+    def proposal_of(self, path: str) -> StoredEntry | None:
+        """What is proposed for the entry at a path; None where nothing is.
+
+        Raises:
+            RegistryError: the proposal cannot be read.
+        """
+        return self.at(proposal_path(path))
+
+    def pending(self, key: str) -> StoredEntry:
+        """The proposal that a KEY means; a draft in ``cameras/``, where an older registry has it, is one too.
+
+        Raises:
+            UnknownCameraError: nothing of that name is proposed, and no entry is so called.
+            RegistryError: the KEY fits several.
+        """
+        proposed = {in_use_path(path): path for path in self.proposed if is_entry(path)}
+        try:
+            return self.get(proposed[find_path(proposed, in_use_path(key))])
+        except UnknownCameraError:
+            return self.get(key)
 
     def get(self, key: str) -> StoredEntry:
-        """The entry that a KEY means.
+        """The entry that a KEY means; the proposal, where nothing of that name is in use.
 
         Args:
-            key: see :func:`calibrary.registry.paths.find_path`.
+            key: see :func:`calibrary.registry.paths.find_path`; ``proposals/…`` is what is proposed.
 
         Raises:
             UnknownCameraError: no such camera.
             RegistryError: several, or the entry cannot be read, or is of another camera than its path says.
         """
-        path = find_path(self.paths, key)
-        return in_its_place(
-            StoredEntry(
-                entry=self._parsed(path, self.read(path)),
-                path=path,
-                oid=self.paths[path],
-                commit=self.commit,
-            )
-        )
+        path = self.find(key)
+        return in_its_place(self._as_stored(self._parsed(path, self.read(path)), path))
+
+    def find(self, key: str) -> str:
+        """The path of the entry that a KEY means; errors as of :meth:`get`."""
+        if not is_proposal(key):
+            try:
+                return find_path(self.paths, key)
+            except UnknownCameraError:
+                if not self.proposed:
+                    raise
+        proposed = {in_use_path(path): path for path in self.proposed if is_entry(path)}
+        return proposed[find_path(proposed, in_use_path(key))]
 
     def index(self) -> RegistryIndex:
         """All entries, for callers that resolve many cameras.
@@ -242,8 +326,13 @@ class Snapshot:
         repo, commit = self.repo, self.commit
         if repo is None or commit is None:
             # An entry written by hand needs no digest in a folder; one that is there must fit.
-            return RegistryIndex(self.paths, self.read, require_digest=False)
-        return RegistryIndex(self.paths, self.read, aliases=lambda: names_at(repo, commit).alias_map)
+            return RegistryIndex(self.paths, self.read, proposed=self.proposed, require_digest=False)
+        return RegistryIndex(
+            self.paths,
+            self.read,
+            proposed=self.proposed,
+            aliases=lambda: names_at(repo, commit).alias_map,
+        )
 
     def index_for(self, key: CameraKey) -> RegistryIndex:
         """The entries that one camera may meet, without listing all others where the alias cache is warm.
@@ -258,10 +347,14 @@ class Snapshot:
             return self.index()
         aliases = names.alias_map
         others = aliases.get((match_key(key.make), match_key(key.model)), frozenset())
-        paths = list(names.irregular)
-        for folder in sorted({folder_of(key.make, key.model), *others}):
-            paths += self.repo.listing(self.commit, folder)
-        return RegistryIndex(paths, self.read, aliases=lambda: aliases)
+        folders = sorted({folder_of(key.make, key.model), *others})
+        listed = self.repo.listing(self.commit, *folders, *map(proposal_path, folders))
+        return RegistryIndex(
+            [*names.irregular, *(path for path in listed if not is_proposal(path))],
+            self.read,
+            proposed=filter(is_proposal, listed),
+            aliases=lambda: aliases,
+        )
 
     def resolve(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
@@ -283,7 +376,7 @@ def in_its_place(stored: StoredEntry) -> StoredEntry:
     Raises:
         RegistryError: the file of one camera lies where another's belongs.
     """
-    if stored.entry.path != stored.path and is_keyed(stored.path):
+    if stored.entry.path != in_use_path(stored.path) and is_keyed(in_use_path(stored.path)):
         raise RegistryError(
             f"{stored.path}: its camera belongs at {stored.entry.path}, so this is not the K of {stored.id}; "
             f"'calibrary registry log {stored.id}' shows who wrote it"
@@ -297,18 +390,25 @@ def entry_paths(root: Path) -> list[str]:
     Raises:
         RegistryError: there is no registry here, or a folder of it cannot be read.
     """
-    cameras = root / ROOT
-    if not cameras.is_dir():
+    if not (root / ROOT).is_dir():
         raise RegistryError(
             f"{root}: no registry here: expected a folder 'cameras' with one YAML file a camera"
         )
+    return _entries_below(root, ROOT)
 
+
+def proposal_paths(root: Path) -> list[str]:
+    """The same of what is proposed below a registry's root."""
+    return _entries_below(root, PROPOSED)
+
+
+def _entries_below(root: Path, top: str) -> list[str]:
     def refuse(error: OSError) -> None:
         raise RegistryError(f"{error.filename}: cannot be read: {error.strerror}") from None
 
     start = len(str(root)) + 1 if str(root) != "." else 0
     found = []
-    for folder, _, names in os.walk(cameras, onerror=refuse):
+    for folder, _, names in os.walk(root / top, onerror=refuse) if (root / top).is_dir() else ():
         below = folder[start:].replace(os.sep, "/")
         found += [f"{below}/{name}" for name in names if is_entry(name)]
     return sorted(found)

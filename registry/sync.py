@@ -20,7 +20,7 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.remotes import Pulled, set_remote
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change
-from calibrary.registry.paths import CAMERAS, find_path, id_of
+from calibrary.registry.paths import CAMERAS, PROPOSALS, find_path, id_of
 from calibrary.registry.writing import Note, write_changes
 
 __all__ = [
@@ -240,7 +240,7 @@ def _chosen(paths: Collection[str], keys: Sequence[str]) -> set[str]:
 def _settle(repo: Repository, conflicts: Collection[Conflict]) -> None:
     """Make ours say what theirs does; of this commit nothing is left once it is replayed."""
     tip = repo.tip()
-    current = repo.listing(tip, CAMERAS) if tip is not None else {}
+    current = repo.listing(tip, CAMERAS, PROPOSALS) if tip is not None else {}
     changes = [
         Change(path=one.path, data=one.theirs, base=current.get(one.path))
         for one in conflicts

@@ -15,7 +15,7 @@ from calibrary.registry.git.commits import Person, compose
 from calibrary.registry.git.history import MOVED_FROM
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import ANY, Change, Written, write
-from calibrary.registry.paths import CAMERAS
+from calibrary.registry.paths import PROPOSED, ROOT, in_use_path
 
 __all__ = ["SOURCE_FILE", "SOURCE_SHA256", "Note", "note_of", "parsed", "write_changes"]
 
@@ -96,7 +96,7 @@ def write_changes(
         RegistryError: the content of an entry cannot be read or belongs elsewhere, or git cannot write it.
     """
     for change in changes:
-        if change.path.startswith(f"{CAMERAS}/"):
+        if change.path.startswith((ROOT, PROPOSED)):
             if change.base is ANY:
                 raise RegistryError(
                     f"{change.path}: an entry is written only against its base; name the base"
@@ -125,5 +125,5 @@ def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
 
 def _require_entry(path: str, data: bytes) -> None:
     entry = parsed(data, path)
-    if entry.path != path:
+    if entry.path != in_use_path(path):
         raise RegistryError(f"{path}: its camera belongs at {entry.path}")

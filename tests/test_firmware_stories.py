@@ -191,7 +191,7 @@ def test_a_measurement_and_the_registry_outvote_another_lens_in_exif(
     assert main(["onboard", str(payload), "--yes"]) == 0
     assert "not believed" in capsys.readouterr().out
     [proposed] = [
-        one.entry.calibration for one in Registry.open(fleet).snapshot("onboard/dji-zh20n").entries()
+        one.entry.calibration for one in Registry.open(fleet).snapshot("onboard/dji-zh20n").proposals()
     ]
     # What nobody believes is no part of the key by which the camera will be found either.
     assert (proposed.intrinsics.fx, proposed.camera.focal_mm) == (1002.0, None)

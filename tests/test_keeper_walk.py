@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.cli.main import main
-from tests.cli.registry.fleets import CAMERA, P4R, xml
+from tests.cli.registry.fleets import CAMERA, P4R, looked_at, xml
 from tests.jobs.extract.fleet import picture
 from tests.registry.git.repositories import git, nobodys_git
 
@@ -46,7 +46,7 @@ def test_a_keepers_first_day(
     assert "no approved entry answers" in registry("resolve", str(image), code=4)
 
     assert " new, " in registry("import", "catalogue", "--yes")
-    assert "it is draft" in registry("resolve", str(image), code=4)
+    assert "it is only a proposal" in registry("resolve", str(image), code=4)
 
     said = registry("add", str(xml(lab / "p4r.xml")), *CAMERA, "--yes", "--reason", "test field in March")
     assert f"registry approve {P4R}" in said
@@ -54,7 +54,7 @@ def test_a_keepers_first_day(
     registry("add", other, "--make", "DJI", "--model", "FC330", "--yes")
     assert git(Path(), "status", "--porcelain") == ""
 
-    registry("approve", "dji/fc6310r", "dji/fc330", "--reason", "seen by two")
+    registry("approve", *looked_at(Path(), "dji/fc6310r", "dji/fc330"), "--reason", "seen by two")
     said = registry("resolve", str(image))
     assert "fx 3660.5000" in said
     assert "good" in registry("check")

@@ -25,7 +25,7 @@ from calibrary.synthetic import ExifValue, Head
 from tests.calib.solving import Session, camera, shoot
 from tests.calib.staging import camera as staged
 from tests.calib.staging import truth
-from tests.cli.registry.fleets import held, xml
+from tests.cli.registry.fleets import held, looked_at, xml
 from tests.imagery import ExifTags, write_jpeg
 from tests.jobs.onboard.payloads import SURVEY
 from tests.registry.git.repositories import nobodys_git
@@ -108,7 +108,8 @@ def test_an_integrator_takes_a_payload_on_board(person: Person, delivery: Path, 
     )
     assert _refs(Path("before")) == _refs(Path("fleet"))
 
-    person("registry", "approve", KEY, "--from", branch, "--reason", "looked at the page", *registry)
+    shown = looked_at(tmp_path / "fleet", KEY, rev=branch)
+    person("registry", "approve", *shown, "--from", branch, "--reason", "looked at the page", *registry)
     person("registry", "show", KEY, *registry)
     entry = held(tmp_path / "fleet", KEY).entry
     K, true = entry.calibration.intrinsics, staged().intrinsics
@@ -125,7 +126,16 @@ def test_an_engineer_is_asked_whether_an_update_moved_k(person: Person, tmp_path
     for firmware, stretch in (("01.08", 1.0), ("01.09", 1.001)):
         for model, moved in (("A1", stretch), ("B2", 1.0)):
             corners = _corners(tmp_path / f"{model}-{firmware}.json", model, firmware, moved)
-            person("calibrate", "--from", corners, *registry, "--yes", "--reason", f"firmware {firmware}")
+            person(
+                "calibrate",
+                "--from",
+                corners,
+                *registry,
+                "--approve",
+                "--yes",
+                "--reason",
+                f"firmware {firmware}",
+            )
 
     page = tmp_path / "update.html"
     said = person("diff", "--firmware", "01.08..01.09", *registry, "--html", page, code=1)

@@ -301,17 +301,18 @@ class Repository:
             raise RegistryError(f"{self.path}: has no file content {oid}; git fsck shows what is missing")
         return found[2]
 
-    def listing(self, commit: str, prefix: str = "") -> dict[str, str]:
-        """The id of every regular file below a folder, by path; links and other repositories are left out."""
-        listed = self._listed(commit, prefix)
+    def listing(self, commit: str, *prefixes: str) -> dict[str, str]:
+        """The id of every regular file below some folders, by path; links and other repositories are left out."""
+        listed = self._listed(commit, prefixes)
         return {path: head[12:52].decode("ascii") for path, head in listed if head.startswith(REGULAR)}
 
-    def irregular(self, commit: str, prefix: str = "") -> list[str]:
-        """The links and other repositories below a folder, which no listing holds and no reader follows."""
-        return [path for path, head in self._listed(commit, prefix) if not head.startswith(REGULAR)]
+    def irregular(self, commit: str, *prefixes: str) -> list[str]:
+        """The links and other repositories below some folders, which no listing holds and no reader follows."""
+        return [path for path, head in self._listed(commit, prefixes) if not head.startswith(REGULAR)]
 
-    def _listed(self, commit: str, prefix: str) -> Iterator[tuple[str, bytes]]:
-        where = ("--", f"{prefix.rstrip('/')}/") if prefix else ()
+    def _listed(self, commit: str, prefixes: Sequence[str]) -> Iterator[tuple[str, bytes]]:
+        folders = [f"{prefix.rstrip('/')}/" for prefix in prefixes if prefix]
+        where = ("--", *folders) if folders else ()
         for line in self.run("ls-tree", "-r", "-z", "--full-tree", commit, *where).out.split(b"\0"):
             head, _, path = line.partition(b"\t")
             if head:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.cli.main import main
+from calibrary.registry.registry import Registry
 from tests.cli.registry.fleets import xml
 from tests.jobs.calibrate_board.boards import corners
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, picture
@@ -34,7 +35,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "calibrate board checkerboard:11x8 --square-mm 40 --out new/b/board.pdf": (0, "board.pdf"),
     "registry init new/fleet --yes": (0, "registry.yaml"),
     f"registry add camera.xml {KEY} --reason first --yes": (0, "dji/fc6310r/5472x3648 intrinsics.fx"),
-    "registry approve fc6310r --reason 'looked at it for a long while, over the test field in May'": (
+    "registry approve fc6310r --digest DIGEST --reason 'looked at it for a long while, over the test field in May'": (
         0,
         "approved",
     ),
@@ -42,7 +43,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
         0,
         "before after 3730.0",
     ),
-    f"registry add other.xml {KEY} --yes": (0, "4864x3648"),
+    f"registry add other.xml {KEY} --approve --yes": (0, "4864x3648"),
     "registry hold fc6310r/4864x3648 --reason 'agreed upon'": (0, "held"),
     "registry list": (0, "dji/fc6310r/5472x3648 approved"),
     "registry show fc6310r/5472": (0, "intrinsics.fx 3730"),
@@ -62,7 +63,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "registry pull": (0, "nothing new"),
     "onboard payload --yes --for unit --html new/o/onboard.html": (0, "Example proposed"),
     "diff camera.xml later.xml --html new/d/diff.html": (1, "drift"),
-    "diff --since HEAD~6": (1, "dji/fc6310r/5472x3648"),
+    "diff --since HEAD~5": (1, "dji/fc6310r/5472x3648"),
     "inspect camera.xml": (0, "3660.5000"),
     "convert camera.xml new/v/camera.yml --to opencv_storage": (0, "camera.yml"),
     "formats": (0, "agisoft_xml"),
@@ -99,7 +100,7 @@ def furnish(folder: Path) -> None:
     (folder / "small.txt").write_text("1 SIMPLE_RADIAL 240 160 140 120 80 -0.1\n")
     xml(folder / "camera.xml")
     xml(folder / "later.xml", 3730.0)
-    xml(folder / "other.xml", 3250.0, (4864, 3648))
+    xml(folder / "other.xml", 3661.0, (4864, 3648))
     (folder / "lab").mkdir()
     xml(folder / "lab/lab.xml", 2300.0, (4000, 3000))
     corners(folder / "corners.json")
@@ -108,7 +109,10 @@ def furnish(folder: Path) -> None:
 
 
 def printed(command: str, *more: str) -> Printed:
-    """Run a command in this process, as the shell would give it its words."""
+    """Run a command in this process, as the shell would give it its words; DIGEST is that of the only proposal."""
+    if "DIGEST" in command:
+        [proposed] = Registry.open(Path("new/fleet")).snapshot().proposed.values()
+        command = command.replace("DIGEST", str(proposed))
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:

@@ -84,7 +84,7 @@ def truth_of(folder: Path) -> Mapping[str, Any]:
 
 
 def the_entry(fleet: Registry) -> Entry:
-    [stored] = fleet.snapshot().entries()
+    [stored] = (*fleet.snapshot().entries(), *fleet.snapshot().proposals())
     return stored.entry
 
 
@@ -218,7 +218,7 @@ def test_a_refused_calibration_writes_its_report_and_its_corners_and_nothing_els
     assert not re.search(r"^ +fx ", out, re.MULTILINE)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again.json", "fleet", "kept.json", "r.html"]
     assert (tmp_path / "again.json").read_bytes() == kept.read_bytes()
-    assert list(fleet.snapshot().entries()) == []
+    assert [*fleet.snapshot().entries(), *fleet.snapshot().proposals()] == []
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "The numbers that were refused" in page
     assert "No K was written" in page
@@ -250,12 +250,11 @@ def test_a_draft_is_what_approve_takes(calibrated: Run, tmp_path: Path, fleet: R
     kept = corners(tmp_path / "kept.json")
     code, err, _ = calibrated("--from", kept, "--registry", "fleet", "--yes")
     assert code == 0
-    [held] = fleet.snapshot().entries()
+    [held] = fleet.snapshot().proposals()
     assert held.entry.status is Status.DRAFT
     assert f"calibrary registry approve {held.id}" in err
-    assert (
-        main(["registry", "approve", held.id, "--registry", str(tmp_path / "fleet"), "--reason", "good"]) == 0
-    )
+    words = ["approve", held.id, "--digest", str(held.oid), "--registry", str(tmp_path / "fleet")]
+    assert main(["registry", *words, "--reason", "good"]) == 0
     assert the_entry(fleet).status is Status.APPROVED
 
 
@@ -326,7 +325,7 @@ def test_a_camera_without_a_name_is_asked_for_before_the_work(
     code, _, err = calibrated(*shots, *BOARD, "--registry", "fleet", "--yes")
     assert code == 3
     assert "--make NAME --model NAME" in err
-    assert list(fleet.snapshot().entries()) == []
+    assert [*fleet.snapshot().entries(), *fleet.snapshot().proposals()] == []
 
 
 def test_corners_without_frames_become_no_entry(calibrated: Run, tmp_path: Path, fleet: Registry) -> None:
@@ -334,11 +333,11 @@ def test_corners_without_frames_become_no_entry(calibrated: Run, tmp_path: Path,
     code, _, err = calibrated("--from", kept, "--registry", "fleet", "--yes")
     assert code == 3
     assert "calibrate from the frames" in err
-    assert list(fleet.snapshot().entries()) == []
+    assert [*fleet.snapshot().entries(), *fleet.snapshot().proposals()] == []
 
 
 def test_a_key_that_nobody_has_is_told_of(calibrated: Run, tmp_path: Path, fleet: Registry) -> None:
-    assert list(fleet.snapshot().entries()) == []
+    assert [*fleet.snapshot().entries(), *fleet.snapshot().proposals()] == []
     kept = corners(tmp_path / "kept.json")
     code, _, err = calibrated("--from", kept, "--registry", "fleet", "--as", "dji/fc6310", "--yes")
     assert code == 4

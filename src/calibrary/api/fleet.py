@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from calibrary.api.fleet_view import FleetView
 from calibrary.api.registry_results import FleetAnswer, NewRegistry, ProposedChange
 from calibrary.api.stated import CameraLike, overlay
+from calibrary.errors import RegistryError
 from calibrary.progress import Progress, labelled
 from calibrary.registry.configuration import default_place, find_registry
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.init import folder_for, init, init_from
+from calibrary.registry.proposals import require_digests
 from calibrary.registry.sync import Choice, remote_named
 
 if TYPE_CHECKING:
     from calibrary.api.exchange import ImportResult, Reading, Stated
     from calibrary.registry.git.remotes import Pulled
+
+COMMIT: Final = re.compile("[0-9a-f]{7,40}")
 
 __all__ = ["Fleet", "FleetAnswer", "create_registry", "firmware_range", "open_registry"]
 
@@ -48,7 +53,8 @@ class Fleet(FleetView):
         reason: str | None = None,
         approve: bool = False,
         override_held: bool = False,
-        force: bool = False,
+        force: str | None = None,
+        branch: str | None = None,
     ) -> ProposedChange:
         """The entries that a calibration file, an image or an entry's file would become; nothing is written yet.
 
@@ -62,7 +68,8 @@ class Fleet(FleetView):
             reason: why, for the history.
             approve: use it at once, if the check has nothing against it.
             override_held: replace an entry that is held.
-            force: take a K that is that of no camera.
+            force: why to take a K that contradicts what is known of its camera; it stays visible.
+            branch: to propose it on, for a pull request; the one that is checked out when not given.
 
         Raises:
             InputError: it cannot be read, its camera is not known, or its K is a guess.
@@ -85,18 +92,26 @@ class Fleet(FleetView):
             approve=approve,
             override_held=override_held,
             force=force,
+            branch=branch,
         )
         proposals = propose_file(self.registry, Path(file), reading or Reading(), request)
-        return ProposedChange(self.registry, proposals, Path(file))
+        return ProposedChange(self.registry, proposals, Path(file), branch=branch)
 
     def propose_entry(
-        self, entry: Entry, *, reason: str | None = None, approve: bool = False, override_held: bool = False
+        self,
+        entry: Entry,
+        *,
+        reason: str | None = None,
+        approve: bool = False,
+        override_held: bool = False,
+        force: str | None = None,
+        branch: str | None = None,
     ) -> ProposedChange:
         """An entry beside the current one, checked; arguments and errors as of :meth:`propose`."""
         proposals = self.registry.propose(
-            [entry], approve=approve, reason=reason, override_held=override_held
+            [entry], approve=approve, reason=reason, override_held=override_held, force=force, branch=branch
         )
-        return ProposedChange(self.registry, proposals)
+        return ProposedChange(self.registry, proposals, branch=branch)
 
     def propose_status(
         self,
@@ -106,23 +121,52 @@ class Fleet(FleetView):
         reason: str | None = None,
         branch: str | None = None,
         successor: str | None = None,
+        digests: Sequence[str] = (),
+        force: str | None = None,
     ) -> ProposedChange:
         """Entries approved, held or retired; nothing is written yet.
 
+        What is written by :meth:`ProposedChange.write` is what stands in the change that is returned: if a proposal
+        has changed since, that fails.
+
         Args:
-            keys: of the entries.
+            keys: of the entries; KEY@COMMIT approves what was proposed at that commit, and nothing else.
             status: "approved", "held" or "retired".
             reason: why, for the history.
             branch: on which they are proposed, as ``onboard`` does.
             successor: KEY of the entry that takes the place of a retired one.
+            digests: the ids of the files that were looked at, as ``add`` prints them, or how they begin; a proposal
+                that has another is refused.
+            force: why to approve a K that contradicts what is known of its camera; it stays visible.
 
         Raises:
-            RegistryError: there is no such entry.
+            RegistryError: there is no such entry, or what is proposed is not what was looked at.
         """
-        return ProposedChange(
-            self.registry,
-            self.registry.propose_status(keys, Status(status), reason, branch=branch, successor=successor),
+        names, seen = self._looked_at(keys) if status == Status.APPROVED.value else (keys, ())
+        proposals = self.registry.propose_status(
+            names, Status(status), reason, branch=branch, successor=successor, force=force
         )
+        if digests or seen:
+            require_digests(proposals, (*digests, *seen))
+        return ProposedChange(self.registry, proposals)
+
+    def _looked_at(self, keys: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+        """KEYs without their revision, and the ids of the files that those with one had there.
+
+        Raises:
+            RegistryError: a revision is no commit, and so may be another tomorrow.
+        """
+        names, seen = [], []
+        for key in keys:
+            name, at, rev = key.partition("@")
+            names.append(name)
+            if at:
+                if COMMIT.fullmatch(rev) is None:
+                    raise RegistryError(
+                        f"{key}: an approval is of what was looked at: name the commit, not a branch, tag or day"
+                    )
+                seen.append(self.registry.snapshot(rev).pending(name).oid or "")
+        return names, tuple(seen)
 
     def import_folder(
         self,

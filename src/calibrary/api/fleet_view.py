@@ -27,6 +27,7 @@ from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry import Entry
 from calibrary.registry.fields import differences
 from calibrary.registry.history import recorded
+from calibrary.registry.paths import in_use_path
 from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 
@@ -127,18 +128,26 @@ class FleetView:
     ) -> EntryListing:
         """The entries whose id holds every word, of these statuses and grades; of all where none are given.
 
+        A proposal is listed where it is of a camera that has no entry in use, and wherever drafts are asked for.
+
         >>> [stored.id for stored in calibrary.open_registry("fleet").listing(["fc6310r"]).entries]
         ['dji/fc6310r/5472x3648']
         """
         unreadable: list[RegistryError] = []
+        snapshot, wants_drafts = self.registry.snapshot(self.at), "draft" in statuses
+        waiting = (
+            stored
+            for stored in snapshot.proposals(unreadable=unreadable.append)
+            if wants_drafts or in_use_path(stored.path) not in snapshot.paths
+        )
         found = tuple(
             stored
-            for stored in self.registry.snapshot(self.at).entries(unreadable=unreadable.append)
+            for stored in (*snapshot.entries(unreadable=unreadable.append), *waiting)
             if all(word.lower() in stored.id for word in words)
             and (not statuses or stored.entry.status.value in statuses)
             and (not grades or stored.entry.calibration.grade.value in grades)
         )
-        return EntryListing(found, tuple(unreadable))
+        return EntryListing(tuple(sorted(found, key=lambda one: one.id)), tuple(unreadable))
 
     def show(self, key: str, *, against: str | None = None) -> ShownEntry:
         """One entry.

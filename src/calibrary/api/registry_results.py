@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, CameraKey
-from calibrary.errors import InputError, RegistryError
+from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.jobs.exchange.add import save_file
 from calibrary.jobs.exchange.resolve import Answer, resolution_report
 from calibrary.records import Json, to_json
@@ -33,6 +35,9 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import RejectedEntry
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.sync import field_conflicts, sync_report
+
+if TYPE_CHECKING:
+    from calibrary.api.changes import CompareResult
 
 __all__ = [
     "Blame",
@@ -208,12 +213,28 @@ class ProposedChange:
         proposals: each entry with its changes, and what the check says of them.
         source: the file that they were read from.
         written: the commit, once it is written.
+        branch: that it is written to; None for the one that is checked out.
     """
 
     registry: Registry
     proposals: Proposals
     source: Path | None = None
     written: Written | None = None
+    branch: str | None = None
+
+    def comparisons(self) -> dict[str, CompareResult]:
+        """By id, what each change of a K comes to, in px over the frame and on the ground; where it can be compared."""
+        from calibrary.api.changes import compare
+
+        found = {}
+        for one in self.proposals.due:
+            if one.current is None or one.current.calibration == one.entry.calibration:
+                continue
+            with suppress(CalibraryError):
+                found[one.entry.id] = compare(
+                    one.current.calibration, one.entry.calibration, policy=self.registry.configuration.policy
+                )
+        return found
 
     def write(self, reason: str | None = None) -> Written:
         """Write it as one commit.
@@ -223,9 +244,11 @@ class ProposedChange:
             RegistryError: a check failed, there is nothing to write, or it cannot be written.
         """
         if self.source is not None:
-            self.written = save_file(self.registry, self.proposals, self.source, reason=reason)
+            self.written = save_file(
+                self.registry, self.proposals, self.source, reason=reason, branch=self.branch
+            )
         else:
-            self.written = self.registry.save(self.proposals, reason=reason)
+            self.written = self.registry.save(self.proposals, reason=reason, branch=self.branch)
         return self.written
 
     def to_dict(self) -> dict[str, Json]:

@@ -13,7 +13,7 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import StoredEntry
 from calibrary.schemas import require
 
-__all__ = ["CAMERA", "P4R", "add", "commit_of", "held", "printed", "run", "xml"]
+__all__ = ["CAMERA", "P4R", "add", "commit_of", "held", "looked_at", "printed", "run", "xml"]
 
 P4R = "dji/fc6310r/5472x3648"
 CAMERA = ("--make", "DJI", "--model", "FC6310R")
@@ -47,6 +47,13 @@ def xml(path: Path, f: float = 3660.5, size: tuple[int, int] = (5472, 3648), cx:
 def add(path: Path, *arguments: str, camera: tuple[str, ...] = CAMERA) -> None:
     """Put a file into the registry."""
     assert main(["registry", "add", str(path), *camera, "--yes", *arguments]) == 0
+
+
+def looked_at(fleet: Path, *keys: str, rev: str | None = None) -> list[str]:
+    """KEYs with the digests of what is proposed for them, as ``approve`` takes them from somebody who has looked."""
+    pending = [Registry.open(fleet).snapshot(rev).pending(key) for key in keys]
+    digests = [word for one in pending if one.is_pending for word in ("--digest", str(one.oid)[:12])]
+    return [*keys, *digests]
 
 
 def held(fleet: Path, key: str = P4R) -> StoredEntry:

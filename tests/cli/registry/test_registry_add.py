@@ -21,7 +21,7 @@ from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.writing import Written
 from calibrary.registry.proposals import Proposals
 from calibrary.registry.registry import Registry
-from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, printed, run, xml
+from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.jobs.extract.fleet import DEWARP, picture
 from tests.jobs.extract.fleet import P4R as P4R_TAGS
 from tests.registry.entries import an_entry
@@ -50,7 +50,7 @@ def test_flags_say_what_the_source_does_not_and_nothing_else_does(
     add(xml(tmp_path / "a.xml"), "--date", "2019-03-05", "--tool", "lab 3.1", "--operator", "B. Solver")
     made = held(fleet).entry.calibration.provenance
     assert (made.date, made.tool, made.operator) == ("2019-03-05", "lab 3.1", "B. Solver")
-    file = fleet / f"cameras/{P4R}.yaml"
+    file = fleet / f"proposals/{P4R}.yaml"
     code, told, _ = run(capsys, "add", file, "--date", "2020-01-02", "--yes")
     assert code == 0
     assert "the source states the date '2019-03-05', and --date replaces it" in " ".join(told.split())
@@ -90,14 +90,14 @@ def test_the_flags_come_before_the_file(fleet: Path, tmp_path: Path) -> None:
 def test_a_range_of_firmware_is_part_of_the_key(fleet: Path, tmp_path: Path) -> None:
     add(xml(tmp_path / "a.xml"), "--firmware-range", "01.08..01.09")
     add(xml(tmp_path / "b.xml", 3665.0), "--firmware-range", "01.10..")
-    ranges = [one.entry.firmware for one in Registry.open(fleet).snapshot().entries()]
+    ranges = [one.entry.firmware for one in Registry.open(fleet).snapshot().proposals()]
     assert ranges == [FirmwareRange(min="01.08", max="01.09"), FirmwareRange(min="01.10")]
 
 
 def test_a_serial_number_is_hashed(fleet: Path, tmp_path: Path) -> None:
     add(xml(tmp_path / "a.xml"), "--serial", "0V2ABC1234567")
-    [path] = Registry.open(fleet).snapshot().paths
-    assert path == f"cameras/dji/fc6310r/sn-{hash_serial('DJI', '0V2ABC1234567')}/5472x3648.yaml"
+    [path] = Registry.open(fleet).snapshot().proposed
+    assert path == f"proposals/dji/fc6310r/sn-{hash_serial('DJI', '0V2ABC1234567')}/5472x3648.yaml"
     assert "0V2ABC1234567" not in git(fleet, "log", "-p", "--no-textconv")
 
 
@@ -131,7 +131,7 @@ def test_of_an_image_only_a_measured_k_names_the_unit(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     add(picture(tmp_path / "a.jpg", **P4R_TAGS, body_serial="77A"), camera=())
-    [one] = Registry.open(fleet).snapshot().entries()
+    [one] = Registry.open(fleet).snapshot().proposals()
     assert one.entry.calibration.grade is Grade.DERIVED
     assert one.entry.calibration.camera.serial is None
     assert "no serial number is stored" in capsys.readouterr().out
@@ -161,11 +161,11 @@ def test_every_camera_of_a_file_enters_in_one_commit_or_one_is_chosen(
     before = commit_of(fleet)
     code, told, _ = run(capsys, "add", file, *CAMERA, "--camera", "2", "--yes")
     assert (code, "the file states the sub-camera '2'" in told) == (0, True)
-    assert [one.id for one in Registry.open(fleet).snapshot().entries()] == ["dji/fc6310r/2000x1500+sub-2"]
+    assert [one.id for one in Registry.open(fleet).snapshot().proposals()] == ["dji/fc6310r/2000x1500+sub-2"]
     add(file, "--sub-camera", "")
     assert git(fleet, "rev-list", "--count", f"{before}..HEAD") == "2"
     ids = ["dji/fc6310r/2000x1500", "dji/fc6310r/2000x1500+sub-2", "dji/fc6310r/4000x3000"]
-    assert sorted(one.id for one in Registry.open(fleet).snapshot().entries()) == ids
+    assert sorted(one.id for one in Registry.open(fleet).snapshot().proposals()) == ids
 
 
 @pytest.mark.usefixtures("fleet")
@@ -206,14 +206,19 @@ def test_the_same_file_again_changes_nothing_and_nobodys_approval(
     assert held(fleet).entry.status is Status.APPROVED
 
 
-def test_a_new_k_of_an_approved_camera_is_a_draft_and_that_is_told(
+def test_a_new_k_of_an_approved_camera_waits_beside_it(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     add(xml(tmp_path / "a.xml"), "--approve")
     code, told, _ = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--yes")
     assert code == 0
-    assert "becomes a draft" in told
-    assert held(fleet).entry.status is Status.DRAFT
+    assert "stays in use until this is approved" in told
+    assert (held(fleet).entry.status, held(fleet).entry.calibration.intrinsics.fx) == (
+        Status.APPROVED,
+        3660.5,
+    )
+    proposed = held(fleet, f"proposals/{P4R}").entry
+    assert (proposed.status, proposed.calibration.intrinsics.fx) == (Status.DRAFT, 3663.0)
 
 
 def test_what_the_registry_knows_of_a_camera_outlives_a_new_k(fleet: Path, tmp_path: Path) -> None:
@@ -263,7 +268,7 @@ def test_what_the_check_objects_to_is_not_written(
     assert (code, "without --approve" in told) == (1, True)
     assert commit_of(fleet) == before
     assert run(capsys, "add", off, *CAMERA, "--yes")[0] == 0
-    assert run(capsys, "approve", P4R)[0] == 1
+    assert run(capsys, "approve", *looked_at(fleet, P4R))[0] == 1
     assert held(fleet).entry.status is Status.DRAFT
 
 
@@ -280,13 +285,13 @@ def test_the_registrys_own_policy_decides(
 def test_a_held_entry_keeps_its_place(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    add(xml(tmp_path / "a.xml"))
+    add(xml(tmp_path / "a.xml"), "--approve")
     run(capsys, "hold", P4R, "--reason", "agreed for 2026")
     code, _, told = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--approve", "--yes")
     assert code == 4
     assert "held (agreed for 2026)" in told
     assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
-    add(tmp_path / "b.xml", "--override-held")
+    add(tmp_path / "b.xml", "--override-held", "--approve")
     assert held(fleet).entry.calibration.intrinsics.fx == 3663.0
 
 
@@ -315,7 +320,8 @@ def test_an_entry_edited_by_hand_in_the_work_tree_is_sealed_and_says_so(fleet: P
     lines = [line for line in file.read_text().splitlines(keepends=True) if not line.startswith("digest:")]
     file.write_text("".join(lines).replace("fx: 3660.5", "fx: 3661.5"))
     add(file, "--reason", "typing error", camera=())
-    calibration = held(fleet).entry.calibration
+    assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
+    calibration = held(fleet, f"proposals/{P4R}").entry.calibration
     assert calibration.intrinsics.fx == 3661.5
     assert "numbers changed by hand" in calibration.provenance.assumptions
     assert (calibration.provenance.date, calibration.provenance.operator) == (None, None)
@@ -338,7 +344,7 @@ def test_a_hand_made_entry_in_the_work_tree_takes_its_place(fleet: Path) -> None
 def test_a_hand_edit_survives_a_write_that_fails(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    add(xml(tmp_path / "a.xml"))
+    add(xml(tmp_path / "a.xml"), "--approve")
     file = fleet / f"cameras/{P4R}.yaml"
     lines = [line for line in file.read_text().splitlines(keepends=True) if not line.startswith("digest:")]
     edited = "".join(lines).replace("fx: 3660.5", "fx: 3661.5")
@@ -356,11 +362,11 @@ def test_a_hand_edit_survives_a_write_that_fails(
 def test_an_entry_that_cannot_be_read_can_be_replaced(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    add(xml(tmp_path / "a.xml"))
+    add(xml(tmp_path / "a.xml"), "--approve")
     file = fleet / f"cameras/{P4R}.yaml"
     file.write_text(file.read_text().replace("fx: 3660.5", "fx: 3999.5"))
     git(fleet, "commit", "--quiet", "-am", "Break the seal")
-    code, told, _ = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--yes")
+    code, told, _ = run(capsys, "add", tmp_path / "a.xml", *CAMERA, "--approve", "--yes")
     assert (code, "cannot be read and is replaced" in told) == (0, True)
     assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
 

@@ -12,7 +12,7 @@ from calibrary.calibration import Quality
 from calibrary.cli.main import main
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.init import DRIVER, DRIVER_COMMAND
-from tests.cli.registry.fleets import P4R, add, held, printed, run, xml
+from tests.cli.registry.fleets import P4R, add, held, looked_at, printed, run, xml
 from tests.registry.entries import an_entry, covariance
 from tests.registry.git.repositories import git
 
@@ -21,7 +21,7 @@ from tests.registry.git.repositories import git
 def kept(fleet: Path, tmp_path: Path) -> Path:
     """An entry that was added, approved, and measured again."""
     add(xml(tmp_path / "a.xml"), "--reason", "first flight", "--firmware", "01.08")
-    assert main(["registry", "approve", P4R, "--reason", "checked"]) == 0
+    assert main(["registry", "approve", *looked_at(fleet, P4R), "--reason", "checked"]) == 0
     add(xml(tmp_path / "b.xml", 3663.0), "--reason", "new firmware", "--firmware", "01.09", "--approve")
     return fleet
 
@@ -78,7 +78,7 @@ def test_blame_tells_since_when_each_field_says_what_it_says(
 
 def test_blame_agrees_with_gits_own_of_the_file(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fields = {one["field"]: one for one in printed(capsys, "registry-blame-1", "blame", "fc6310r")["fields"]}
-    lines = git(kept, "blame", "-l", "-s", "--root", f"cameras/{P4R}.yaml").splitlines()
+    lines = git(kept, "blame", "-l", "-s", "--root", "-C1", f"cameras/{P4R}.yaml").splitlines()
     by_git = {line.partition(")")[2].partition(":")[0].strip(): line[:40] for line in lines if ":" in line}
     for field in ("status", "reason", "intrinsics.fx", "intrinsics.cx", "distortion.k1", "provenance.sha256"):
         assert fields[field]["commit"] == by_git[field.rpartition(".")[2]]
@@ -87,7 +87,7 @@ def test_blame_agrees_with_gits_own_of_the_file(kept: Path, capsys: pytest.Captu
 def test_blame_of_a_field_that_came_back_names_its_return(
     kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    add(xml(tmp_path / "a.xml"), "--firmware", "01.08")
+    add(xml(tmp_path / "a.xml"), "--firmware", "01.08", "--approve")
     [fx] = printed(capsys, "registry-blame-1", "blame", "fc6310r", "intrinsics.fx")["fields"]
     assert (fx["value"], fx["commit"]) == (3660.5, git(kept, "rev-parse", "HEAD"))
 
@@ -192,7 +192,7 @@ def test_list_and_show_print_one_form_of_an_entry(kept: Path, capsys: pytest.Cap
 def test_a_list_is_narrowed_by_words_status_grade_and_date(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    add(xml(tmp_path / "c.xml", 3250.0, (4864, 3648)))
+    add(xml(tmp_path / "c.xml", 3661.0, (4864, 3648)))
 
     def ids(*arguments: str) -> list[str]:
         return [one["id"] for one in printed(capsys, "entry-listing-1", "list", *arguments)["entries"]]
@@ -206,7 +206,7 @@ def test_a_list_is_narrowed_by_words_status_grade_and_date(
 def test_one_entry_that_cannot_be_read_does_not_hide_the_others(
     kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    add(xml(tmp_path / "c.xml", 3250.0, (4864, 3648)))
+    add(xml(tmp_path / "c.xml", 3661.0, (4864, 3648)))
     file = kept / f"cameras/{P4R}.yaml"
     file.write_text(file.read_text().replace("fx: 3663.0", "fx: 3999.5"))
     git(kept, "commit", "--quiet", "-am", "Break the seal")

@@ -30,7 +30,7 @@ class TestCatalogue:
     ) -> None:
         before = commit_of(fleet)
         code, out, _ = run(capsys, "import", "catalogue", "--yes")
-        entries = [*Registry.open(fleet).snapshot().entries()]
+        entries = [*Registry.open(fleet).snapshot().proposals()]
         assert code == 0
         assert len(entries) > 60
         assert {one.entry.status for one in entries} == {Status.DRAFT}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,20 +13,32 @@ from calibrary.registry.entry import Status
 from calibrary.registry.git.writing import Written
 from calibrary.registry.proposals import Proposals
 from calibrary.registry.registry import Registry
-from tests.cli.registry.fleets import P4R, add, commit_of, held, printed, run, xml
+from tests.cli.registry.fleets import P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.registry.git.repositories import git
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
 
 
 @pytest.fixture
 def drafts(fleet: Path, tmp_path: Path) -> Path:
     """Two drafts of one model, of two frames."""
     add(xml(tmp_path / "a.xml"))
-    add(xml(tmp_path / "b.xml", 3250.0, (4864, 3648)))
+    add(xml(tmp_path / "b.xml", 3661.0, (4864, 3648)))
     return fleet
 
 
 def test_approving_says_who_and_why(drafts: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    document = printed(capsys, "registry-change-1", "approve", P4R, "--reason", "checked over the test field")
+    document = printed(
+        capsys,
+        "registry-change-1",
+        "approve",
+        *looked_at(drafts, P4R),
+        "--reason",
+        "checked over the test field",
+    )
     [entry] = document["entries"]
     assert (entry["status_before"], entry["status"]) == ("draft", "approved")
     assert document["commit"] == commit_of(drafts)
@@ -35,7 +49,7 @@ def test_approving_says_who_and_why(drafts: Path, capsys: pytest.CaptureFixture[
 
 def test_several_are_approved_as_one_commit(drafts: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = commit_of(drafts)
-    assert run(capsys, "approve", P4R, "fc6310r/4864")[0] == 0
+    assert run(capsys, "approve", *looked_at(drafts, P4R, "fc6310r/4864"))[0] == 0
     assert git(drafts, "rev-list", "--count", f"{before}..HEAD") == "1"
 
 
@@ -44,7 +58,7 @@ def test_if_one_fails_none_is_approved(
 ) -> None:
     add(xml(tmp_path / "off.xml", size=(4000, 3000), cx=-900.0))
     before = commit_of(drafts)
-    code, _, told = run(capsys, "approve", P4R, "fc6310r/4000")
+    code, _, told = run(capsys, "approve", *looked_at(drafts, P4R, "fc6310r/4000"))
     assert (code, "nothing was written" in told) == (1, True)
     assert commit_of(drafts) == before
 
@@ -52,7 +66,7 @@ def test_if_one_fails_none_is_approved(
 def test_what_is_approved_already_stays_without_a_commit(
     drafts: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run(capsys, "approve", P4R)
+    run(capsys, "approve", *looked_at(drafts, P4R))
     before = commit_of(drafts)
     code, told, _ = run(capsys, "approve", P4R)
     assert (code, "it is already approved" in told) == (0, True)
@@ -71,12 +85,14 @@ def test_a_reason_is_wanted(verb: str, capsys: pytest.CaptureFixture[str]) -> No
 def test_a_retired_entry_keeps_its_file_and_is_used_no_more(
     drafts: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    run(capsys, "approve", *looked_at(drafts, P4R))
     assert run(capsys, "retire", P4R, "--reason", "lens was replaced")[0] == 0
     entry = held(drafts).entry
     assert (entry.status, entry.reason, entry.is_usable) == (Status.RETIRED, "lens was replaced", False)
 
 
 def test_what_takes_its_place_says_so(drafts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(capsys, "approve", *looked_at(drafts, P4R, "fc6310r/4864"))
     before = commit_of(drafts)
     new = "dji/fc6310r/4864x3648"
     assert run(capsys, "retire", P4R, "--reason", "new frame", "--superseded-by", "fc6310r/4864")[0] == 0
@@ -87,9 +103,70 @@ def test_what_takes_its_place_says_so(drafts: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.usefixtures("drafts")
-def test_what_it_was_cannot_be_changed(capsys: pytest.CaptureFixture[str]) -> None:
-    code, _, told = run(capsys, "approve", f"{P4R}@HEAD")
-    assert (code, "without @REV" in told) == (4, True)
+@pytest.mark.parametrize(("verb", "why"), [("retire", "without @REV"), ("approve", "name the commit")])
+def test_what_it_was_cannot_be_changed(verb: str, why: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, told = run(capsys, verb, f"{P4R}@HEAD", "--reason", "x")
+    assert (code, why in told) == (4, True)
+
+
+def test_a_proposal_that_is_not_wanted_is_withdrawn(drafts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "retire", P4R, "--reason", "blurred frames")[0] == 0
+    assert f"proposals/{P4R}.yaml" not in Registry.open(drafts).snapshot().proposed
+    told = git(drafts, "log", "-1", "--format=%s|%(trailers:key=Reason,valueonly)")
+    assert told == f"Retire {P4R}|blurred frames"
+    code, _, said = run(capsys, "hold", "fc6310r/4864", "--reason", "x")
+    assert (code, "only proposed" in said) == (4, True)
+
+
+class TestAnApprovalIsOfWhatWasLookedAt:
+    def test_without_a_terminal_it_is_refused_and_told_how(
+        self, drafts: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before = commit_of(drafts)
+        with pytest.raises(SystemExit) as ended:
+            main(["registry", "approve", P4R])
+        command = " ".join(looked_at(drafts, P4R))
+        assert (ended.value.code, f"approve {command}" in capsys.readouterr().err) == (2, True)
+        assert commit_of(drafts) == before
+
+    @pytest.mark.parametrize(("answer", "status"), [("y\n", Status.APPROVED), ("\n", Status.DRAFT)])
+    def test_a_person_is_asked(
+        self, drafts: Path, answer: str, status: Status, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(sys, "stdin", Terminal(answer))
+        assert main(["registry", "approve", P4R]) == 0
+        assert held(drafts).entry.status is status
+
+    def test_what_changed_since_it_was_shown_is_refused(
+        self, drafts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        shown, at = looked_at(drafts, P4R), commit_of(drafts)
+        add(xml(tmp_path / "theirs.xml", 3661.0))
+        for words in (shown, [f"{P4R}@{at[:10]}"]):
+            code, _, told = run(capsys, "approve", *words)
+            assert (code, "what is proposed now has the digest" in told) == (4, True)
+        assert held(drafts).entry.status is Status.DRAFT
+        assert run(capsys, "approve", f"{P4R}@{commit_of(drafts)[:10]}")[0] == 0
+        assert held(drafts).entry.calibration.intrinsics.fx == 3661.0
+
+    def test_the_new_k_is_shown_beside_the_old_in_pixels_and_on_the_ground(
+        self, drafts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        run(capsys, "approve", *looked_at(drafts, P4R))
+        add(xml(tmp_path / "new.xml", 3670.0))
+        code, told, _ = run(capsys, "approve", *looked_at(drafts, P4R))
+        told = " ".join(told.split())
+        assert code == 0
+        for words in ("intrinsics.fx 3660.5 3670.0 +9.5", "px at most over the frame", "on the ground"):
+            assert words in told
+
+    @pytest.mark.parametrize("digest", ["abc", "x" * 12])
+    @pytest.mark.usefixtures("drafts")
+    def test_a_digest_is_long_enough_to_mean_something(
+        self, digest: str, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        code, _, told = run(capsys, "approve", P4R, "--digest", digest)
+        assert (code, "is not a digest" in told) == (4, True)
 
 
 @pytest.mark.usefixtures("drafts")
@@ -109,6 +186,6 @@ def test_an_entry_that_changes_under_the_decision_is_a_conflict(
         return save(registry, proposals, reason=named["reason"])
 
     monkeypatch.setattr(Registry, "save", after_another)
-    code, _, told = run(capsys, "approve", P4R)
+    code, _, told = run(capsys, "approve", *looked_at(drafts, P4R))
     assert (code, "nothing was written" in told) == (4, True)
     assert held(drafts).entry.status is Status.DRAFT

@@ -12,7 +12,7 @@ from calibrary.cli.main import main
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import Registry
 from tests.calib.photographs import saved
-from tests.cli.registry.fleets import add, commit_of, held, run, xml
+from tests.cli.registry.fleets import add, commit_of, held, looked_at, run, xml
 from tests.jobs.extract.fleet import picture
 from tests.jobs.onboard.payloads import document, onboard, phantom, survey
 from tests.registry.git.repositories import git
@@ -24,7 +24,7 @@ ENTRY = "example/survey_one"
 
 def drafted(fleet: Path, branch: str = BRANCH) -> list[Entry]:
     """The entries on a branch."""
-    return [one.entry for one in Registry.open(fleet).snapshot(branch).entries()]
+    return [one.entry for one in Registry.open(fleet).snapshot(branch).proposals()]
 
 
 def branches(fleet: Path) -> list[str]:
@@ -78,7 +78,8 @@ def test_approving_from_the_branch_puts_it_to_use(
 ) -> None:
     onboard(capsys, payload, *UNIT, "--yes")
     [entry] = drafted(fleet)
-    code, _, _ = run(capsys, "approve", entry.id, "--from", BRANCH, "--reason", "looked at")
+    shown = looked_at(fleet, entry.id, rev=BRANCH)
+    code, _, _ = run(capsys, "approve", *shown, "--from", BRANCH, "--reason", "looked at")
     assert code == 0
     found = held(fleet, entry.id).entry
     assert (found.status, found.reason) == (Status.APPROVED, "looked at")
@@ -93,7 +94,7 @@ def test_what_somebody_pinned_is_not_replaced_from_a_branch(
 ) -> None:
     onboard(capsys, payload, *UNIT, "--yes")
     [entry] = drafted(fleet)
-    run(capsys, "approve", entry.id, "--from", BRANCH)
+    run(capsys, "approve", *looked_at(fleet, entry.id, rev=BRANCH), "--from", BRANCH)
     run(capsys, "hold", entry.id, "--reason", "under test")
     code, _, told = run(capsys, "approve", entry.id, "--from", BRANCH)
     assert (code, "is held" in told) == (4, True)
@@ -108,7 +109,7 @@ def test_running_it_twice_changes_nothing(
     assert (found["cameras"][0]["decision"], found["branches"]) == ("nothing new", {})
     assert git(fleet, "rev-parse", BRANCH) == tip
     [entry] = drafted(fleet)
-    run(capsys, "approve", entry.id, "--from", BRANCH)
+    run(capsys, "approve", *looked_at(fleet, entry.id, rev=BRANCH), "--from", BRANCH)
     [camera] = document(capsys, payload, *UNIT)["cameras"]
     assert (camera["decision"], camera["entry"]["status"]) == ("nothing new", "approved")
     assert git(fleet, "rev-parse", BRANCH) == tip

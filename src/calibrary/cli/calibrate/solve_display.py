@@ -89,7 +89,10 @@ class Display:
         status = proposal.entry.status.value
         show_written(self._screen, written, "approved" if status == "approved" else "wrote", 1)
         if status == "draft":
-            self.say(f"a draft is not used yet; next: calibrary registry approve {proposal.entry.id}")
+            self.say(
+                f"a proposal is not used yet; next: calibrary registry approve {proposal.entry.id} --digest "
+                f"{(proposal.digest or '')[:12]}"
+            )
 
     def verdict(self, result: CalibrationResult, collected: Collected) -> None:
         """The verdict with its reasons, last of all."""

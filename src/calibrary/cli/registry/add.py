@@ -11,6 +11,7 @@ from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import add_reading_flags, reading_of
 from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
+from calibrary.cli.registry.deciding import add_force_flag, force_of
 from calibrary.cli.registry.place import add_registry_flag
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
@@ -32,8 +33,11 @@ examples:
   calibrary registry add flight/DJI_0001.JPG                what the image's metadata say
   calibrary registry add cameras.txt --camera 2 --sub-camera ''    the second camera, without the file's own number
   calibrary registry add cameras/dji/fc6310r/5472x3648.yaml --reason "focus was re-set"
+  calibrary registry add camera.xml --branch new-lens       for a pull request
 
-The entry is a draft until it is approved. Nothing is written that the registry's check objects to (exit code 1),
+What is added is proposed: it lies in proposals/, beside what is in use, until it is approved. K is held against the
+catalogue, the sensor, other units and what was approved before; what contradicts them takes --force and --reason.
+Nothing is written that the registry's check objects to (exit code 1),
 and nothing over an entry that has changed since it was shown (exit code 4).
 """
 
@@ -59,9 +63,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--approve", action="store_true", help="use it at once, if the check has nothing against it"
     )
     parser.add_argument(
+        "--branch",
+        metavar="NAME",
+        help="propose it on this branch, for a pull request; made if it is not there",
+    )
+    add_force_flag(parser)
+    parser.add_argument(
         "--override-held", action="store_true", help="take the place of an entry that a person pinned"
     )
-    parser.add_argument("--force", action="store_true", help="take a K that is that of no camera")
     add_camera_flags(parser, with_image_size=False)
     add_reading_flags(parser)
     add_registry_flag(parser)
@@ -82,12 +91,13 @@ def _range(text: str) -> FirmwareRange:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import errors
-    from calibrary.cli.registry.changes import show_changes, show_findings
+    from calibrary.cli.registry.changes import show_changes, show_differences, show_findings
 
     screen = deciding_screen(arguments)
     change = _proposed(arguments)
     proposals, code = change.proposals, 0
     show_changes(screen, proposals.items)
+    show_differences(screen, change)
     show_findings(screen, proposals.findings)
     if proposals.errors:
         refused = _refused(len(proposals.errors), approve=arguments.approve)
@@ -120,7 +130,8 @@ def _proposed(arguments: argparse.Namespace) -> ProposedChange:
         reason=arguments.reason,
         approve=arguments.approve,
         override_held=arguments.override_held,
-        force=arguments.force,
+        force=force_of(arguments),
+        branch=arguments.branch,
     )
 
 
@@ -135,11 +146,16 @@ def _write(arguments: argparse.Namespace, change: ProposedChange, screen: Screen
     except FileConflictError as error:
         show_conflict(errors(), error)
         raise
-    show_written(screen, written, "approved" if arguments.approve else "wrote", len(due))
+    show_written(screen, written, "approved" if arguments.approve else "proposed", len(due))
     if not arguments.approve:
-        keys = " ".join(one.entry.id for one in due[:3])
+        named = " ".join(one.entry.id for one in due[:3])
+        digests = " ".join(f"--digest {(one.digest or '')[:12]}" for one in due[:3])
+        branch = f" --from {arguments.branch}" if arguments.branch is not None else ""
         more = " …" if len(due) > 3 else ""
-        note(arguments).say(plain(f"a draft is not used yet; next: calibrary registry approve {keys}{more}"))
+        remark = (
+            f"a proposal is not used yet; next: calibrary registry approve {named}{branch} {digests}{more}"
+        )
+        note(arguments).say(plain(remark))
 
 
 def _question(due: Sequence[Proposal]) -> str:

@@ -1,19 +1,29 @@
-"""``calibrary registry approve``: put entries to use, if the check finds no error."""
+"""``calibrary registry approve``: put what is proposed to use, once it was looked at."""
 
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
-from calibrary.cli.registry.deciding import add_deciding_flags, run_decision
+from calibrary.cli.registry.asking import agreed, can_ask
+from calibrary.cli.registry.deciding import add_deciding_flags, add_force_flag, decide, force_of
+from calibrary.cli.registry.place import opened
+
+if TYPE_CHECKING:
+    from calibrary.api.registry_results import ProposedChange
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
-DESCRIPTION = "Put entries to use: all of those named, or none where the check objects to one."
+DESCRIPTION = "Put what is proposed to use: all of those named, or none where the check objects to one."
 EXAMPLES = """\
 examples:
-  calibrary registry approve fc6310r
-  calibrary registry approve dji/fc6310r dji/fc330 --reason "checked over the test field"
+  calibrary registry approve fc6310r                                  shows what changes, and asks
+  calibrary registry approve fc6310r --digest 5d0c82e16a3b            what 'add' or 'show' printed, and nothing else
+  calibrary registry approve fc6310r@1f3a9c2                          what was proposed at that commit
   calibrary registry approve fc6310r --from onboard/dji-fc6310r       as 'calibrary onboard' proposed it
+
+An approval is of what was looked at: without a digest or commit it is shown and asked for on a terminal, and refused
+elsewhere. A K that contradicts what is known of the camera takes --force and a --reason, and stays marked.
 """
 
 
@@ -26,8 +36,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BRANCH",
         help="take them from this branch, on which they are proposed, into the one that is used",
     )
+    parser.add_argument(
+        "--digest",
+        action="append",
+        metavar="HEX",
+        help="approve the proposal that begins with these digits; once for each KEY",
+    )
+    add_force_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    return run_decision(arguments, "approved", branch=arguments.branch)
+    change = opened(arguments).propose_status(
+        arguments.keys,
+        "approved",
+        reason=arguments.reason,
+        branch=arguments.branch,
+        digests=arguments.digest or (),
+        force=force_of(arguments),
+    )
+    return decide(arguments, change, "approved", is_agreed=_is_agreed)
+
+
+def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
+    """Whether what is shown is what was looked at: named by its digest or commit, or agreed to now."""
+    pending = [one for one in change.proposals.due if one.approves is not None]
+    if not pending or arguments.digest or all("@" in key for key in arguments.keys):
+        return True
+    names = pending[0].entry.id if len(pending) == 1 else f"these {len(pending)} entries"
+    if not can_ask():
+        digests = " ".join(f"--digest {(one.approves or '')[:12]}" for one in pending)
+        branch = f" --from {arguments.branch}" if arguments.branch is not None else ""
+        arguments.parser.error(
+            f"nothing was written: there is no terminal to ask on. Once you have looked at it: calibrary registry "
+            f"approve {' '.join(one.entry.id for one in pending)}{branch} {digests}"
+        )
+    return agreed(argparse.Namespace(yes=False, parser=arguments.parser), f"Approve {names}?")

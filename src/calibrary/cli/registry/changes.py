@@ -10,6 +10,7 @@ from calibrary.cli.tables import Column, fitted
 if TYPE_CHECKING:
     from rich.text import Text
 
+    from calibrary.api.registry_results import ProposedChange
     from calibrary.cli.console import Screen
     from calibrary.registry.fields import Field, FieldChange
     from calibrary.registry.git.errors import FileConflictError
@@ -22,6 +23,7 @@ __all__ = [
     "field_text",
     "show_changes",
     "show_conflict",
+    "show_differences",
     "show_findings",
     "show_written",
 ]
@@ -67,6 +69,24 @@ def change_table(changes: Sequence[FieldChange], width: int, *, only_after: bool
         for change in changes
     ]
     return fitted(CHANGED, rows, width)
+
+
+def show_differences(screen: Screen, change: ProposedChange, altitude_m: float = 100.0) -> None:
+    """What each change of a K comes to, in pixels and on the ground."""
+    from calibrary.api.changes import length, percent, pixels
+    from calibrary.cli.console import plain
+
+    for id_, found in change.comparisons().items():
+        numbers = found.numbers
+        if numbers is None:
+            screen.say(f"{plain(id_)}: {plain('; '.join(found.reasons))}")
+            continue
+        seen, ground = numbers.difference, numbers.ground(altitude_m)
+        screen.say(
+            f"[bold]{plain(id_)}[/]  {found.verdict.value}: {pixels(seen.rms_px)} rms, {pixels(seen.max_px)} at most "
+            f"over the frame; image scale {percent(numbers.scale.change)}; from {altitude_m:g} m "
+            f"{length(ground.max_cm / 100)} on the ground, heights {length(ground.height_cm / 100, signed=True)}"
+        )
 
 
 def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:

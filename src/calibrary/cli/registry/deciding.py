@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
 
-__all__ = ["add_deciding_flags", "run_decision"]
+if TYPE_CHECKING:
+    from calibrary.api.registry_results import ProposedChange
+
+__all__ = ["add_deciding_flags", "add_force_flag", "decide", "force_of", "run_decision"]
 
 EXIT_REFUSED = 1
 
@@ -24,25 +29,54 @@ def add_deciding_flags(parser: argparse.ArgumentParser, *, reason_required: bool
     add_json_flag(parser)
 
 
-def run_decision(
-    arguments: argparse.Namespace, status: str, *, branch: str | None = None, successor: str | None = None
-) -> int:
-    """Show what changes, write it, and show the commit; 1 where the check finds an error."""
-    from calibrary.cli.console import errors, out
-    from calibrary.cli.registry.changes import show_changes, show_findings, show_written
-
-    screen = out(arguments)
-    change = opened(arguments).propose_status(
-        arguments.keys, status, reason=arguments.reason, branch=branch, successor=successor
+def add_force_flag(parser: argparse.ArgumentParser) -> None:
+    """Add ``--force``."""
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="take a K that contradicts what is known of its camera; with --reason, which stays visible",
     )
-    proposals, code = change.proposals, 0
+
+
+def force_of(arguments: argparse.Namespace) -> str | None:
+    """Why a contradiction is overridden; None where none is."""
+    if not arguments.force:
+        return None
+    if not arguments.reason:
+        arguments.parser.error("--force goes with --reason TEXT, which stays with the entry")
+    return str(arguments.reason)
+
+
+def run_decision(arguments: argparse.Namespace, status: str, *, successor: str | None = None) -> int:
+    """Hold or retire entries; 1 where the check finds an error."""
+    change = opened(arguments).propose_status(
+        arguments.keys, status, reason=arguments.reason, successor=successor
+    )
+    return decide(arguments, change, status)
+
+
+def decide(
+    arguments: argparse.Namespace,
+    change: ProposedChange,
+    status: str,
+    *,
+    is_agreed: Callable[[argparse.Namespace, ProposedChange], bool] = lambda *_: True,
+) -> int:
+    """Show what changes, write it if that is agreed, and show the commit; 1 where the check finds an error."""
+    from calibrary.cli.console import errors, out
+    from calibrary.cli.registry.changes import show_changes, show_differences, show_findings, show_written
+
+    screen, proposals, code = out(arguments), change.proposals, 0
     show_changes(screen, proposals.items)
+    show_differences(screen, change)
     show_findings(screen, proposals.findings)
     if proposals.errors:
         errors().say("nothing was written: put the errors right first")
         code = EXIT_REFUSED
-    elif proposals.due:
+    elif proposals.due and is_agreed(arguments, change):
         show_written(screen, change.write(arguments.reason), status, len(proposals.due))
+    elif proposals.due:
+        screen.say("nothing was written")
     if arguments.json:
         print_json(change.to_dict())
     return code

@@ -88,17 +88,19 @@ def _show(screen: Screen, listed: Sequence[StoredEntry]) -> None:
     rows = []
     for stored in listed:
         calibration, status = stored.entry.calibration, stored.entry.status.value
+        state = "proposed" if stored.is_pending else status
+        state += ", proposal pending" if stored.proposal is not None else ""
         K = calibration.intrinsics
         rows.append(
             (
                 plain(stored.id),
-                f"[{STYLES[status]}]{status}[/]",
+                f"[{STYLES[status]}]{state}[/]",
                 calibration.grade.value,
                 f"{K.fx:.2f}",
                 f"{K.cx:.2f}",
                 f"{K.cy:.2f}",
                 calibration.distortion.model if calibration.distortion is not None else "unknown",
-                plain((calibration.provenance.date or "")[:10]),
+                plain(calibration.provenance.date or ""),
             )
         )
     if rows:

@@ -22,6 +22,7 @@ DESCRIPTION = "Show one entry, as it is or as it was."
 EXAMPLES = """\
 examples:
   calibrary registry show dji/fc6310r
+  calibrary registry show proposals/dji/fc6310r         what is proposed in its place
   calibrary registry show fc6310r@2026-05-01            as it was at the end of that day
   calibrary registry show fc6310r@firmware:01.09        as it was made for that firmware
   calibrary registry show fc6310r --diff v2026.1        what changed since that tag
@@ -102,7 +103,14 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
 
     stored = shown.stored
     screen.say(f"[bold]{plain(stored.id)}[/]")
-    rows = [*shown.rows(), ("commit", (stored.commit or "")[:12]), *_recorded(shown.recorded)]
+    place = [
+        ("file", stored.path),
+        ("digest of the file", (stored.oid or "")[:12]),
+        ("commit", (stored.commit or "")[:12]),
+    ]
+    if stored.proposal is not None:
+        place.append(("proposed", f"another K waits for approval: calibrary registry show {stored.proposal}"))
+    rows = [*shown.rows(), *place, *_recorded(shown.recorded)]
     screen.show(facts([(name, printable(value)) for name, value in rows], screen.width))
 
 

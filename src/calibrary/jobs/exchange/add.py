@@ -10,14 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
-from calibrary.errors import InputError
+from calibrary.errors import InputError, MissingTagError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.exchange.argument import Reading, choose, entry_file
+from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import hash_serial, read_metadata
 from calibrary.parsers.imagery.identity import SERIAL_HASH_DIGITS
-from calibrary.parsers.plausible import refuse_implausible
 from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Entry
 from calibrary.registry.entry_yaml import parse_entry
@@ -75,7 +74,8 @@ class AddRequest:
         reason: for the history, and for the approval.
         approve: whether the entries are approved at once.
         override_held: whether it may replace an entry that is held.
-        force: whether a K is taken that is that of no camera.
+        force: why to take a K that contradicts what is known of its camera.
+        branch: on which they are proposed; None for the one that is checked out.
     """
 
     key: Callable[[CameraKey], CameraKey] = lambda known: known
@@ -85,7 +85,8 @@ class AddRequest:
     reason: str | None = None
     approve: bool = False
     override_held: bool = False
-    force: bool = False
+    force: str | None = None
+    branch: str | None = None
 
 
 def propose_file(registry: Registry, path: Path, reading: Reading, request: AddRequest) -> Proposals:
@@ -98,7 +99,7 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
         request: what the user said besides.
 
     Raises:
-        InputError: it cannot be read, its camera is not known, K is a guess, or that of no camera.
+        InputError: it cannot be read, its camera is not known, or K is a guess.
         RegistryError: the current entry is held and ``override_held`` is false.
     """
     if not path.exists():
@@ -110,11 +111,9 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
         found = [_from_entry(parse_entry(data, path.name, require_digest=False), request)]
     else:
         source = _Source.of(path)
-        calibrations = reading.read(path)
+        calibrations = _read(path, reading)
         if reading.camera is not None:
             calibrations = [choose(calibrations, reading.camera, source=path.name)]
-        if not request.force:
-            refuse_implausible(calibrations, path.name)
         found = [_from_calibration(one, source, request) for one in calibrations]
     _refuse_same_path([entry for entry, _ in found], path.name)
     proposals = registry.propose(
@@ -122,6 +121,8 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
         approve=request.approve,
         reason=request.reason,
         override_held=request.override_held,
+        force=request.force,
+        branch=request.branch,
         edited=data is not None and b"\ndigest:" not in data,
     )
     items = [
@@ -131,7 +132,14 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
     return replace(proposals, items=tuple(items))
 
 
-def save_file(registry: Registry, proposals: Proposals, path: Path, *, reason: str | None = None) -> Written:
+def save_file(
+    registry: Registry,
+    proposals: Proposals,
+    path: Path,
+    *,
+    reason: str | None = None,
+    branch: str | None = None,
+) -> Written:
     """Write what a file became as one commit.
 
     Where the file is the entry in the registry's work tree, edited by hand, the commit takes its place.
@@ -141,7 +149,19 @@ def save_file(registry: Registry, proposals: Proposals, path: Path, *, reason: s
         RegistryError: a check failed, or it cannot be written.
     """
     with _restore_on_failure(registry, path, proposals):
-        return registry.save(proposals, reason=reason)
+        return registry.save(proposals, reason=reason, branch=branch)
+
+
+def _read(path: Path, reading: Reading) -> Sequence[Calibration]:
+    try:
+        return reading.read(path)
+    except MissingTagError as error:
+        wants_size = reading.image_size is None and not is_image(path) and "size" in error.message
+        if wants_size and "--image-size" not in error.message:
+            raise MissingTagError(
+                f"{error.message}; state --image-size WxH", source=error.source, place=error.place
+            ) from None
+        raise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,7 +177,7 @@ class _Source:
     def of(cls, path: Path) -> _Source:
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-        image = parsers.is_image_file(path)
+        image = is_image(path)
         software = firmware(read_metadata(path)) if image else None
         return cls(name=path.name, sha256=sha256, is_image=image, software=software)
 
@@ -277,9 +297,11 @@ def _refuse_same_path(entries: Sequence[Entry], source: str) -> None:
 @contextmanager
 def _restore_on_failure(registry: Registry, source: Path, proposals: Proposals) -> Iterator[None]:
     """Replace an edited entry by the current one while the commit is written, and restore the edit if that fails."""
-    repo = registry.repo
-    own = next((one for one in proposals.due if source.resolve() == repo.path / one.entry.path), None)
-    if own is None or repo.work_tree is None:
+    repo, here = registry.repo, source.resolve()
+    own = {path for one in proposals.due for path in (one.path, one.entry.path)}
+    path = next((path for path in own if here == repo.path / path), None)
+    tip = repo.tip()
+    if path is None or repo.work_tree is None or tip is None:
         yield
         return
     # If the process is killed meanwhile, the edit is in git's own folder.
@@ -287,8 +309,9 @@ def _restore_on_failure(registry: Registry, source: Path, proposals: Proposals) 
     kept.unlink(missing_ok=True)
     with kept.open("xb") as file:
         file.write(edited)
-    if own.base is not None:
-        source.write_bytes(repo.blob(own.base))
+    committed = repo.read(tip, path)
+    if committed is not None:
+        source.write_bytes(committed.data)
     else:
         source.unlink()
     try:

@@ -24,6 +24,7 @@ from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Written
+from calibrary.registry.paths import proposal_path
 from calibrary.registry.proposals import Proposal, Proposals, checked, proposal_of
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
@@ -151,13 +152,16 @@ def import_catalogue(registry: Registry) -> Import:
     items = [Item(source=camera.title, fate=Fate.LEFT, reason=camera.reason) for camera in left]
     due = []
     for entry in entries:
-        base = snapshot.paths.get(entry.path)
-        current = _readable(snapshot, entry.path) if base is not None else None
-        fate, reason = _fate(entry, current) if base is not None else (Fate.NEW, None)
+        beside = proposal_path(entry.path)
+        # A draft that an older version wrote to cameras/ is followed where it lies.
+        path = entry.path if entry.path in snapshot.paths and beside not in snapshot.proposed else beside
+        there = (snapshot.proposed if path == beside else snapshot.paths).get(path)
+        current = _readable(snapshot, path) if there is not None else None
+        fate, reason = _fate(entry, current) if there is not None else (Fate.NEW, None)
         source = entry.calibration.provenance.tag or entry.id
         items.append(Item(source=source, fate=fate, entry=entry.id, reason=reason))
         if fate in {Fate.NEW, Fate.CHANGED}:
-            due.append(proposal_of(entry, current, base))
+            due.append(proposal_of(entry, current, there, path=path))
     return _judged(snapshot, "the catalogue of known cameras", items, due)
 
 
@@ -215,8 +219,16 @@ def _of_file(
         return
     for proposal in proposals.items:
         fate = Fate.SAME if not proposal.changes else Fate.NEW if proposal.is_new else Fate.CHANGED
-        reason = "; ".join(proposal.warnings) or None
+        reason = "; ".join((*_moved(proposal), *proposal.warnings)) or None
         yield Item(source=source, fate=fate, entry=proposal.entry.id, reason=reason), proposal
+
+
+def _moved(proposal: Proposal) -> Iterator[str]:
+    """How far K is from the one before: one word, "changed", is no basis for agreeing."""
+    if proposal.current is not None and proposal.changes:
+        before, after = (one.calibration.intrinsics for one in (proposal.current, proposal.entry))
+        if before != after:
+            yield f"fx {before.fx:.6g} → {after.fx:.6g} px ({after.fx / before.fx - 1.0:+.2%})"
 
 
 def _taken_in(due: dict[str, tuple[Proposal, str]], item: Item, proposal: Proposal) -> Item:
@@ -272,7 +284,7 @@ def _judged(snapshot: Snapshot, what: str, items: Sequence[Item], proposed: Sequ
     for finding in proposals.findings:
         if finding.severity is Severity.ERROR:
             errors.setdefault(finding.place or "", finding.message)
-    bad = {one.entry.id: errors[one.entry.path] for one in proposed if one.entry.path in errors}
+    bad = {one.entry.id: errors[one.path] for one in proposed if one.path in errors}
     return Import(
         what=what,
         items=tuple(
@@ -281,6 +293,6 @@ def _judged(snapshot: Snapshot, what: str, items: Sequence[Item], proposed: Sequ
             else item
             for item in items
         ),
-        due=Proposals(items=tuple(one for one in proposed if one.entry.path not in errors)),
+        due=Proposals(items=tuple(one for one in proposed if one.path not in errors)),
         proposals=proposals,
     )

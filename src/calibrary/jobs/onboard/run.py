@@ -39,7 +39,7 @@ from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.writing import Written
-from calibrary.registry.paths import slug
+from calibrary.registry.paths import proposal_path, slug
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import Resolution
 from calibrary.registry.writing import note_of
@@ -104,8 +104,8 @@ def write_drafts(done: Onboarding, reason: str | None = None) -> dict[str, Writt
         named = entries[0].id if len(entries) == 1 else f"{len(entries)} cameras"
         note = note_of(f"Propose {named}, taken on board", entries, reason)
         note = replace(note, sources=_with_sources(note.sources, done, entries))
-        based = [(entry, _oid_at(registry, branch, entry.path)) for entry in entries]
-        branches[branch] = registry.write(based, note, branch=branch)
+        proposals = registry.propose(entries, branch=branch)
+        branches[branch] = registry.save(proposals, note=note, branch=branch)
     return branches
 
 
@@ -208,7 +208,7 @@ def _proposed(
             done, reason=str(proposals.errors[0]), advice="correct that in the files of the payload"
         )
     branch = branch_of(entry)
-    waiting = _entry_at(registry, branch, entry.path)
+    waiting = _waiting_at(registry, branch, entry.path)
     if current is not None and is_same(current, entry):
         reason = f"the registry already contains it, from the same sources, {current.status.value}"
         advice = f"calibrary registry approve {entry.id}" if current.status is Status.DRAFT else None
@@ -302,17 +302,13 @@ def _current(camera: PayloadCamera, registry: Registry) -> Resolution | None:
         return None
 
 
-def _entry_at(registry: Registry, branch: str, path: str) -> Entry | None:
-    oid = _oid_at(registry, branch, path)
+def _waiting_at(registry: Registry, branch: str, path: str) -> Entry | None:
+    """What is proposed for an entry on a branch, or on the main one as long as there is no such branch."""
+    snapshot = registry.branch(branch)
+    oid = snapshot.proposed.get(proposal_path(path)) or snapshot.paths.get(path)
     if oid is None:
         return None
     try:
         return parse_entry(registry.repo.blob(oid), path)
     except InputError:
         return None
-
-
-def _oid_at(registry: Registry, branch: str, path: str) -> str | None:
-    """What stands at a path of a branch, or of the main one as long as there is no such branch."""
-    exists = registry.repo.tip(f"refs/heads/{branch}") is not None
-    return registry.snapshot(branch if exists else None).paths.get(path)
