@@ -6,7 +6,9 @@ from pathlib import Path
 
 __all__ = ["IMAGE_SUFFIXES", "is_image"]
 
-IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".tif", ".tiff", ".dng", ".heic", ".heif", ".png"})
+IMAGE_SUFFIXES = frozenset(
+    {".jpg", ".jpeg", ".jpe", ".mpo", ".tif", ".tiff", ".dng", ".heic", ".heif", ".png"}
+)
 """What a directory scan takes, in lower case. How a file is read is decided by its first bytes."""
 
 

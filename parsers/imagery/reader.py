@@ -64,6 +64,9 @@ def read_source(source: Source) -> ImageMetadata:
     if not has_exif:
         values = {**mirrored_exif(xmp.properties), **values}
     exif = exif_facts(values, faults)
+    if heif.is_heif(source.head) and exif.exif_size == found.head.size[::-1]:
+        # A portrait: telephones state the size after the rotation of irot, the item table the one before.
+        exif = replace(exif, exif_size=found.head.size)
     return _merged(found.head, exif, xmp, has_exif=has_exif)
 
 

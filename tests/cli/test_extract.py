@@ -38,10 +38,14 @@ class TestExitCodes:
         picture(tmp_path / "input/a.jpg", **P4R)
         assert extract() == 0
 
-    def test_0_also_when_a_corrupt_image_lies_among_good_ones(self, tmp_path: Path, extract: Extract) -> None:
+    def test_1_when_a_corrupt_image_lies_among_good_ones_and_the_last_line_says_why(
+        self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
+    ) -> None:
         picture(tmp_path / "input/a.jpg", **P4R)
         (tmp_path / "input/b.jpg").write_bytes(b"\xff\xd8\xff")
-        assert extract() == 0
+        assert extract() == 1
+        assert capsys.readouterr().out.splitlines()[-1].endswith("1 valid; 1 of 2 images cannot be read")
+        assert left_in(tmp_path) == ["K_matrix.json", "K_matrix.npy"]
 
     @pytest.mark.parametrize("tags", [NOBODY, {}], ids=["unproven", "rejected"])
     def test_1_when_one_camera_has_not(self, tmp_path: Path, extract: Extract, tags: dict[str, Any]) -> None:
@@ -102,14 +106,17 @@ class TestExitCodes:
         assert captured.out == ""
         assert left_in(tmp_path) == []
 
-    def test_3_when_a_solver_cannot_tell_two_cameras_apart(
+    def test_1_when_nothing_can_be_handed_over_and_k_and_the_report_are_written_all_the_same(
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
     ) -> None:
         for unit in "12":
             picture(tmp_path / f"input/{unit}.jpg", **P4R, body_serial=unit)
-        assert extract("--hand-off", "opensfm") == 3
-        assert "folder of its own" in capsys.readouterr().err
-        assert left_in(tmp_path) == []
+        assert extract("--hand-off", "opensfm") == 1
+        told = " ".join(capsys.readouterr().out.split())
+        assert "nothing is handed to opensfm" in told
+        assert "folder of its own" in told
+        assert "2 cameras, judged by the fleet policy: 2 valid" in told
+        assert [name for name in left_in(tmp_path) if name.endswith(".npy")] != []
         assert extract("--hand-off", "colmap") == 0
 
     def test_4_when_the_registry_cannot_be_read(

@@ -79,7 +79,10 @@ def test_what_unproven_means_is_explained_below_the_cameras(outcome: Extraction)
 
 def test_the_last_line_counts_the_verdicts(outcome: Extraction, tmp_path: Path) -> None:
     last = shown(outcome, tmp_path).splitlines()[-1]
-    assert last == "3 cameras, judged by the fleet policy: 1 valid, 1 unproven, 1 rejected"
+    assert (
+        last
+        == "3 cameras, judged by the fleet policy: 1 valid, 1 unproven, 1 rejected; 1 of 4 images cannot be read"
+    )
     assert Text.from_markup(verdict(outcome)).plain == last
 
 
@@ -184,5 +187,5 @@ def test_a_long_list_of_skipped_images_is_cut_and_says_so(tmp_path: Path) -> Non
     for number in range(15):
         (tmp_path / f"{number}.jpg").write_bytes(b"")
     told = lines(gate(tmp_path), 80)
-    assert "15 images skipped" in told
+    assert "15 images cannot be read" in told
     assert told[-1] == "  … and 3 more, listed in the report"

@@ -50,8 +50,8 @@ class ExtractResult:
 
     @property
     def skipped(self) -> tuple[SkippedFile, ...]:
-        """The images that no camera could be identified from, each with its ``reason``."""
-        return self.extraction.rejected
+        """The images that cannot be read, then pictures that are no camera's, each with its ``reason``."""
+        return (*self.extraction.rejected, *self.extraction.skipped)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -60,7 +60,7 @@ class ExtractResult:
 
     @property
     def is_good(self) -> bool:
-        """Whether every camera has a valid K, and there is at least one."""
+        """Whether every image has a valid K, and there is at least one."""
         return self.extraction.is_good
 
     def outputs(self, matrix: PathLike, *, hand_off: str = "none", page: PathLike | None = None) -> Outputs:

@@ -23,7 +23,8 @@ examples:
   calibrary extract flight/ --registry ../fleet-registry --hand-off colmap
   calibrary extract flight/ --html flight.html   the same as a page to show
 
-exit code 0: every camera has a valid K; 1: at least one has not.
+exit code 0: every image has a valid K; 1: at least one has not, cannot be read, or nothing could be handed off.
+Pictures that no camera took, such as a preview or a map, are skipped with a line and do not count.
 """
 
 
@@ -137,7 +138,8 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
         "--output-matrix",
         default="K_matrix.npy",
         metavar="FILE",
-        help="where K goes; with several cameras FILE's name gets each camera's in it (default: K_matrix.npy)",
+        help="where valid K's go; with several cameras FILE's name gets each camera's in it, and 'unproven' or "
+        "'seed' where it is not a valid K (default: K_matrix.npy)",
     )
     written.add_argument(
         "--hand-off",
@@ -185,7 +187,7 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         sys.stdout.buffer.write(encode(outputs.document))
     display.show(result.extraction, outputs, solver=arguments.hand_off, dry_run=arguments.dry_run)
-    return result.extraction.exit_code
+    return outputs.exit_code
 
 
 def _folder(arguments: argparse.Namespace) -> Path:

@@ -138,6 +138,8 @@ class Display:
             self._remarks.say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
         for slug, why in outputs.not_handed_over.items():
             self._screen.say(f"[yellow]not handed to {solver}[/]: {plain(slug)}: {plain(why)}")
+        if outputs.hand_off_failed:
+            self._screen.say(f"[red]nothing is handed to {solver}[/]: {plain(outputs.hand_off_failed)}")
 
 
 def judgement(outcome: Extraction, *, width: int) -> RenderableType:
@@ -146,7 +148,9 @@ def judgement(outcome: Extraction, *, width: int) -> RenderableType:
     if any(camera.verdict is Verdict.UNPROVEN for camera in outcome.cameras):
         parts.append(Text(UNPROVEN_LEGEND, "dim"))
     if outcome.rejected:
-        parts.append(_skipped(outcome.rejected))
+        parts.append(_skipped(outcome.rejected, "cannot be read"))
+    if outcome.skipped:
+        parts.append(_skipped(outcome.skipped, "skipped"))
     return Constrain(Group(*parts), width)
 
 
@@ -155,7 +159,8 @@ def verdict(outcome: Extraction) -> str:
     counts = [(verdict, sum(c.verdict is verdict for c in outcome.cameras)) for verdict in Verdict]
     found = ", ".join(f"[{STYLES[verdict]}]{count} {verdict}[/]" for verdict, count in counts if count)
     policy, cameras = plain(outcome.policy.name), _count(len(outcome.cameras), "camera")
-    return f"[bold]{cameras}[/], judged by the {policy} policy: {found or 'none'}"
+    unread = f"; [red]{outcome.unread}[/]" if outcome.unread else ""
+    return f"[bold]{cameras}[/], judged by the {policy} policy: {found or 'none'}{unread}"
 
 
 def _cameras(outcome: Extraction, width: int) -> RenderableType:
@@ -257,8 +262,11 @@ def _told(state: StateDocument) -> str:
     return ", ".join([*words, *state.edits])
 
 
-def _skipped(rejected: tuple[SkippedFile, ...]) -> RenderableType:
-    lines: list[RenderableType] = [Text(f"{_count(len(rejected), 'image')} skipped", "bold")]
+def _skipped(rejected: tuple[SkippedFile, ...], what: str) -> RenderableType:
+    folders = sum(item.name.endswith("/") for item in rejected)
+    counts = [_count(len(rejected) - folders, "image")] if len(rejected) > folders else []
+    counts += [_count(folders, "folder")] if folders else []
+    lines: list[RenderableType] = [Text(f"{' and '.join(counts)} {what}", "bold")]
     for item in rejected[:MOST_REJECTED]:
         lines.append(Padding(Text(printable(item.name)), (0, 0, 0, GAP)))
         lines.append(Padding(Text(printable(item.reason)), (0, 0, 0, 2 * GAP)))

@@ -324,6 +324,7 @@ def test_a_run_hands_over_valid_ks_only_and_names_the_others(tmp_path: Path, sol
     assert "5472.0" not in written
     assert "unproven.jpg" not in written
     assert "4000" not in written
+    assert tmp_path / "K_unproven.example-one-5472x3648.npy" in outputs.files
 
 
 def test_a_camera_the_solver_has_no_model_for_is_left_out_and_does_not_keep_the_others_back(

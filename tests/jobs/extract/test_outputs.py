@@ -62,10 +62,10 @@ class TestTheNames:
         assert names(planned(tmp_path, mixed)) == [
             "K_matrix.dji-fc330-4000x3000.npy",
             "K_matrix.dji-fc6310r-5472x3648.npy",
-            "K_matrix.example-one-5472x3648.npy",
             "K_matrix.json",
             "K_matrix_seed.example-far-5472x3648.npy",
             "K_matrix_seed.unknown-camera-5472x3648.npy",
+            "K_matrix_unproven.example-one-5472x3648.npy",
         ]
 
     def test_they_lie_where_the_matrix_lies(self, tmp_path: Path, mixed: Extraction) -> None:

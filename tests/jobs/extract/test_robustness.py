@@ -110,9 +110,11 @@ class TestNames:
     ) -> None:
         picture(tmp_path / "im" / "a\nb.jpg")
         assert extract()[0] == 0
-        code, _, err = extract("--hand-off", "colmap")
-        assert code == 3
-        assert "line break" in err
+        code, report, _ = extract("--hand-off", "colmap")
+        assert (code, report["exit_code"]) == (1, 1)
+        assert "line break" in report["warnings"][-1]
+        assert (tmp_path / "K_matrix.npy").exists()
+        assert not (tmp_path / "colmap.sh").exists()
 
     @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
     def test_json_is_utf8_whatever_the_terminal_speaks(self, tmp_path: Path, encoding: str) -> None:
@@ -158,7 +160,8 @@ class TestFolders:
         (images / "empty.jpg").touch()
         (images / "itself").symlink_to(".")
         code, report, _ = extract("--recursive")
-        assert code == 0
+        assert code == 1
+        assert [camera["verdict"] for camera in report["cameras"]] == ["valid"]
         assert report["cameras"][0]["images"] == ["good.jpg"]
         # A folder is a folder whatever it is called; the others are said to be what they are.
         assert {row["file"] for row in report["rejected"]} == {

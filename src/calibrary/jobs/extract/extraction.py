@@ -98,13 +98,15 @@ class Extraction:
     Attributes:
         policy: what it was judged by.
         cameras: every camera, in a fixed order.
-        rejected: images no camera could be told from.
+        rejected: images that cannot be read; each of them is without a K.
+        skipped: pictures that are no images of a camera, such as a preview; they count for nothing.
         warnings: what the user should know about the run itself.
     """
 
     policy: Policy
     cameras: tuple[CameraReport, ...]
     rejected: tuple[SkippedFile, ...] = ()
+    skipped: tuple[SkippedFile, ...] = ()
     warnings: tuple[str, ...] = ()
 
     @property
@@ -114,8 +116,19 @@ class Extraction:
 
     @property
     def is_good(self) -> bool:
-        """Whether every camera has a valid K, and there is at least one."""
-        return bool(self.cameras) and all(c.verdict is Verdict.VALID for c in self.cameras)
+        """Whether every image has a valid K, and there is at least one."""
+        valid = all(c.verdict is Verdict.VALID for c in self.cameras)
+        return bool(self.cameras) and valid and not self.rejected
+
+    @property
+    def unread(self) -> str | None:
+        """How many images and folders cannot be read, in words; None where all can."""
+        folders = sum(one.name.endswith("/") for one in self.rejected)
+        files = len(self.rejected) - folders
+        images = files + sum(len(camera.camera.names) for camera in self.cameras)
+        told = [f"{files} of {images} images"] if files else []
+        told += [f"{folders} folder{'s' if folders > 1 else ''}"] if folders else []
+        return f"{' and '.join(told)} cannot be read" if told else None
 
     @property
     def exit_code(self) -> int:

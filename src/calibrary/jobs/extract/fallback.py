@@ -139,7 +139,9 @@ def find_calibrations(
     """
     found: list[tuple[str, Calibration]] = []
     unreadable: list[tuple[str, str]] = []
-    files = dict.fromkeys(path for folder in folders for path in find_files(folder, recursive=recursive))
+    files = dict.fromkeys(
+        path for folder in folders for path in find_files(folder, recursive=recursive, unreadable=[])
+    )
     for path in files:
         suffix = path.suffix.lower()
         if is_image(path) or suffix not in CALIBRATION_SUFFIXES:

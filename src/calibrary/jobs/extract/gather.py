@@ -55,11 +55,18 @@ class Gathered:
         self.rejected.extend(other.rejected)
 
 
-def find_files(directory: Path, *, recursive: bool) -> Iterator[Path]:
+def find_files(
+    directory: Path, *, recursive: bool, unreadable: list[SkippedFile] | None = None
+) -> Iterator[Path]:
     """The files of a directory in a fixed order; hidden ones and links to directories are left alone.
 
+    Args:
+        directory: where to look.
+        recursive: go into sub-folders.
+        unreadable: gets a line for each sub-folder that cannot be read, which is then passed over.
+
     Raises:
-        InputError: the directory, or one below it, is not there or cannot be read.
+        InputError: the directory is not there or cannot be read; or one below it, without ``unreadable``.
     """
     # A stack of its own: folders nest deeper than Python calls.
     waiting = _entries(directory)
@@ -68,7 +75,13 @@ def find_files(directory: Path, *, recursive: bool) -> Iterator[Path]:
         if not entry.is_dir(follow_symlinks=False):
             yield Path(entry.path)
         elif recursive:
-            waiting += _entries(Path(entry.path))
+            try:
+                waiting += _entries(Path(entry.path))
+            except InputError as error:
+                if unreadable is None:
+                    raise
+                name = Path(entry.path).relative_to(directory).as_posix()
+                unreadable.append(SkippedFile(name=f"{name}/", reason=f"the folder {error.message}"))
 
 
 def _entries(directory: Path) -> list[os.DirEntry[str]]:
@@ -89,9 +102,11 @@ def _entries(directory: Path) -> list[os.DirEntry[str]]:
     return sorted(seen, key=lambda entry: entry.name, reverse=True)
 
 
-def find_images(directory: Path, *, recursive: bool) -> list[Path]:
-    """The files of a directory that are images by their suffix."""
-    files = find_files(directory, recursive=recursive)
+def find_images(
+    directory: Path, *, recursive: bool, unreadable: list[SkippedFile] | None = None
+) -> list[Path]:
+    """The files of a directory that are images by their suffix; arguments as of :func:`find_files`."""
+    files = find_files(directory, recursive=recursive, unreadable=unreadable)
     return [path for path in files if is_image(path)]
 
 
@@ -103,24 +118,28 @@ class ImageSet:
         paths: to read.
         root: the folder that their names are told relative to.
         folders: where a calibration file may lie beside them.
+        unreadable: sub-folders that were passed over.
     """
 
     paths: tuple[Path, ...]
     root: Path
     folders: tuple[Path, ...]
+    unreadable: tuple[SkippedFile, ...] = ()
 
 
 def collect_images(given: Sequence[Path], *, recursive: bool) -> ImageSet:
     """The images that are meant by a folder, or by images and folders.
 
     Raises:
-        InputError: none is given, or one is not there or cannot be read.
+        InputError: none is given, or one is not there or cannot be read; a sub-folder is passed over then.
     """
     if not given:
         raise InputError("no image was given; expected a folder, or a list of images")
+    unreadable: list[SkippedFile] = []
     if len(given) == 1 and not given[0].is_file():
         [folder] = given
-        return ImageSet(paths=tuple(find_images(folder, recursive=recursive)), root=folder, folders=(folder,))
+        images = find_images(folder, recursive=recursive, unreadable=unreadable)
+        return ImageSet(paths=tuple(images), root=folder, folders=(folder,), unreadable=tuple(unreadable))
     paths: dict[Path, None] = {}
     folders: dict[Path, None] = {}
     # Made absolute without following links: a name in the report is the one that was given.
@@ -128,9 +147,15 @@ def collect_images(given: Sequence[Path], *, recursive: bool) -> ImageSet:
         if path.is_file():
             paths[path] = folders[path.parent] = None
         else:
-            paths.update(dict.fromkeys(find_images(path, recursive=recursive)))
+            found = find_images(path, recursive=recursive, unreadable=unreadable)
+            paths.update(dict.fromkeys(found))
             folders[path] = None
-    return ImageSet(paths=tuple(paths), root=Path(os.path.commonpath(folders)), folders=tuple(folders))
+    return ImageSet(
+        paths=tuple(paths),
+        root=Path(os.path.commonpath(folders)),
+        folders=tuple(folders),
+        unreadable=tuple(unreadable),
+    )
 
 
 def gather(

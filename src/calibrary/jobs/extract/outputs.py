@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 
 from calibrary.atomic import check_folder
 from calibrary.calibration import Calibration
-from calibrary.errors import InputError
+from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import SOLVER_FILES, Candidate, Solver, hand_off, refusal
 from calibrary.jobs.extract.report import encode, report_of
@@ -36,6 +36,8 @@ class Outputs:
         document: the report, also in ``files``.
         stale: K and solver files of an earlier run that this one does not replace.
         not_handed_over: why the solver does not get a camera's K, by slug.
+        hand_off_failed: why the solver gets nothing at all, where that is so.
+        exit_code: of the run, 1 also where nothing that was asked for could be handed over.
         warnings: all that is to be said of the run, these two included.
     """
 
@@ -44,18 +46,21 @@ class Outputs:
     document: dict[str, Json]
     stale: tuple[Path, ...] = ()
     not_handed_over: dict[str, str] = field(default_factory=dict)
+    hand_off_failed: str | None = None
+    exit_code: int = 0
     warnings: tuple[str, ...] = ()
 
 
 def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
     """Decide on every file before any is written.
 
-    One camera writes ``matrix_path`` itself; several write ``<stem>.<camera>.npy`` beside it. A start for
-    self-calibration is ``<stem>_seed.<camera>.npy``, so that nothing that looks for K picks it up. Only a valid
-    K is handed to a solver.
+    One camera writes ``matrix_path`` itself; several write ``<stem>.<camera>.npy`` beside it. These are valid K's:
+    one that is unproven is ``<stem>_unproven.<camera>.npy`` and a start for self-calibration
+    ``<stem>_seed.<camera>.npy``, so that nothing that looks for K picks them up. Only a valid K is handed to a
+    solver; where that cannot be written, K and the report still are.
 
     Raises:
-        InputError: ``matrix_path`` is no .npy, or a file's name cannot be handed over.
+        InputError: ``matrix_path`` is no .npy, or a file that may not be replaced is in the way.
     """
     check_place(matrix_path)
     alone, stem = len(outcome.cameras) == 1, matrix_path.stem
@@ -64,14 +69,15 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
     for camera in outcome.cameras:
         path = matrix_path if alone else matrix_path.with_suffix(f".{camera.slug}.npy")
         if camera.calibration is not None:
-            files[path] = _npy(camera.calibration)
-            matrices[camera.slug] = path.name
+            place = path if camera.verdict is Verdict.VALID else _marked(path, stem, "unproven")
+            files[place] = _npy(camera.calibration)
+            matrices[camera.slug] = place.name
         if camera.fallback is not None and camera.fallback.seed is not None:
-            files[path.with_name(path.name.replace(stem, f"{stem}_seed", 1))] = _npy(camera.fallback.seed)
+            files[_marked(path, stem, "seed")] = _npy(camera.fallback.seed)
     refused = {c.slug: why for c in outcome.cameras if (why := _reason_not_written(c, solver)) is not None}
     candidates = [_candidate(camera, refused=camera.slug in refused) for camera in outcome.cameras]
-    for name, content in hand_off(solver, candidates).items():
-        files[matrix_path.with_name(name)] = content
+    handed, failed = _handed(solver, candidates)
+    files |= {matrix_path.with_name(name): content for name, content in handed.items()}
     report_path = matrix_path.with_suffix(".json")
     if report_path in files:
         raise InputError(
@@ -84,8 +90,10 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
         *outcome.warnings,
         *(f"{path.name} {STALE}" for path in stale),
         *(f"{slug} is not handed to {solver}: {why}" for slug, why in refused.items()),
+        *((f"nothing is handed to {solver}: {failed}",) if failed else ()),
     )
-    document = to_json(replace(report_of(outcome, matrices), warnings=warnings))
+    exit_code = 1 if failed else outcome.exit_code
+    document = to_json(replace(report_of(outcome, matrices), warnings=warnings, exit_code=exit_code))
     files[report_path] = encode(document)
     for path in files:
         _check_replaceable(path)
@@ -95,8 +103,23 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
         document=document,
         stale=stale,
         not_handed_over=refused,
+        hand_off_failed=failed,
+        exit_code=exit_code,
         warnings=warnings,
     )
+
+
+def _marked(path: Path, stem: str, word: str) -> Path:
+    """A matrix's name with a word that says that it is no valid K."""
+    return path.with_name(path.name.replace(stem, f"{stem}_{word}", 1))
+
+
+def _handed(solver: Solver, candidates: Sequence[Candidate]) -> tuple[dict[str, bytes], str | None]:
+    """The solver's files, or why there are none."""
+    try:
+        return hand_off(solver, candidates), None
+    except (InputError, UnsupportedModelError) as error:
+        return {}, str(error)
 
 
 def check_place(matrix_path: Path) -> None:
@@ -143,7 +166,7 @@ def check_page_place(path: Path) -> None:
 def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
     """What stands where runs with these flags write: a K that failed since must not be taken for today's."""
     stem = re.escape(matrix_path.stem)
-    ours = re.compile(rf"{stem}(_seed)?(\..+)?\.npy")
+    ours = re.compile(rf"{stem}(_seed|_unproven)?(\..+)?\.npy")
     for path in sorted(matrix_path.parent.iterdir()) if matrix_path.parent.is_dir() else ():
         if ours.fullmatch(path.name) or fnmatchcase(path.name, SOLVER_FILES.get(solver, "")):
             yield path

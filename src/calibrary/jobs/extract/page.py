@@ -64,7 +64,7 @@ def outcome_page(outcome: Extraction, outputs: Outputs) -> Page:
     shown = cameras[:MOST_CAMERAS]
     sections = [_overview(outcome, shown, outputs)]
     sections += [_camera(c, outcome.policy, drawn=i < MOST_DRAWN) for i, c in enumerate(shown)]
-    if outcome.rejected:
+    if outcome.rejected or outcome.skipped:
         sections.append(_set_aside(outcome))
     counts = {verdict: sum(c.verdict is verdict for c in cameras) for verdict in Verdict}
     told = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count) or "none"
@@ -363,15 +363,16 @@ def _names(names: tuple[str, ...]) -> Details:
 
 
 def _set_aside(outcome: Extraction) -> Section:
-    rejected = outcome.rejected[:MOST_NAMES]
+    found = (*outcome.rejected, *outcome.skipped)
+    rejected = found[:MOST_NAMES]
     table = Table(
         caption="Images whose camera could not be identified",
         columns=(Column("image"), Column("why")),
         rows=tuple((item.name, item.reason) for item in rejected),
     )
-    more = len(outcome.rejected) - len(rejected)
+    more = len(found) - len(rejected)
     blocks: tuple[Block, ...] = (table, f"{more} more are listed in the report.") if more else (table,)
-    return Section(title=f"{_count(len(outcome.rejected), 'image')} skipped", blocks=blocks)
+    return Section(title=f"{_count(len(found), 'image')} skipped", blocks=blocks)
 
 
 def _verdict(camera: CameraReport) -> Badge:
@@ -379,7 +380,7 @@ def _verdict(camera: CameraReport) -> Badge:
 
 
 def _images(outcome: Extraction) -> int:
-    return sum(len(c.camera.names) for c in outcome.cameras) + len(outcome.rejected)
+    return sum(len(c.camera.names) for c in outcome.cameras) + len(outcome.rejected) + len(outcome.skipped)
 
 
 def _count(count: int, what: str) -> str:

@@ -163,9 +163,10 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
         uncalibrated: whether any camera goes on without measured principal point and distortion.
         images: how many were looked at.
         cameras: in a fixed order.
-        rejected: images that no camera could be told from.
+        rejected: images that cannot be read.
+        skipped: pictures that are no images of a camera, such as a preview or a map; none in earlier versions.
         warnings: what to know of the run itself.
-        exit_code: 0 where every camera has a valid K.
+        exit_code: 0 where every image has a valid K, and the solver got what was asked for.
     """
 
     policy: str
@@ -175,6 +176,7 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
     rejected: tuple[SkippedFile, ...]
     warnings: tuple[str, ...]
     exit_code: Annotated[int, Meta(ge=0, le=1)]
+    skipped: tuple[SkippedFile, ...] = ()
 
 
 def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
@@ -187,11 +189,14 @@ def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
     return ExtractReport(
         policy=outcome.policy.name,
         uncalibrated=outcome.uncalibrated,
-        images=sum(len(c.camera.names) for c in outcome.cameras) + len(outcome.rejected),
+        images=sum(len(c.camera.names) for c in outcome.cameras)
+        + len(outcome.rejected)
+        + len(outcome.skipped),
         cameras=tuple(_camera(c, outputs.get(c.slug)) for c in outcome.cameras),
         rejected=outcome.rejected,
         warnings=outcome.warnings,
         exit_code=outcome.exit_code,
+        skipped=outcome.skipped,
     )
 
 

@@ -16,6 +16,7 @@ from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_c
 from calibrary.jobs.extract.gather import Gathered, SkippedFile, collect_images, gather
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.extract.pictures import set_aside_pictures
 from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress, counted, log, stage
 from calibrary.validation import Finding, Report, Severity, Verdict
@@ -78,8 +79,10 @@ def run(request: Request) -> Extraction:
             progress=counted(request.progress, len(found.paths), "images"),
             stop_at_first=request.strict,
         )
+    gathered.rejected.extend(found.unreadable)
     _skip_contradictions(gathered)
-    for skipped in gathered.rejected:
+    pictures = set_aside_pictures(gathered)
+    for skipped in (*gathered.rejected, *pictures):
         log.info("skipped %s: %s", skipped.name, skipped.reason)
     if request.strict and gathered.rejected:
         first = gathered.rejected[0]
@@ -108,6 +111,7 @@ def run(request: Request) -> Extraction:
             for slug, camera in zip(names, cameras, strict=True)
         ),
         rejected=tuple(gathered.rejected),
+        skipped=pictures,
         warnings=(*knowledge.warnings, *_unread(gathered), *warnings),
     )
 
