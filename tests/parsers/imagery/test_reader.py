@@ -98,7 +98,18 @@ def test_what_is_no_image_is_named_in_one_line(tmp_path: Path, data: bytes, mess
 
 
 def test_a_scan_takes_what_can_be_read_by_lower_case_suffix() -> None:
-    assert {".jpg", ".jpeg", ".jpe", ".tif", ".tiff", ".dng", ".heic", ".heif", ".png"} == IMAGE_SUFFIXES
+    assert {
+        ".jpg",
+        ".jpeg",
+        ".jpe",
+        ".mpo",
+        ".tif",
+        ".tiff",
+        ".dng",
+        ".heic",
+        ".heif",
+        ".png",
+    } == IMAGE_SUFFIXES
 
 
 def test_a_record_goes_between_processes() -> None:
