@@ -101,7 +101,7 @@ def test_the_smallest_dictionary_that_has_enough_markers_is_taken() -> None:
         ({"columns": 201}, "2 to 200"),
         ({"marker_mm": 10.0}, "expected none"),
         ({"pattern": Pattern.CHARUCO, "marker_mm": 41.0}, "expected a smaller one"),
-        ({"pattern": Pattern.CHARUCO, "dictionary": "9x9_50"}, "no dictionary"),
+        ({"pattern": Pattern.CHARUCO, "dictionary": "9x9_50"}, "not a known dictionary"),
         ({"pattern": Pattern.APRILGRID, "dictionary": "4x4_50"}, "AprilTags"),
     ],
 )
