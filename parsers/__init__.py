@@ -14,14 +14,23 @@ is and how to add one.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
 from calibrary.atomic import write_files
 from calibrary.calibration import Calibration, ImageSize
+from calibrary.errors import InputError, MissingSizeError
 from calibrary.parsers.content import MAX_JSON_BYTES, Content
 from calibrary.parsers.discovery import format_named, known_formats
-from calibrary.parsers.files import MAX_BYTES, companions, display_name, length_of, read_regular_file
+from calibrary.parsers.files import (
+    MAX_BYTES,
+    companions,
+    display_name,
+    length_of,
+    read_head,
+    read_regular_file,
+)
 from calibrary.parsers.format import Format, WriteVerdict, no_companion
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.reading import (
@@ -30,6 +39,12 @@ from calibrary.parsers.reading import (
     identified_by_head,
     read_content,
     read_in_place,
+)
+from calibrary.parsers.unsized import (
+    UnsizedCalibration,
+    read_sized_as_beside,
+    read_sized_by_centre,
+    read_without_size,
 )
 from calibrary.parsers.writing import encoded, format_by_suffix
 
@@ -42,9 +57,14 @@ __all__ = [
     "format_by_suffix",
     "formats",
     "identify",
+    "is_image_file",
     "read",
+    "read_unsized",
     "write",
 ]
+
+IMAGE_MARK_BYTES = 64
+"""More than any image's signature."""
 
 PathLike: TypeAlias = str | Path
 
@@ -78,18 +98,21 @@ def read(
     *,
     format: str | Format | None = None,  # noqa: A002  the word of the field, and of numpy, PIL and pandas
     image_size: ImageSize | None = None,
+    size_from_centre: bool = False,
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> list[Calibration]:
     """Every camera in a calibration file, in the file's order, in the canonical form.
 
     An image file (JPEG, TIFF, DNG, HEIF, PNG) gives the calibration that its metadata yields, as the ingest
-    gate would take it, without a policy's judgement.
+    gate would take it, without a policy's judgement. A file that does not state its image size takes that of the
+    images in its folder, with a note, where they all have one size and the principal point is near its middle.
 
     Args:
         path: a regular file.
         format: its name, where the file itself does not settle it.
         image_size: (width, height) px, for files that do not say it.
+        size_from_centre: whether twice the principal point is taken for the size where nothing states it.
         options: answers to what only the file's owner knows, as listed by the format, such as
             ``{"distortion": "fisheye"}``.
         max_bytes: longest file that is taken in. One beyond the default of 64 MiB also lifts the lower limits of
@@ -98,7 +121,8 @@ def read(
 
     Raises:
         InputError: it cannot be read or is not a regular file, or an argument contradicts it.
-        MissingTagError: the image size is needed and neither the file nor the caller says it.
+        MissingSizeError: the image size is needed, and neither the file nor the caller says it, nor are there
+            images beside the file that do.
         ParseError: it is broken.
         UnknownFormatError: no format claims it.
         AmbiguousFormatError: two formats claim it equally.
@@ -106,11 +130,10 @@ def read(
             calibration.
     """
     path = Path(path)
-    if format is None and is_image(path):
+    if format is None and is_image_file(path):
         from calibrary.parsers.images import read_image  # noqa: PLC0415  loads the catalogue, which files do not need
 
         return read_image(path)
-    beside = companions(path, max_bytes=max_bytes)
     if length_of(path) > max_bytes:
         record = format_named(format) if isinstance(format, str) else format
         return read_in_place(
@@ -118,18 +141,59 @@ def read(
             record or identified_by_head(path, max_bytes=max_bytes).format,
             image_size=image_size,
             options=options,
-            companion=beside,
+            companion=companions(path, max_bytes=max_bytes),
             max_bytes=max_bytes,
         )
-    return decode(
-        read_regular_file(path, max_bytes=max_bytes),
-        name=display_name(path),
-        format=format,
-        image_size=image_size,
-        options=options,
-        companion=beside,
-        max_bytes=max_bytes,
-    )
+    file = _File.opened(path, format, options, max_bytes)
+    try:
+        return file.read(image_size)
+    except MissingSizeError:
+        if size_from_centre:
+            return read_sized_by_centre(file.read_trying)
+        found = read_sized_as_beside(file.read_trying, path)
+        if found is None:
+            raise
+        return found
+
+
+def read_unsized(
+    path: PathLike,
+    *,
+    format: str | Format | None = None,  # noqa: A002  as in read
+    options: Mapping[str, str] | None = None,
+    max_bytes: int = MAX_BYTES,
+) -> list[Calibration | UnsizedCalibration]:
+    """Every camera in a calibration file that does not state its image size: what can be said without it.
+
+    Args:
+        path: a regular file.
+        format: as for :func:`read`.
+        options: as for :func:`read`.
+        max_bytes: as for :func:`read`.
+
+    Raises:
+        InputError: the kinds that :func:`read` lists.
+    """
+    return read_without_size(_File.opened(Path(path), format, options, max_bytes).read_trying)
+
+
+def is_image_file(path: Path) -> bool:
+    """Whether a file is read as an image: by its content; by its name alone where no calibration format claims it.
+
+    Raises:
+        InputError: it cannot be read, or is not a regular file.
+    """
+    from calibrary.parsers.imagery.reader import begins_as_image  # noqa: PLC0415  as the catalogue above
+
+    if begins_as_image(read_head(path, IMAGE_MARK_BYTES)):
+        return True
+    if not is_image(path):
+        return False
+    try:
+        identify(path)
+    except InputError:
+        return True
+    return False
 
 
 def decode(
@@ -138,6 +202,7 @@ def decode(
     name: str,
     format: str | Format | None = None,  # noqa: A002  as in read
     image_size: ImageSize | None = None,
+    size_from_centre: bool = False,
     options: Mapping[str, str] | None = None,
     companion: Callable[[str], bytes | None] | None = None,
     max_bytes: int = MAX_BYTES,
@@ -149,6 +214,7 @@ def decode(
         name: the file's name, for messages and provenance.
         format: as for :func:`read`.
         image_size: as for :func:`read`.
+        size_from_centre: as for :func:`read`.
         options: as for :func:`read`.
         companion: gives the bytes of the files beside it, for formats that come in several.
         max_bytes: as for :func:`read`.
@@ -157,14 +223,13 @@ def decode(
         InputError: the kinds that :func:`read` lists.
     """
     record = format_named(format) if isinstance(format, str) else format
-    return read_content(
-        _content(data, name, max_bytes),
-        record=record,
-        image_size=image_size,
-        options=options,
-        companion=companion or no_companion,
-        max_bytes=max_bytes,
-    )
+    file = _File(_content(data, name, max_bytes), record, options, companion or no_companion, max_bytes)
+    try:
+        return file.read(image_size)
+    except MissingSizeError:
+        if not size_from_centre:
+            raise
+        return read_sized_by_centre(file.read_trying)
 
 
 def write(
@@ -173,6 +238,7 @@ def write(
     format: str | Format,  # noqa: A002  as in read
     *,
     max_error_px: float | None = None,
+    allow_prior: bool = False,
 ) -> WriteVerdict:
     """Write a calibration file, whole or not at all, and report what was lost.
 
@@ -184,13 +250,16 @@ def write(
         format: the format's name.
         max_error_px: the largest error, anywhere in the image, that may come from models the format lacks;
             0.05 px when not given.
+        allow_prior: whether a K that was not measured is written.
 
     Raises:
         UnsupportedModelError: the format represents the calibration only with a larger error, or is not written.
         InputError: the file cannot be made, or a K is only a guess.
     """
     path = Path(path)
-    data, verdict = encode(calibrations, format, name=path.name, max_error_px=max_error_px)
+    data, verdict = encode(
+        calibrations, format, name=path.name, max_error_px=max_error_px, allow_prior=allow_prior
+    )
     write_files({path: data})
     return verdict
 
@@ -201,6 +270,7 @@ def encode(
     *,
     name: str | None = None,
     max_error_px: float | None = None,
+    allow_prior: bool = False,
 ) -> tuple[bytes, WriteVerdict]:
     """What :func:`write` would write, and its verdict.
 
@@ -209,14 +279,56 @@ def encode(
         format: as for :func:`write`.
         name: the file's name; the format's first suffix decides when it is not given.
         max_error_px: as for :func:`write`.
+        allow_prior: as for :func:`write`.
 
     Raises:
         InputError: the kinds that :func:`write` lists.
     """
     record = format_named(format) if isinstance(format, str) else format
     return encoded(
-        calibrations, record, name=name or f"camera{record.suffixes[0]}", max_error_px=max_error_px
+        calibrations,
+        record,
+        name=name or f"camera{record.suffixes[0]}",
+        max_error_px=max_error_px,
+        allow_prior=allow_prior,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    """A calibration file in memory, to be read at one image size or another."""
+
+    content: Content
+    format: Format | None
+    options: Mapping[str, str] | None
+    companion: Callable[[str], bytes | None]
+    max_bytes: int
+
+    @classmethod
+    def opened(
+        cls, path: Path, named: str | Format | None, options: Mapping[str, str] | None, max_bytes: int
+    ) -> _File:
+        return cls(
+            _content(read_regular_file(path, max_bytes=max_bytes), display_name(path), max_bytes),
+            format_named(named) if isinstance(named, str) else named,
+            options,
+            companions(path, max_bytes=max_bytes),
+            max_bytes,
+        )
+
+    def read(self, image_size: ImageSize | None, *, size_is_tried: bool = False) -> list[Calibration]:
+        return read_content(
+            self.content,
+            record=self.format,
+            image_size=image_size,
+            size_is_tried=size_is_tried,
+            options=self.options,
+            companion=self.companion,
+            max_bytes=self.max_bytes,
+        )
+
+    def read_trying(self, size: ImageSize) -> list[Calibration]:
+        return self.read(size, size_is_tried=True)
 
 
 def _content(data: bytes, name: str, max_bytes: int) -> Content:

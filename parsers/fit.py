@@ -20,7 +20,7 @@ from calibrary.parsers.format import Capacity, Fit
 from calibrary.parsers.least_squares import least_squares
 from calibrary.records import replace
 
-__all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "adapt", "compare", "refit"]
+__all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "accepted_with", "adapt", "compare", "refit"]
 
 
 DEFAULT_MAX_ERROR_PX = 0.05
@@ -161,8 +161,16 @@ def _refuse_another_k(calibration: Calibration, K: Intrinsics, max_error_px: flo
         )
 
 
+def accepted_with(fit: Fit) -> str:
+    """The flag and the value that would accept a fit, as the end of a refusal; two digits, rounded up."""
+    if not math.isfinite(fit.max_px):
+        return ""
+    step = 10.0 ** (math.floor(math.log10(fit.max_px)) - 1)
+    return f"; give --max-error-px {math.ceil(fit.max_px / step) * step:.6g} to accept that"
+
+
 def _misses(fit: Fit) -> str:
-    return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give --max-error-px to accept that"
+    return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px{accepted_with(fit)}"
 
 
 def _held(K: Intrinsics, capacity: Capacity) -> Intrinsics:

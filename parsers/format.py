@@ -48,7 +48,7 @@ from typing import TypeAlias
 
 from calibrary.calibration import Calibration, ImageSize, Provenance
 from calibrary.distortion import Distortion
-from calibrary.errors import InputError, MissingTagError
+from calibrary.errors import InputError, MissingSizeError
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention
 from calibrary.records import Json, replace
@@ -120,6 +120,7 @@ class ReadContext:
     Attributes:
         name: the file's name without its folder, for messages and provenance.
         image_size: (width, height) px as the caller gave it.
+        size_is_tried: whether that size is only for the cameras of which the file states none.
         options: answers to the format's :class:`Option` questions.
         sha256: of the bytes.
         companion: the bytes of another file of the same folder by its relative name, None where there is
@@ -130,6 +131,7 @@ class ReadContext:
 
     name: str
     image_size: ImageSize | None = None
+    size_is_tried: bool = False
     options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     sha256: str | None = None
     companion: Callable[[str], bytes | None] = no_companion
@@ -152,16 +154,17 @@ class ReadContext:
         """The image size: the file's own, else the caller's.
 
         Raises:
-            MissingTagError: neither says it.
+            MissingSizeError: neither says it.
             InputError: they differ; a calibration is read in its own frame and scaled afterwards.
         """
         given = self.image_size
         if found is None and given is None:
-            raise MissingTagError(
-                "the file does not state its image size; give it with --image-size WxH",
+            raise MissingSizeError(
+                "the file does not state its image size; give it with --image-size WxH, or take twice the principal "
+                "point with --size-from-centre",
                 source=self.name,
             )
-        if found is not None and given is not None and found != given:
+        if found is not None and given is not None and found != given and not self.size_is_tried:
             raise InputError(
                 f"the file's images are {found[0]}×{found[1]}, --image-size says {given[0]}×{given[1]}; "
                 "leave it out, and scale the calibration once it is read",

@@ -77,6 +77,7 @@ def read_content(
     *,
     record: Format | None = None,
     image_size: ImageSize | None = None,
+    size_is_tried: bool = False,
     options: Mapping[str, str] | None = None,
     companion: Callable[[str], bytes | None] = no_companion,
     max_bytes: int = MAX_BYTES,
@@ -87,6 +88,7 @@ def read_content(
         content: the file.
         record: the format to read it as; the one that claims it when None.
         image_size: (width, height) px, for files that do not say it.
+        size_is_tried: whether a file may state another.
         options: answers to the format's questions.
         companion: reader of the files beside it.
         max_bytes: longest file that the caller allows; more than the default lifts the formats' own limits.
@@ -104,6 +106,7 @@ def read_content(
     context = ReadContext(
         name=content.name,
         image_size=image_size,
+        size_is_tried=size_is_tried,
         options=_checked(options or {}, record),
         sha256=hashlib.sha256(content.data).hexdigest(),
         companion=companion,

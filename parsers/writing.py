@@ -16,7 +16,7 @@ from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.content import Content
 from calibrary.parsers.discovery import known_formats
-from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, adapt, compare
+from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, accepted_with, adapt, compare
 from calibrary.parsers.format import STATED, Format, WriteContext, WriteVerdict
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
@@ -57,7 +57,12 @@ def format_by_suffix(path: str | Path, *, flag: str | None = None) -> Format:
 
 
 def encoded(
-    calibrations: Sequence[Calibration], record: Format, *, name: str, max_error_px: float | None = None
+    calibrations: Sequence[Calibration],
+    record: Format,
+    *,
+    name: str,
+    max_error_px: float | None = None,
+    allow_prior: bool = False,
 ) -> tuple[bytes, WriteVerdict]:
     """One file's bytes and what they hold of what was meant.
 
@@ -66,6 +71,7 @@ def encoded(
         record: the format.
         name: the file's name; its suffix chooses the syntax where the format has several.
         max_error_px: the largest distance, anywhere in the image, that may come from models the format lacks.
+        allow_prior: whether a K that was not measured is written.
 
     Raises:
         UnsupportedModelError: the format is not written, or contains the calibration only with a larger error.
@@ -78,7 +84,10 @@ def encoded(
         )
     if record.write is None or record.capacity is None:
         raise UnsupportedModelError(f"format {record.name} is read but not written")
-    _refuse_guesses(calibrations)
+    if not calibrations:
+        raise InputError("there is no calibration to write")
+    if not allow_prior:
+        _refuse_guesses(calibrations)
     if len(calibrations) > 1 and not record.capacity.several_cameras:
         raise UnsupportedModelError(
             f"a {record.name} file contains one camera, not {len(calibrations)}; write one file for each"
@@ -97,7 +106,7 @@ def encoded(
         if fit.max_px > limit:
             raise UnsupportedModelError(
                 f"{record.name} cannot hold the calibration within {limit:g} px: what it contains is off by "
-                f"rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px; give --max-error-px to accept that"
+                f"rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px{accepted_with(fit)}"
             )
     dropped = dict.fromkeys(
         lost
@@ -108,13 +117,11 @@ def encoded(
 
 
 def _refuse_guesses(calibrations: Sequence[Calibration]) -> None:
-    if not calibrations:
-        raise InputError("there is no calibration to write")
     for item in calibrations:
         if not item.grade.is_metric:
             raise InputError(
                 f"the K of {item.camera} is a {item.grade.value}, a guess; a calibration file would pass it "
-                "off as measured, so none is written"
+                "off as measured, so none is written unless you say --allow-prior"
             )
 
 

@@ -5,6 +5,7 @@
     CalibraryError
     ├── InputError (ValueError)          an input or argument is wrong: .source, .place
     │   ├── MissingTagError              a tag that is needed is not there
+    │   │   └── MissingSizeError         a calibration file does not state its image size
     │   ├── BadRationalError             an EXIF rational that is not a number (zero denominator)
     │   ├── FrameError                   a calibration's frame cannot be brought to this image's size
     │   ├── ParseError                   a file is not what it claims to be
@@ -33,6 +34,7 @@ __all__ = [
     "ConflictError",
     "FrameError",
     "InputError",
+    "MissingSizeError",
     "MissingTagError",
     "ParseError",
     "RegistryError",
@@ -91,6 +93,10 @@ def _rebuild(kind: type[InputError], message: str, source: str | None, place: st
 
 class MissingTagError(InputError):
     """A tag that is needed is not there."""
+
+
+class MissingSizeError(MissingTagError):
+    """A calibration file does not state the size of its images, and the caller does not either."""
 
 
 class BadRationalError(InputError):

@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import calibrary
 from calibrary import parsers
 from calibrary.cli.main import main
 from calibrary.errors import ParseError
+from calibrary.jobs.inspect.report import InspectReport
+from calibrary.records import from_json
 from calibrary.schemas import require
 from tests.house.project import ROOT
 from tests.jobs.extract.fleet import DEWARP, P4R, picture
+from tests.parsers.formats.test_gyroflow import PROFILE
 
 AGISOFT = (
     "<calibration><projection>frame</projection><width>5472</width><height>3648</height>"
@@ -87,7 +91,10 @@ def test_inspect_walks_a_folder_and_a_file_that_is_none_does_not_stop_it(
 
 def test_an_answer_is_given_with_a_flag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     np.save(tmp_path / "K.npy", np.array([[3660.5, 0, 2731.5], [0, 3655.25, 1846.75], [0, 0, 1]]))
-    assert run(capsys, "inspect", tmp_path / "K.npy")[0] == 3
+    code, out, _ = run(capsys, "inspect", tmp_path / "K.npy")
+    assert code == 0
+    assert "unknown size" in out
+    assert "--image-size" in out
     code, out, _ = run(capsys, "inspect", "--image-size", "5472x3648", tmp_path / "K.npy")
     assert code == 0
     assert "5472×3648" in out
@@ -102,6 +109,92 @@ def test_convert_writes_the_other_format_and_says_what_survived(
     assert "exact" in out
     assert after.intrinsics == before.intrinsics
     assert after.distortion == before.distortion
+
+
+WITHOUT_SIZE = {
+    "camera_matrix": [[3660.5, 0, 2731.0], [0, 3655.25, 1846.5], [0, 0, 1]],
+    "dist_coeffs": [0.1, 0, 0, 0, 0],
+}
+
+
+def test_inspect_shows_what_it_can_of_a_file_without_an_image_size(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(WITHOUT_SIZE))
+    code, out, _ = run(capsys, "inspect", "--json", path)
+    document = json.loads(out)
+    require(document, "inspect-1")
+    [found] = document["calibrations"]
+    assert code == 0
+    assert found["intrinsics"]["image_size"] is None
+    assert [found["intrinsics"][name] for name in ("fx", "fy", "cx", "cy")] == [
+        3660.5,
+        3655.25,
+        2731.5,
+        1847.0,
+    ]
+    assert found["distortion"]["k1"] == 0.1
+    assert from_json(InspectReport, document).unsized[0].intrinsics.cx == 2731.5
+
+
+def test_what_needs_the_size_refuses_until_it_has_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, made = tmp_path / "camera.json", tmp_path / "camera.yaml"
+    path.write_text(json.dumps(WITHOUT_SIZE))
+    code, _, err = run(capsys, "convert", path, made, "--to", "kalibr")
+    assert code == 3
+    assert "--image-size" in err
+    assert "--size-from-centre" in err
+    assert run(capsys, "convert", path, made, "--to", "kalibr", "--size-from-centre")[0] == 0
+    assert parsers.read(made)[0].intrinsics.image_size == (5463, 3694)
+
+
+def test_a_k_of_no_camera_is_shown_loudly_and_passed_on_only_by_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, made = tmp_path / "transforms.json", tmp_path / "camera.yml"
+    frame = {"w": 1500, "h": 1000, "fl_x": 35.7, "fl_y": 35.7, "cx": 750, "cy": 500, "camera_model": "OPENCV"}
+    path.write_text(json.dumps({**frame, "frames": []}))
+    code, out, _ = run(capsys, "inspect", path)
+    assert code == 1
+    assert "35.7 px" in out
+    document = json.loads(run(capsys, "inspect", "--json", path)[1])
+    require(document, "inspect-1")
+    assert "perhaps mm" in document["implausible"][0]
+    code, _, err = run(capsys, "convert", path, made, "--to", "opencv_storage")
+    assert (code, made.exists()) == (3, False)
+    assert "--force" in err
+    assert run(capsys, "convert", path, made, "--to", "opencv_storage", "--force")[0] == 0
+    assert parsers.read(made)[0].intrinsics.fx == 35.7
+
+
+def test_a_prior_is_written_when_it_is_asked_for_and_named_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, made = tmp_path / "prior.json", tmp_path / "camera.yml"
+    path.write_text(json.dumps(PROFILE))
+    [prior] = parsers.read(path)
+    code, _, err = run(capsys, "convert", path, made, "--to", "opencv_storage")
+    assert (code, made.exists()) == (3, False)
+    assert "--allow-prior" in err
+    code, out, _ = run(capsys, "convert", path, made, "--to", "opencv_storage", "--allow-prior")
+    assert code == 0
+    assert "not measured" in out
+    assert prior.grade.value in out
+
+
+def test_what_is_in_a_file_decides_against_an_images_name(
+    xml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = xml.rename(xml.with_name("camera.jpg"))
+    code, out, _ = run(capsys, "inspect", path)
+    assert code == 0
+    assert "Agisoft" in out
+    assert calibrary.read(path).intrinsics.fx == 3660.5
+    (broken := xml.with_name("broken.jpg")).write_bytes(b"no image")
+    assert "image" in run(capsys, "inspect", broken)[1]
 
 
 def test_convert_asks_for_the_format_when_the_name_does_not_tell(

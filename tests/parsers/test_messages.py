@@ -16,7 +16,8 @@ ROOM = Path(parsers.__file__).resolve().parent
 PYTHON = re.compile(r"\b(?:options=|image_size\b|max_error_px\b|max_bytes\b|format=)")
 FLAG = re.compile(r"(?<![\w-])--[a-z][a-z_-]+")
 OF_OTHER_PROGRAMS = {"--output-type", "--output_type", "--cameras"}
-OF_OURS = {"--image-size", "--format", "--set", "--max-size", "--max-error-px"}
+OF_CONVERT = {"--max-error-px", "--allow-prior", "--force"}
+OF_OURS = {"--image-size", "--size-from-centre", "--format", "--set", "--max-size", *OF_CONVERT}
 
 
 def sentences() -> Iterator[tuple[str, str]]:
@@ -65,8 +66,9 @@ def test_the_flags_exist(flag: str) -> None:
         "--max-size": "100",
         "--max-error-px": "1",
     }
-    command = ["convert", "in.yml", "out.xml"] if flag == "--max-error-px" else ["inspect", "in.yml"]
-    build_parser().parse_args([*command, flag, values[flag]])  # it exits where it knows no such flag
+    command = ["convert", "in.yml", "out.xml"] if flag in OF_CONVERT else ["inspect", "in.yml"]
+    value = [values[flag]] if flag in values else []
+    build_parser().parse_args([*command, flag, *value])  # it exits where it knows no such flag
 
 
 def test_every_command_of_ours_that_a_message_names_exists() -> None:

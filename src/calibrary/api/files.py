@@ -11,7 +11,7 @@ from typing import BinaryIO, TypeAlias
 from msgspec.structs import asdict
 
 from calibrary import parsers
-from calibrary.calibration import Calibration, ImageSize
+from calibrary.calibration import Calibration, Grade, ImageSize
 from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
@@ -25,6 +25,7 @@ from calibrary.parsers.format import Capacity, Format, WriteVerdict
 from calibrary.parsers.imagery.reader import begins_as_image
 from calibrary.parsers.images import decode_image
 from calibrary.parsers.listing import listing as format_listing
+from calibrary.parsers.plausible import refuse_implausible
 from calibrary.progress import Progress
 from calibrary.quality import Covariance, Quality
 from calibrary.records import Json, replace
@@ -57,6 +58,7 @@ def read(
     camera: int | None = None,
     format: str | None = None,  # noqa: A002  the word of the field, and of numpy, PIL and pandas
     image_size: ImageSize | None = None,
+    size_from_centre: bool = False,
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> Calibration:
@@ -67,6 +69,7 @@ def read(
         camera: which one of a file with several, from 1.
         format: the format's name, where the file itself does not settle it.
         image_size: (width, height) px, for files that do not state it.
+        size_from_centre: whether twice the principal point is taken for the size where nothing states it.
         options: answers to what only the file's owner knows, as the format lists them, such as
             ``{"distortion": "fisheye"}``.
         max_bytes: the longest file that is read.
@@ -81,7 +84,14 @@ def read(
     >>> calibrary.read("survey/DJI_0001.JPG").grade
     <Grade.CALIBRATED: 'calibrated'>
     """
-    found = read_all(source, format=format, image_size=image_size, options=options, max_bytes=max_bytes)
+    found = read_all(
+        source,
+        format=format,
+        image_size=image_size,
+        size_from_centre=size_from_centre,
+        options=options,
+        max_bytes=max_bytes,
+    )
     return choose(
         found, camera, source=_name(source), how="camera=N, or take all of them with calibrary.read_all"
     )
@@ -92,6 +102,7 @@ def read_all(
     *,
     format: str | None = None,  # noqa: A002  as in read
     image_size: ImageSize | None = None,
+    size_from_centre: bool = False,
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
 ) -> list[Calibration]:
@@ -101,6 +112,7 @@ def read_all(
         source: as for :func:`read`.
         format: as for :func:`read`.
         image_size: as for :func:`read`.
+        size_from_centre: as for :func:`read`.
         options: as for :func:`read`.
         max_bytes: as for :func:`read`.
 
@@ -112,7 +124,12 @@ def read_all(
     """
     if isinstance(source, str | Path):
         return parsers.read(
-            source, format=format, image_size=image_size, options=options, max_bytes=max_bytes
+            source,
+            format=format,
+            image_size=image_size,
+            size_from_centre=size_from_centre,
+            options=options,
+            max_bytes=max_bytes,
         )
     data = source if isinstance(source, bytes) else _content(source, max_bytes)
     if format is None and begins_as_image(data):
@@ -122,6 +139,7 @@ def read_all(
         name=_name(source),
         format=format,
         image_size=image_size,
+        size_from_centre=size_from_centre,
         options=options,
         max_bytes=max_bytes,
     )
@@ -133,6 +151,7 @@ def write(
     *,
     format: str | None = None,  # noqa: A002  as in read
     max_error_px: float | None = None,
+    allow_prior: bool = False,
 ) -> parsers.WriteVerdict:
     """Write a calibration file, whole or not at all, and say what it holds of what was meant.
 
@@ -142,6 +161,7 @@ def write(
         format: the format's name; by the path's suffix where only one format is written so.
         max_error_px: the largest error, anywhere in the image, that a model which the format lacks may leave;
             0.05 px when not given.
+        allow_prior: whether a K that was not measured is written.
 
     Returns:
         Whether the file holds the cameras exactly or refitted, by how many px it is off, and what it has no
@@ -158,7 +178,13 @@ def write(
     3659.5
     """
     chosen = [cameras] if isinstance(cameras, Calibration) else list(cameras)
-    return parsers.write(chosen, path, format or parsers.format_by_suffix(path), max_error_px=max_error_px)
+    return parsers.write(
+        chosen,
+        path,
+        format or parsers.format_by_suffix(path),
+        max_error_px=max_error_px,
+        allow_prior=allow_prior,
+    )
 
 
 def refit(
@@ -210,11 +236,13 @@ class Conversion:
         output: the file.
         format: its format's name.
         verdict: how exactly it holds the calibration.
+        priors: the grades of those whose K was not measured.
     """
 
     output: Path
     format: str
     verdict: WriteVerdict
+    priors: tuple[Grade, ...] = ()
 
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/convert-1.schema.json)."""
@@ -226,6 +254,7 @@ class Conversion:
             "max_px": self.verdict.max_px,
             "radius_px": self.verdict.radius_px,
             "dropped": list(self.verdict.dropped),
+            "priors": [grade.value for grade in self.priors],
         }
 
 
@@ -236,6 +265,8 @@ def convert(
     to: str | None = None,
     reading: Reading | None = None,
     max_error_px: float | None = None,
+    allow_prior: bool = False,
+    force: bool = False,
 ) -> Conversion:
     """Write the calibrations of a file in another program's format.
 
@@ -245,9 +276,12 @@ def convert(
         to: its format; the one that is written under such a name when not given.
         reading: answers to what the source leaves open, and which camera of several; all of them when it says none.
         max_error_px: as of :func:`write`.
+        allow_prior: as of :func:`write`.
+        force: whether a K that is that of no camera is written.
 
     Raises:
-        InputError: the source cannot be read, the name fits no format or several, or the output cannot be written.
+        InputError: the source cannot be read, its K is that of no camera, the name fits no format or several, or the
+            output cannot be written.
         UnsupportedModelError: the format does not hold the calibration.
 
     >>> from calibrary.api.files import convert
@@ -258,8 +292,12 @@ def convert(
     cameras = reading.read(Path(source))
     if reading.camera is not None:
         cameras = [choose(cameras, reading.camera, source=Path(source).name)]
+    if not force:
+        refuse_implausible(cameras, Path(source).name)
     target = to or parsers.format_by_suffix(output, flag="--to").name
-    return Conversion(output, target, parsers.write(cameras, output, target, max_error_px=max_error_px))
+    verdict = parsers.write(cameras, output, target, max_error_px=max_error_px, allow_prior=allow_prior)
+    priors = tuple(item.grade for item in cameras if not item.grade.is_metric)
+    return Conversion(output, target, verdict, priors)
 
 
 def inspect(

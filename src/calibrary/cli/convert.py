@@ -35,6 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="largest error a refit may leave anywhere in the image (default: 0.05)",
     )
+    parser.add_argument(
+        "--allow-prior",
+        action="store_true",
+        help="write a K that was not measured, such as another program's default",
+    )
+    parser.add_argument("--force", action="store_true", help="write a K that is that of no camera")
     add_reading_flags(parser)
     add_json_flag(parser)
 
@@ -50,6 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
         to=arguments.to,
         reading=reading_of(arguments, camera=arguments.camera),
         max_error_px=arguments.max_error_px,
+        allow_prior=arguments.allow_prior,
+        force=arguments.force,
     )
     if arguments.json:
         print_json(done.to_dict())
@@ -57,4 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         screen = out(arguments)
         screen.say(plain(f"wrote {done.output} ({done.format})"))
         screen.say(plain(str(done.verdict)))
+        if done.priors:
+            grades = ", ".join(dict.fromkeys(f"{grade.value} ({grade.meaning})" for grade in done.priors))
+            screen.say(plain(f"not measured, to start an adjustment with: its K is a {grades}"))
     return 0

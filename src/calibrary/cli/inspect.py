@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
     from calibrary.jobs.inspect.run import Inspected
+    from calibrary.parsers.unsized import UnsizedCalibration
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -25,9 +26,10 @@ examples:
   calibrary inspect K.npy --image-size 5472x3648
   calibrary inspect handed-over/ --json                 every file of a folder, for machines
 
-exit code 0: every file was read; 3: at least one was not.
+exit code 0: every file was read; 1: and a K is that of no camera; 3: at least one file was not read.
 """
 
+EXIT_IMPLAUSIBLE = 1
 EXIT_UNREADABLE = 3
 
 
@@ -52,7 +54,9 @@ def run(arguments: argparse.Namespace) -> int:
         screen = out(arguments)
         for one in inspected:
             _show(screen, one)
-    return EXIT_UNREADABLE if any(one.error is not None for one in inspected) else 0
+    if any(one.error is not None for one in inspected):
+        return EXIT_UNREADABLE
+    return EXIT_IMPLAUSIBLE if any(one.implausible for one in inspected) else 0
 
 
 def _show(screen: Screen, one: Inspected) -> None:
@@ -67,6 +71,10 @@ def _show(screen: Screen, one: Inspected) -> None:
     screen.say(f"  {plain(one.title or '')}{reason}")
     for calibration in one.calibrations:
         _show_calibration(screen, calibration)
+    for unsized in one.unsized:
+        _show_calibration(screen, unsized)
+    for reason in one.implausible:
+        screen.say(f"  [bold red]no camera's K[/]: {plain(reason)}")
     for sentence in one.sentences:
         screen.say(f"  [dim]{plain(sentence)}[/]")
     for warning in one.warnings:
@@ -74,15 +82,20 @@ def _show(screen: Screen, one: Inspected) -> None:
     screen.say("")
 
 
-def _show_calibration(screen: Screen, calibration: Calibration) -> None:
+def _show_calibration(screen: Screen, calibration: Calibration | UnsizedCalibration) -> None:
     from calibrary.cli.console import plain
 
     K, distortion = calibration.intrinsics, calibration.distortion
+    numbers = [
+        f"{name} {value:.4f}" if value is not None else f"{name} unknown"
+        for name, value in (("fx", K.fx), ("fy", K.fy), ("cx", K.cx), ("cy", K.cy))
+    ]
+    if K.skew:
+        numbers.append(f"skew {K.skew:.6g}")
+    frame = f"{K.image_size[0]}×{K.image_size[1]} px" if K.image_size else "an image of unknown size, px"
     lines = [
         f"  [cyan]{plain(str(calibration.camera))}[/]  {calibration.grade.value}",
-        f"    fx {K.fx:.4f}  fy {K.fy:.4f}  cx {K.cx:.4f}  cy {K.cy:.4f}"
-        + (f"  skew {K.skew:.6g}" if K.skew else "")
-        + f"  in {K.image_size[0]}×{K.image_size[1]} px from the outer corner",
+        f"    {'  '.join(numbers)}  in {frame} from the outer corner",
     ]
     if distortion is None:
         lines.append("    distortion unknown")

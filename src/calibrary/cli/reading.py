@@ -27,6 +27,7 @@ def reading_of(arguments: argparse.Namespace, *, camera: int | None = None) -> R
         registry=getattr(arguments, "registry", None),
         format=arguments.format,
         image_size=arguments.image_size,
+        size_from_centre=arguments.size_from_centre,
         options=dict(arguments.set or ()),
         camera=camera,
         max_bytes=arguments.max_size << 20 if arguments.max_size is not None else MAX_BYTES,
@@ -34,12 +35,17 @@ def reading_of(arguments: argparse.Namespace, *, camera: int | None = None) -> R
 
 
 def add_reading_flags(parser: argparse.ArgumentParser) -> None:
-    """Add ``--format``, ``--image-size``, ``--set`` and ``--max-size``."""
+    """Add ``--format``, ``--image-size``, ``--size-from-centre``, ``--set`` and ``--max-size``."""
     parser.add_argument(
         "--format", metavar="NAME", help="the file's format, where the file itself does not settle it"
     )
     parser.add_argument(
         "--image-size", type=image_size, metavar="WxH", help="image size in px, for files that do not say it"
+    )
+    parser.add_argument(
+        "--size-from-centre",
+        action="store_true",
+        help="take twice the principal point for an image size that nothing states",
     )
     parser.add_argument(
         "--set",

@@ -10,13 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
-from calibrary.errors import InputError, MissingTagError
+from calibrary.errors import InputError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.exchange.argument import Reading, choose, entry_file
-from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery import hash_serial, read_metadata
 from calibrary.parsers.imagery.identity import SERIAL_HASH_DIGITS
+from calibrary.parsers.plausible import refuse_implausible
 from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Entry
 from calibrary.registry.entry_yaml import parse_entry
@@ -99,7 +100,7 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
         request: what the user said besides.
 
     Raises:
-        InputError: it cannot be read, its camera is not known, or K is a guess.
+        InputError: it cannot be read, its camera is not known, K is a guess, or that of no camera.
         RegistryError: the current entry is held and ``override_held`` is false.
     """
     if not path.exists():
@@ -111,9 +112,11 @@ def propose_file(registry: Registry, path: Path, reading: Reading, request: AddR
         found = [_from_entry(parse_entry(data, path.name, require_digest=False), request)]
     else:
         source = _Source.of(path)
-        calibrations = _read(path, reading)
+        calibrations = reading.read(path)
         if reading.camera is not None:
             calibrations = [choose(calibrations, reading.camera, source=path.name)]
+        if not request.force:
+            refuse_implausible(calibrations, path.name)
         found = [_from_calibration(one, source, request) for one in calibrations]
     _refuse_same_path([entry for entry, _ in found], path.name)
     proposals = registry.propose(
@@ -152,18 +155,6 @@ def save_file(
         return registry.save(proposals, reason=reason, branch=branch)
 
 
-def _read(path: Path, reading: Reading) -> Sequence[Calibration]:
-    try:
-        return reading.read(path)
-    except MissingTagError as error:
-        wants_size = reading.image_size is None and not is_image(path) and "size" in error.message
-        if wants_size and "--image-size" not in error.message:
-            raise MissingTagError(
-                f"{error.message}; state --image-size WxH", source=error.source, place=error.place
-            ) from None
-        raise
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Source:
     """A file that calibrations are read from."""
@@ -177,7 +168,7 @@ class _Source:
     def of(cls, path: Path) -> _Source:
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-        image = is_image(path)
+        image = parsers.is_image_file(path)
         software = firmware(read_metadata(path)) if image else None
         return cls(name=path.name, sha256=sha256, is_image=image, software=software)
 

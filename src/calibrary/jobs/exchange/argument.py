@@ -11,6 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
 from calibrary.parsers.files import MAX_BYTES
+from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import stage
 from calibrary.records import replace
 from calibrary.registry.configuration import require_registry
@@ -44,6 +45,7 @@ class Reading:
         registry: its folder, None for the default one.
         format: of files whose content does not settle it.
         image_size: (width, height) px, for files that do not say it.
+        size_from_centre: whether twice the principal point is taken for a size that nothing states.
         options: answers to what only a file's owner knows.
         camera: which one of a file with several, from 1.
         max_bytes: the longest file that is read.
@@ -52,6 +54,7 @@ class Reading:
     registry: Path | None = None
     format: str | None = None
     image_size: ImageSize | None = None
+    size_from_centre: bool = False
     options: Mapping[str, str] | None = None
     camera: int | None = None
     max_bytes: int = MAX_BYTES
@@ -67,9 +70,18 @@ class Reading:
                 path,
                 format=self.format,
                 image_size=self.image_size,
+                size_from_centre=self.size_from_centre,
                 options=self.options,
                 max_bytes=self.max_bytes,
             )
+
+    def read_unsized(self, path: Path) -> list[Calibration | UnsizedCalibration]:
+        """Every camera in a file that does not state its image size, as far as it is known without.
+
+        Raises:
+            InputError: the kinds that :func:`calibrary.parsers.read` lists.
+        """
+        return parsers.read_unsized(path, format=self.format, options=self.options, max_bytes=self.max_bytes)
 
 
 def choose(

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.errors import CalibraryError
+from calibrary.errors import CalibraryError, InputError, MissingSizeError
 from calibrary.jobs.exchange.argument import Reading
 from calibrary.jobs.extract.gather import find_files
 from calibrary.jobs.inspect.report import InspectedFile
 from calibrary.parsers.discovery import format_named
-from calibrary.parsers.image_names import is_image
 from calibrary.parsers.images import image_evidence
+from calibrary.parsers.plausible import why_implausible
+from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import Progress
 from calibrary.records import replace
 
@@ -32,6 +33,7 @@ class Inspected:
         reason: what was recognised in it.
         sentences: how its numbers count.
         calibrations: that it contains.
+        unsized: those whose image size the file does not state.
         warnings: what to know of them.
         error: why it was not read; None where it was.
     """
@@ -42,8 +44,16 @@ class Inspected:
     reason: str | None = None
     sentences: tuple[str, ...] = ()
     calibrations: tuple[Calibration, ...] = ()
+    unsized: tuple[UnsizedCalibration, ...] = ()
     warnings: tuple[str, ...] = ()
     error: str | None = None
+
+    @property
+    def implausible(self) -> tuple[str, ...]:
+        """Why a K is that of no camera, for each that is not."""
+        found = [item.intrinsics for item in self.calibrations] + [item.intrinsics for item in self.unsized]
+        reasons = map(why_implausible, found)
+        return tuple(dict.fromkeys(reason for reason in reasons if reason is not None))
 
     def report(self) -> InspectedFile:
         """For machines."""
@@ -53,6 +63,8 @@ class Inspected:
             why=self.reason,
             conventions=self.sentences,
             calibrations=self.calibrations,
+            unsized=self.unsized,
+            implausible=self.implausible,
             warnings=self.warnings,
             error=self.error,
         )
@@ -78,16 +90,34 @@ def inspect_files(
 def _inspected(paths: Sequence[Path], reading: Reading, progress: Progress | None) -> Iterator[Inspected]:
     for done, path in enumerate(paths, start=1):
         try:
-            yield replace(_described(path, reading), calibrations=tuple(reading.read(path)))
+            yield _read(path, reading)
         except CalibraryError as error:
             yield Inspected(path=path, error=str(error))
         if progress is not None:
             progress(done, len(paths), "files")
 
 
+def _read(path: Path, reading: Reading) -> Inspected:
+    """The file with its calibrations, or with what can be said of them without an image size."""
+    described = _described(path, reading)
+    try:
+        return replace(described, calibrations=tuple(reading.read(path)))
+    except MissingSizeError as missing:
+        try:
+            found = reading.read_unsized(path)
+        except InputError as error:
+            # Such as a sensor that the sizes tried do not fit.
+            raise missing if "--image-size" in error.message else error from None
+    return replace(
+        described,
+        calibrations=tuple(item for item in found if isinstance(item, Calibration)),
+        unsized=tuple(item for item in found if isinstance(item, UnsizedCalibration)),
+    )
+
+
 def _described(path: Path, reading: Reading) -> Inspected:
     """What the file is and how it counts."""
-    if reading.format is None and is_image(path):
+    if reading.format is None and parsers.is_image_file(path):
         evidence = image_evidence(path)
         warnings = [f"{dropped.tag} is not believed: {dropped.reason}" for dropped in evidence.dropped]
         warnings += [f"{c.other.tag} disagrees by {c.difference:+.1%}: {c.cause}" for c in evidence.conflicts]

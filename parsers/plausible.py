@@ -1,0 +1,72 @@
+"""Whether numbers can be a camera's K at all: millimetres, ratios and offsets stand in files of the same shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from calibrary.calibration import Calibration, Intrinsics
+from calibrary.errors import InputError
+from calibrary.parsers.unsized import UnsizedIntrinsics
+
+__all__ = ["refuse_implausible", "why_implausible"]
+
+SHORTEST = 0.05
+"""Focal length over the longer side: a circle of 220° that fills a third of the frame's width has 0.09."""
+LONGEST = 1000.0
+"""An 8 m telescope on a full frame has 222."""
+MOST_OBLONG = 4.0
+"""fx over fy; the most stretched anamorphic image has 2."""
+LEAST_PX = 3.0
+"""A principal point within so many px of the corner on both axes is an offset from the middle, or a ratio."""
+FARTHEST = 10.0
+"""How many image sides from the middle a principal point may lie, as that of a part cut out of a wide image."""
+
+
+def why_implausible(K: Intrinsics | UnsizedIntrinsics) -> str | None:
+    """What makes a K that of no camera, in words; None where nothing does."""
+    side = _longer_side(K)
+    cx, cy = K.cx, K.cy
+    if K.fx is None or K.fy is None or side is None:
+        return None
+    shorter, longer = sorted((K.fx, K.fy))
+    of_images = "" if K.image_size is None else f" of images of {K.image_size[0]}×{K.image_size[1]} px"
+    if shorter < SHORTEST * side:
+        return (
+            f"a focal length of {shorter:.4g} px{of_images} is that of no camera: it is {shorter / side:.2g} of the "
+            "image's side, so its unit is perhaps mm, or it is a ratio"
+        )
+    if longer > LONGEST * side:
+        return f"a focal length of {longer:.4g} px{of_images}, {longer / side:.2g} image sides, is that of no camera"
+    if longer > MOST_OBLONG * shorter:
+        return f"fx {K.fx:.4g} and fy {K.fy:.4g} px differ as no camera's do"
+    if cx is None or cy is None or K.image_size is None:
+        return None
+    if max(abs(cx), abs(cy)) <= LEAST_PX:
+        return (
+            f"the principal point ({cx:.3g}, {cy:.3g}) px is the image's corner, so it is perhaps an offset from the "
+            "middle, or in another unit"
+        )
+    if max(abs(cx - K.image_size[0] / 2), abs(cy - K.image_size[1] / 2)) > FARTHEST * side:
+        return f"the principal point ({cx:.4g}, {cy:.4g}) px is far outside{of_images or ' the image'}"
+    return None
+
+
+def refuse_implausible(cameras: Sequence[Calibration], source: str) -> None:
+    """Refuse a K that is that of no camera, where it would be passed on.
+
+    Raises:
+        InputError: one is.
+    """
+    for item in cameras:
+        reason = why_implausible(item.intrinsics)
+        if reason is not None:
+            raise InputError(f"{reason}; give --force to take it all the same", source=source)
+
+
+def _longer_side(K: Intrinsics | UnsizedIntrinsics) -> float | None:
+    """Of the image; without a size, as far as the principal point tells."""
+    if K.image_size is not None:
+        return float(max(K.image_size))
+    if K.cx is None or K.cy is None:
+        return None
+    return 2 * max(K.cx, K.cy)

@@ -1,0 +1,100 @@
+"""Files without an image size: what is known all the same, and a size from the images beside them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from calibrary import parsers
+from calibrary.calibration import Intrinsics
+from calibrary.errors import MissingSizeError
+from calibrary.parsers.plausible import why_implausible
+from calibrary.parsers.unsized import UnsizedCalibration
+from tests.jobs.extract.fleet import P4R, picture
+
+K = {
+    "camera_matrix": [[3660.5, 0, 2731.0], [0, 3655.25, 1823.5], [0, 0, 1]],
+    "dist_coeffs": [0.1, 0, 0, 0, 0],
+}
+BUNDLE = "# Bundle file v0.3\n1 0\n700 0.1 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n"
+
+
+@pytest.fixture
+def camera(tmp_path: Path) -> Path:
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(K))
+    return path
+
+
+def test_what_does_not_depend_on_the_size_is_known(camera: Path) -> None:
+    [found] = parsers.read_unsized(camera)
+    assert isinstance(found, UnsizedCalibration)
+    assert found.camera.image_size is None
+    numbers = found.intrinsics
+    assert (numbers.fx, numbers.fy, numbers.cx, numbers.cy) == (3660.5, 3655.25, 2731.5, 1824.0)
+    assert found.distortion is not None
+    assert "--image-size" in found.notes[-1]
+
+
+def test_what_depends_on_the_size_is_left_open_and_named(tmp_path: Path) -> None:
+    path = tmp_path / "bundle.out"
+    path.write_text(BUNDLE)
+    [found] = parsers.read_unsized(path)
+    assert isinstance(found, UnsizedCalibration)
+    assert (found.intrinsics.fx, found.intrinsics.cx, found.intrinsics.cy) == (700.0, None, None)
+    assert "cx, cy depend on the image size" in found.notes
+    with pytest.raises(MissingSizeError, match="the size cannot come from it"):
+        parsers.read(path, size_from_centre=True)
+
+
+def test_a_size_from_the_centre_is_an_assumption_that_is_told(camera: Path) -> None:
+    [found] = parsers.read(camera, size_from_centre=True)
+    assert found.intrinsics.image_size == (5463, 3648)
+    assert "twice the principal point" in found.notes[-1]
+    assert found.provenance.assumptions[-1] == found.notes[-1]
+    assert parsers.decode(camera.read_bytes(), name="camera.json", size_from_centre=True)[0] == found
+
+
+def test_the_images_beside_a_file_tell_its_size_where_they_agree(camera: Path) -> None:
+    with pytest.raises(MissingSizeError, match="--image-size"):
+        parsers.read(camera)
+    picture(camera.with_name("a.jpg"), **P4R)
+    picture(camera.with_name("b.jpg"), **P4R)
+    [found] = parsers.read(camera)
+    assert found.intrinsics.image_size == (5472, 3648)
+    assert "that of a.jpg and 1 more images beside the file" in found.notes[-1]
+    assert found.provenance.assumptions[-1] == found.notes[-1]
+    assert parsers.read(camera, image_size=(5474, 3650))[0].intrinsics.image_size == (5474, 3650)
+    picture(camera.with_name("c.jpg"), **{**P4R, "size": (4000, 3000)})
+    with pytest.raises(MissingSizeError):
+        parsers.read(camera)
+
+
+def test_images_that_the_principal_point_does_not_fit_tell_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({**K, "camera_matrix": [[900, 0, 640], [0, 900, 360], [0, 0, 1]]}))
+    picture(tmp_path / "a.jpg", **P4R)
+    with pytest.raises(MissingSizeError):
+        parsers.read(path)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        ({"fx": 35.7, "fy": 35.7}, "perhaps mm"),
+        ({"fx": 4.95}, "perhaps mm"),
+        ({"fx": 5e6, "fy": 5e6}, "image sides"),
+        ({"fx": 9000.0}, "differ"),
+        ({"cx": 0.5, "cy": 0.49}, "corner"),
+        ({"cx": 5e4}, "outside"),
+        ({}, None),
+        ({"fx": 170.0, "fy": 170.0}, None),
+        ({"cx": -300.0, "cy": 2.0}, None),
+    ],
+)
+def test_numbers_that_are_no_cameras_are_told(numbers: dict[str, float], said: str | None) -> None:
+    K = {"fx": 1200.0, "fy": 1200.0, "cx": 750.0, "cy": 500.0, **numbers}
+    reason = why_implausible(Intrinsics(**K, image_size=(1500, 1000)))
+    assert (reason is None) if said is None else (reason is not None and said in reason)
