@@ -34,39 +34,57 @@ MEASURED_GRID = 49
 
 
 def refit(
-    calibration: Calibration, target: type[Distortion], *, intrinsics: Intrinsics | None = None
-) -> tuple[Distortion, Fit] | None:
+    calibration: Calibration,
+    target: type[Distortion],
+    *,
+    intrinsics: Intrinsics | None = None,
+    focal_is_free: bool = False,
+) -> tuple[Calibration, Fit] | None:
     """The coefficients of ``target`` that put an image's rays closest to where the calibration puts them.
 
     Args:
         calibration: the original; its distortion is known.
         target: the model to fit.
-        intrinsics: the K the new coefficients stand beside, where it cannot be the original's; it is not
-            fitted.
+        intrinsics: the K the new coefficients stand beside, where it cannot be the original's.
+        focal_is_free: whether its focal lengths, by one factor, are fitted as well; nothing else of it is.
 
     Returns:
-        The distortion and how well it does, None when the model cannot show a ray that the image shows (a
-        perspective model and a fisheye that sees past 90°) or no coefficients were found.
+        The calibration with that lens and how well it does, None when the model cannot show a ray that the image
+        shows (a perspective model and a fisheye that sees past 90°) or no coefficients were found.
     """
     K = intrinsics or calibration.intrinsics
     pixels, rays = _seen(calibration, FITTED_GRID)
     if not len(rays):
         return None
 
-    def residuals(coefficients: FloatArray) -> FloatArray | None:
+    terms = len(target.names())
+
+    def stretched(unknowns: FloatArray) -> Intrinsics:
+        factor = math.exp(unknowns[terms]) if focal_is_free else 1.0
+        return replace(K, fx=K.fx * factor, fy=K.fy * factor)
+
+    def residuals(unknowns: FloatArray) -> FloatArray | None:
         try:
-            model = _model(target, coefficients)
-        except InputError:  # past what the model allows, such as a sensor tilted by 90°
+            model, at = _model(target, unknowns[:terms]), stretched(unknowns)
+        except (InputError, OverflowError):  # past what the model allows, such as a sensor tilted by 90°
             return None
         with np.errstate(all="ignore"):
-            missed = _pixels(K, model.distort_rays(rays)) - pixels
+            missed = _pixels(at, model.distort_rays(rays)) - pixels
         return missed.ravel() if np.isfinite(missed).all() else None
 
-    coefficients = least_squares(residuals, len(target.names()))
-    if coefficients is None:
+    unknowns = least_squares(
+        residuals, terms + focal_is_free, _start(calibration, target, free=int(focal_is_free))
+    )
+    if unknowns is None:
         return None
-    fitted = _model(target, coefficients)
-    return fitted, compare(calibration, replace(calibration, intrinsics=K, distortion=fitted))
+    fitted = replace(calibration, intrinsics=stretched(unknowns), distortion=_model(target, unknowns[:terms]))
+    return fitted, compare(calibration, fitted)
+
+
+def _start(calibration: Calibration, target: type[Distortion], *, free: int) -> FloatArray | None:
+    """The lens itself beside another K; None where the model cannot be it, and zero is as good as any."""
+    same = exact(calibration.distortion, target) if calibration.distortion is not None else None
+    return np.array([*same.coefficients.values(), *[0.0] * free]) if same is not None else None
 
 
 def compare(original: Calibration, copy: Calibration) -> Fit:
@@ -108,57 +126,65 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
     Raises:
         UnsupportedModelError: none does; the message says by how much the best one misses.
     """
-    K = _held(calibration.intrinsics, capacity)
-    _refuse_another_k(calibration, K, max_error_px)
-    distortion = calibration.distortion
+    K, distortion = _held(calibration.intrinsics, capacity), calibration.distortion
+    of_k = compare(calibration, replace(calibration, intrinsics=K))
+    holds_k = calibration.intrinsics == K or of_k.max_px <= min(max_error_px, DEFAULT_MAX_ERROR_PX)
     if distortion is None or not capacity.models:
+        if not holds_k and of_k.max_px > max_error_px:
+            raise UnsupportedModelError(_without(calibration.intrinsics, K, of_k))
         return replace(calibration, intrinsics=K, distortion=None)
-    for model in capacity.models:
+    for model in capacity.models if holds_k else ():
         same = exact(distortion, model)
         if same is not None:
             return replace(calibration, intrinsics=K, distortion=same)
-    best: tuple[Distortion, Fit] | None = None
-    for model in capacity.models:
-        candidate = refit(calibration, model, intrinsics=K)
-        if candidate is None:
-            continue
-        if candidate[1].max_px <= min(max_error_px, DEFAULT_MAX_ERROR_PX):
-            return replace(calibration, intrinsics=K, distortion=candidate[0])
-        if best is None or candidate[1].max_px < best[1].max_px:
-            best = candidate
-    if best is not None and best[1].max_px <= max_error_px:
-        return replace(calibration, intrinsics=K, distortion=best[0])
+    best = _nearest(calibration, capacity, K, holds_k=holds_k, enough=min(max_error_px, DEFAULT_MAX_ERROR_PX))
     names = ", ".join(model.model for model in capacity.models)
     if best is None:
         raise UnsupportedModelError(
             f"the {distortion.model} model has no counterpart among {names}; none shows all that it does"
         )
+    if best[1].max_px <= max_error_px:
+        return best[0]
+    if not holds_k:
+        raise UnsupportedModelError(_without(calibration.intrinsics, K, best[1]))
     raise UnsupportedModelError(
         f"the {distortion.model} model has no exact counterpart among {names}; with the nearest {best[1].model} "
         f"projections {_misses(best[1])}"
     )
 
 
-def _refuse_another_k(calibration: Calibration, K: Intrinsics, max_error_px: float) -> None:
-    """No lens model makes up for a K that the format cannot hold, so this is settled before any fit."""
-    if calibration.intrinsics == K:
-        return
-    fit = compare(calibration, replace(calibration, intrinsics=K))
-    if fit.max_px > max_error_px:
-        before = calibration.intrinsics
-        lost = [
-            f"{name} of {old:.6g} px"
-            for name, old, new in (
-                ("skew", before.skew, K.skew),
-                ("an fx − fy", before.fx - before.fy, K.fx - K.fy),
-                ("a cx − W/2", before.cx - K.image_size[0] / 2, K.cx - K.image_size[0] / 2),
-                ("a cy − H/2", before.cy - K.image_size[1] / 2, K.cy - K.image_size[1] / 2),
-            )
-            if old != new
-        ]
-        raise UnsupportedModelError(
-            f"the format has no place for {', '.join(lost)}; without it, projections {_misses(fit)}"
+def _nearest(
+    calibration: Calibration, capacity: Capacity, K: Intrinsics, *, holds_k: bool, enough: float
+) -> tuple[Calibration, Fit] | None:
+    """The first of the format's models that is near enough, else the nearest; None where none can be fitted."""
+    best: tuple[Calibration, Fit] | None = None
+    lens = calibration.distortion or NoDistortion()
+    same = [model for model in capacity.models if exact(lens, model) is not None]
+    # Beside another K the same lens is nearest, or one whose affine terms make up for it.
+    for model in [model for model in same if model is same[0] or "b1" in model.names()] or capacity.models:
+        candidate = refit(calibration, model, intrinsics=K, focal_is_free=not holds_k)
+        if candidate is None:
+            continue
+        if candidate[1].max_px <= enough:
+            return candidate
+        if best is None or candidate[1].max_px < best[1].max_px:
+            best = candidate
+    return best
+
+
+def _without(before: Intrinsics, K: Intrinsics, fit: Fit) -> str:
+    """What a format that cannot hold a K has no place for, and what that costs at best."""
+    lost = [
+        f"{name} of {old:.6g} px"
+        for name, old, new in (
+            ("skew", before.skew, K.skew),
+            ("an fx − fy", before.fx - before.fy, K.fx - K.fy),
+            ("a cx − W/2", before.cx - K.image_size[0] / 2, K.cx - K.image_size[0] / 2),
+            ("a cy − H/2", before.cy - K.image_size[1] / 2, K.cy - K.image_size[1] / 2),
         )
+        if old != new
+    ]
+    return f"the format has no place for {', '.join(lost)}; without it, projections {_misses(fit)}"
 
 
 def accepted_with(fit: Fit) -> str:

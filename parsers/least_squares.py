@@ -24,13 +24,13 @@ SMALL_MOVE_PX, LARGE_MOVE_PX = 1e-4, 1.0
 """How far a difference may move pixels: enough to be exact to ten digits, too little to leave the tangent."""
 
 
-def least_squares(residuals: Residuals, unknowns: int) -> FloatArray | None:
-    """Levenberg and Marquardt's method from zero; None when not even zero can be evaluated.
+def least_squares(residuals: Residuals, unknowns: int, start: FloatArray | None = None) -> FloatArray | None:
+    """Levenberg and Marquardt's method from ``start``, else zero; None when not even that can be evaluated.
 
     The polynomial models are linear in their coefficients and need two rounds. A step that makes the model
     fold inside the image has no residuals and is shortened like any step that makes things worse.
     """
-    x = np.zeros(unknowns)
+    x = np.zeros(unknowns) if start is None else start
     missed = residuals(x)
     if missed is None or not unknowns:
         return x if missed is not None else None

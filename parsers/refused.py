@@ -47,7 +47,9 @@ _OTHER_SENSOR = re.compile(
 )
 _PICKLE = re.compile(rb"\x80(?:[\x04\x05](\x95)|[\x02-\x05])")
 _WORDS = re.compile(r"[^a-z]+")
-_LENS = re.compile(r"focal|principal|distort|\bf[xy]\b|\bc[xy]\b|fc\b|camera_matrix|intrinsic", re.IGNORECASE)
+_LENS = re.compile(
+    r"^K_|\n\s*K_|focal|principal|distort|\bf[xy]\b|\bc[xy]\b|fc\b|camera_matrix|intrinsic", re.IGNORECASE
+)
 
 
 def _lensfun(content: Content) -> Sniff | None:

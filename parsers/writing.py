@@ -163,6 +163,8 @@ def _lost_lens(original: Calibration, copy: Calibration) -> Iterator[str]:
     if original.distortion is None and copy.distortion is not None:
         yield "that the distortion is unknown (the file reads as having none)"
     before, after = original.intrinsics, copy.intrinsics
+    if getattr(copy.distortion, "b1", 0.0) or getattr(copy.distortion, "b2", 0.0):
+        return  # Affine terms of the lens hold both.
     least = EXACT * max(*before.image_size, before.fx, before.fy)
     if abs(before.skew) > least and not after.skew:
         yield f"skew of {before.skew:.6g} px"

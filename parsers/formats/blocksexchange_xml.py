@@ -11,6 +11,7 @@ In the format's own words::
             <CameraModelType>Perspective</CameraModelType>
             <SensorSize>103.9</SensorSize> <FocalLength>100.7</FocalLength>    mm; or <FocalLengthPixels>
             <PrincipalPoint> <x>4683.7</x> <y>7223.0</y> </PrincipalPoint>     or <xmm>, <ymm>
+            <AspectRatio>1.0003</AspectRatio>        fy / fx
             <Distortion> <K1/> <K2/> <K3/> <P1/> <P2/> </Distortion>
             <Photo> … </Photo>
 
@@ -135,6 +136,7 @@ def _photogroup(calibration: Calibration, number: int) -> str:
         "<CameraModelType>Perspective</CameraModelType>",
         f"<FocalLengthPixels>{native.fx!r}</FocalLengthPixels>",
         "<CameraOrientation>XRightYDown</CameraOrientation>",
+        *([f"<AspectRatio>{K.fy / K.fx!r}</AspectRatio>"] if K.fx != K.fy else []),
         f"<PrincipalPoint><x>{native.cx!r}</x><y>{native.cy!r}</y></PrincipalPoint>",
     ]
     if calibration.distortion is not None:
@@ -158,5 +160,5 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
-    capacity=Capacity(models=(NoDistortion, BrownConrady), two_focals=False, several_cameras=True),
+    capacity=Capacity(models=(NoDistortion, BrownConrady), several_cameras=True),
 )

@@ -69,6 +69,9 @@ def sniff(content: Content) -> Sniff | None:
     tags = content.xml_tags
     if not tags or tags[0] not in ROOTS or "sensor" not in tags:
         return None
+    # DBAT's projects are a <document> too, with sensors and without chunks.
+    if tags[0] == "document" and "chunk" not in tags:
+        return None
     # A sensor by itself has a common name, so it must hold what Metashape's does.
     if tags[0] == "sensor" and not {"resolution", "property"} <= set(tags):
         return None

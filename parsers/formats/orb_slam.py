@@ -51,6 +51,7 @@ MAX_BYTES = 1024 * 1024
 SIDES = ("LEFT", "RIGHT")
 
 _TIGHT = re.compile(r"^([ \t]*+[A-Za-z_][\w.]*+):(?=[^\s:])", re.MULTILINE)
+_SETTING = re.compile(r"^([A-Za-z_][\w.]*+):[ \t]++([^\s#][^#\n]*+).*$", re.MULTILINE)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -65,7 +66,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera of the settings, in the file's order of generations: Camera, Camera1, Camera2, LEFT, RIGHT."""
     text = text_of(data, most=MAX_BYTES)
     # OpenCV needs no space after the colon; the directive's own colon stays.
-    tree = storage.load(_TIGHT.sub(r"\1: ", text).encode(), source=context.name)
+    tree = storage.load(_said_once(_TIGHT.sub(r"\1: ", text)).encode(), source=context.name)
     named = [name for name in CAMERAS if f"{name}.fx" in tree]
     sides = [name for name in SIDES if f"{name}.K" in tree]
     if not named:
@@ -73,6 +74,20 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     several = len(named) + len(sides) > 1
     cameras = [_camera(name, tree, context, several=several) for name in named]
     return cameras + [_side(name, tree, context) for name in sides]
+
+
+def _said_once(text: str) -> str:
+    """Without keys that occur again with the same value, as settings put together by hand have them."""
+    said: set[tuple[str, str]] = set()
+
+    def kept(line: re.Match[str]) -> str:
+        pair = line[1], line[2].strip()
+        if pair in said:
+            return ""
+        said.add(pair)
+        return line[0]
+
+    return _SETTING.sub(kept, text)
 
 
 def _camera(name: str, tree: Node, context: ReadContext, *, several: bool) -> Calibration:

@@ -16,6 +16,7 @@ from calibrary.distortion import (
     KannalaBrandt,
     MetashapeFrame,
     NoDistortion,
+    OffCentreBrown,
     Rational,
     ThinPrism,
     Tilted,
@@ -93,18 +94,19 @@ def independent_fit(lens: MetashapeFrame) -> NDArray[np.float64]:
 def test_a_fit_of_a_linear_model_is_the_linear_least_squares_solution() -> None:
     found = refit(camera(FIVE_TERMS), BrownConrady)
     assert found is not None
+    assert found[0].distortion is not None
     np.testing.assert_allclose(
-        list(found[0].coefficients.values()), independent_fit(FIVE_TERMS), rtol=1e-6, atol=1e-10
+        list(found[0].distortion.coefficients.values()), independent_fit(FIVE_TERMS), rtol=1e-6, atol=1e-10
     )
 
 
 def test_the_error_is_measured_over_the_whole_image_corners_included() -> None:
     found = refit(camera(FIVE_TERMS), BrownConrady)
     assert found is not None
-    lens, fit = found
+    copy, fit = found
     item = camera(FIVE_TERMS)
     rays = item.unproject(np.random.default_rng(3).uniform([0, 0], [5472, 3648], (20_000, 2)))
-    missed = np.linalg.norm(replace(item, distortion=lens).project(rays) - item.project(rays), axis=1)
+    missed = np.linalg.norm(copy.project(rays) - item.project(rays), axis=1)
     assert missed.max() <= fit.max_px
     assert fit.rms_px == pytest.approx(np.sqrt(np.mean(missed**2)), rel=0.2)
     assert fit.radius_px == pytest.approx(np.hypot(2741.3, 3648 - 1815.9))
@@ -134,10 +136,37 @@ class Capped(OpenCVDistortion):
 def test_a_fit_stays_within_what_the_model_allows() -> None:
     fitted = refit(camera(BROWN), Capped)
     assert fitted is not None
-    assert 0 < abs(fitted[0].coefficients["k1"]) <= 0.05
+    assert isinstance(fitted[0].distortion, Capped)
+    assert 0 < abs(fitted[0].distortion.k1) <= 0.05
 
 
-def test_k_is_never_fitted() -> None:
+def test_one_focal_length_is_fitted_where_the_format_has_no_two() -> None:
+    """The mean of fx and fy is not the best single one: the image is wider than high, so x weighs more."""
+    oblong = camera(BROWN)
+    oblong = replace(oblong, intrinsics=replace(oblong.intrinsics, fx=3650.0, fy=3649.0))
+    capacity = Capacity(models=(BrownConrady,), two_focals=False)
+    with pytest.raises(
+        UnsupportedModelError, match=r"fx − fy of 1 px.*--max-error-px 0\.\d+ to accept"
+    ) as refused:
+        adapt(oblong, capacity, max_error_px=0.05)
+    value = float(str(refused.value).rpartition("--max-error-px ")[2].split()[0])
+    item = adapt(oblong, capacity, max_error_px=value)
+    K = item.intrinsics
+    mean = replace(oblong, intrinsics=replace(K, fx=3649.5, fy=3649.5))
+    assert K.fx == K.fy
+    assert K.fx != 3649.5
+    assert compare(oblong, item).rms_px < compare(oblong, mean).rms_px
+
+
+def test_affine_terms_of_a_lens_hold_what_k_cannot() -> None:
+    item = camera(BROWN)
+    odd = replace(item, intrinsics=replace(item.intrinsics, fx=3650.0, fy=3649.0, skew=-0.5))
+    found = adapt(odd, Capacity(models=(OffCentreBrown,), two_focals=False), max_error_px=0.05)
+    assert (found.intrinsics.skew, found.intrinsics.fx) == (0.0, found.intrinsics.fy)
+    assert compare(odd, found).max_px < 0.05
+
+
+def test_k_is_not_fitted_where_the_format_can_hold_it() -> None:
     item = adapt(camera(RATIONAL), Capacity(models=(BrownConrady,)), max_error_px=1.0)
     assert item.intrinsics == camera().intrinsics
 

@@ -44,6 +44,18 @@ def test_a_new_entry_is_a_draft_with_its_whole_provenance(fleet: Path, tmp_path:
     assert git(fleet, "status", "--porcelain") == ""
 
 
+def test_a_k_of_no_camera_enters_by_force_only(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = xml(tmp_path / "a.xml", f=4.95)
+    code, _, told = run(capsys, "add", file, *CAMERA, "--yes")
+    assert code == 3
+    assert "4.95 px" in told
+    assert "--force" in told
+    assert run(capsys, "add", file, *CAMERA, "--yes", "--force", "--reason", "a test of units")[0] == 0
+    assert held(fleet).entry.calibration.intrinsics.fx == 4.95
+
+
 def test_flags_say_what_the_source_does_not_and_nothing_else_does(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

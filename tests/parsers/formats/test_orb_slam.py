@@ -134,6 +134,11 @@ def test_rectified_images_have_no_distortion() -> None:
         assert read(text)[0].distortion == NoDistortion()
 
 
+def test_a_key_that_says_the_same_again_is_no_contradiction() -> None:
+    [line] = [line for line in OLD.splitlines() if line.startswith("Camera.fx:")]
+    assert read(f"{OLD}{line}   # as above\n")[0].intrinsics == read(OLD)[0].intrinsics
+
+
 def test_another_model_is_refused_by_name() -> None:
     with pytest.raises(UnsupportedModelError, match="Fisheye624"):
         read(OLD + 'Camera.type: "Fisheye624"\n')

@@ -95,9 +95,19 @@ def test_it_is_recognised_and_refused_with_what_to_do(name: str, text: str, mess
         "one\ntwo\nthree\nfour\nfive\nsix of CalCam\n",
         "[SPATIAL]\nreference = here\n",
         "gyro_bias = 0.001\n",
+        "K_nirL: 800 0 320\ngyro: 0.1\nimu: 0.2\n",
+        '<document dbat_script_version="1.0"><cameras><camera><sensor>36 24</sensor></camera></cameras></document>',
         "accel_noise: 0.01\ngyro_noise: 0.02\nintrinsics: see below\n",
     ],
-    ids=["a word farther down", "a name farther down", "a section alone", "one key", "a rig with a lens"],
+    ids=[
+        "a word farther down",
+        "a name farther down",
+        "a section alone",
+        "one key",
+        "MS2's cameras",
+        "DBAT's project",
+        "a rig with a lens",
+    ],
 )
 def test_what_only_resembles_one_is_not_claimed(text: str) -> None:
     with pytest.raises(UnknownFormatError):
