@@ -149,6 +149,7 @@ class Circumstances:
         others: what other sources say, the judged one not among them.
         focal_mm, focal_35mm: EXIF's, where the K rests on them.
         weighed: nothing is known of the camera, and the sources of an image are all there is.
+        resized: the K assumes that the image was resized, where it may have been cropped to the same proportions.
         sensor_assumed: the K rests on an assumed sensor size.
         sensor_given: it rests on one that the user stated.
         zoom: by how much digital zoom may have enlarged the image: the K rests on how the camera handles it.
@@ -161,6 +162,7 @@ class Circumstances:
     focal_mm: float | None = None
     focal_35mm: float | None = None
     weighed: bool = False
+    resized: bool = False
     sensor_assumed: bool = False
     sensor_given: bool = False
     zoom: float = 1.0
@@ -270,9 +272,11 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
         usual = max(policy.known_camera_tolerance, expected.spread or 0.0)
         yield _against_known(c, expected, expected.tolerance if expected.tolerance is not None else usual)
         return
-    confirming = _confirming(c, policy, around)
-    if confirming is not None:
-        fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
+    confirming = _agreeing(c, policy, around)
+    fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
+    widest = (policy.measured_over_width or policy.focal_over_width)[0]
+    # Two statements of a sensor's size are divided by one FocalLength, and confirm a wrong one as well.
+    if confirming is not None and not (around.weighed and fx_over_w < widest):
         message = f"fx = {fx_over_w:.3f} W, confirmed independently by {confirming.name}"
         yield Finding(rule="focal-plausibility", severity=Severity.PASS, measured=fx_over_w, message=message)
         return
@@ -283,8 +287,13 @@ def _focal_plausibility(c: Calibration, policy: Policy, around: Circumstances) -
 
 
 def _confirming(c: Calibration, policy: Policy, around: Circumstances) -> NamedFocal | None:
-    """An independent source that agrees, where the policy takes its word."""
-    if not policy.independent_sources_settle or around.sensor_assumed:
+    """An independent source that proves K, where the policy takes its word: of an assumed sensor, none does."""
+    return None if around.sensor_assumed else _agreeing(c, policy, around)
+
+
+def _agreeing(c: Calibration, policy: Policy, around: Circumstances) -> NamedFocal | None:
+    """An independent source that agrees."""
+    if not policy.independent_sources_settle:
         return None
     # The rounding of an estimate can excuse a disagreement, but proves no agreement (a 35 mm equivalent of 1).
     return next((o for o in around.others if o.independent and _apart(c, o) <= _near(o, policy)), None)
@@ -455,6 +464,18 @@ def _as_the_camera_wrote_it(_: Calibration, policy: Policy, around: Circumstance
         )
 
 
+def _resized(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
+    """A width and an equivalent both describe the whole frame: they agree for a crop of its proportions as well."""
+    if around.resized and around.weighed and policy.independent_sources_settle:
+        yield Finding(
+            rule="whole-frame",
+            severity=Severity.UNPROVEN,
+            message="the image was resized, or cropped to the same proportions, since the camera wrote it; "
+            "K assumes that it was resized",
+            remedy=GIVE_FILES,
+        )
+
+
 def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> Iterator[Finding]:
     """Distortion that is not monotonic up to the image's corner maps two directions to one pixel."""
     if c.distortion is None or not policy.distortion_monotonic:
@@ -513,6 +534,7 @@ RULES: tuple[Rule, ...] = (
     _sensor_stated,
     _digital_zoom,
     _as_the_camera_wrote_it,
+    _resized,
     _distortion_monotonic,
     _group_spread,
 )

@@ -184,7 +184,10 @@ def test_outside_the_band_only_an_independent_source_settles_a_focal_length() ->
     assert severity(validate(low, FLEET, around()), rule) is Severity.PASS
     dependent = NamedFocal(name="XMP", fx=3010.0, independent=False)
     assert severity(validate(low, FLEET, around(others=(dependent,))), rule) is Severity.ERROR
-    assert severity(validate(low, FLEET, around(sensor_assumed=True)), rule) is Severity.ERROR
+    assumed = validate(low, FLEET, around(sensor_assumed=True))
+    assert (severity(assumed, rule), assumed.verdict) == (Severity.PASS, Verdict.UNPROVEN)
+    alone = validate(low, FLEET, Circumstances(sensor_assumed=True))
+    assert severity(alone, rule) is Severity.ERROR
 
 
 @pytest.mark.parametrize(("fx", "found"), [(4849.0, Severity.ERROR), (4851.0, Severity.PASS)])

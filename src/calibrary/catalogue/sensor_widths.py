@@ -38,6 +38,10 @@ OTHER_NAMES: Final = {
 ADDED_WORDS: Final = frozenset({"camera", "digital", "zoom"})
 """What cameras append to their Model and the databases leave out."""
 
+MARK: Final = re.compile(r"(.*\d)m([2-7])(a?)")
+NUMERALS: Final = {2: "ii", 3: "iii", 4: "iv", 5: "v", 6: "vi", 7: "vii"}
+"""Sony writes DSC-RX100M3 for what is sold, and listed, as the RX100 III."""
+
 SHORTEST_TAIL: Final = 3
 """Letters and digits of a Model that may stand for the end of a longer name ("DSC-P52")."""
 
@@ -69,6 +73,8 @@ def _names(model: str, makers: set[str]) -> Iterator[str]:
     if before in makers and rest:
         words[0] = rest
     yield _squeezed(" ".join(words))
+    if words and (marked := MARK.fullmatch(words[-1])):
+        yield _squeezed(" ".join((*words[:-1], marked[1], NUMERALS[int(marked[2])], marked[3])))
     shorter = list(words)
     while len(shorter) > 1 and (shorter[-1] in ADDED_WORDS or shorter[-1].startswith("(")):
         shorter.pop()

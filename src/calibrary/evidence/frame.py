@@ -16,7 +16,10 @@ from calibrary.errors import FrameError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.records import replace
 
-__all__ = ["Adapted", "adapt", "exif_contradiction", "files_frame"]
+__all__ = ["RESIZED", "Adapted", "adapt", "exif_contradiction", "files_frame"]
+
+RESIZED = "the image was resized, not cropped"
+"""Assumed where a size in EXIF, or a focal plane, is of the same image at another scale."""
 
 CROP_SLACK_PX = 2
 """Modes round their sides to multiples of the codec's block."""
@@ -47,9 +50,14 @@ def adapt(intrinsics: Intrinsics, metadata: ImageMetadata) -> Adapted:
     Raises:
         FrameError: no scale and no centred 1:1 crop leads from one frame to the other.
     """
-    adapted = Adapted(intrinsics=intrinsics, reference_size=intrinsics.image_size)
-    adapted = _zoomed(adapted, metadata)
     file_size, exif_size = metadata.size, metadata.exif_size
+    is_resized = exif_size is not None and exif_size != file_size and same_aspect(exif_size, file_size)
+    adapted = Adapted(
+        intrinsics=intrinsics,
+        reference_size=intrinsics.image_size,
+        assumptions=(RESIZED,) if is_resized else (),
+    )
+    adapted = _zoomed(adapted, metadata)
     try:
         return _step(adapted, file_size)
     except FrameError:

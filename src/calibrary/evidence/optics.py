@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from calibrary.calibration import Grade, ImageSize, Intrinsics
+from calibrary.calibration import Grade, ImageSize, Intrinsics, same_aspect
 from calibrary.evidence.context import Finding, Scene
 from calibrary.evidence.estimate import AGREEMENT, Dropped, Source
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
 
-__all__ = ["estimates"]
+__all__ = ["estimates", "is_part"]
 
 DIAGONAL_35MM = math.hypot(36.0, 24.0)
 WIDTH_35MM = 36.0
@@ -31,11 +31,24 @@ PITCH_UM = (0.7, 20.0)
 SQUARE_PIXELS = 0.05
 """Canon's two resolutions differ by up to 2 % for square pixels."""
 
-SENSOR_ASPECT = (1.15, 1.95)
-"""Longer over shorter side, from 5:4 to 16:9 with slack; a frame outside of it was cut."""
+SENSOR_ASPECT = (1.0, 1.95)
+"""Longer over shorter side, from square to 16:9 with slack; a frame outside of it is a panorama or a strip."""
+
+LARGEST_SENSOR_MM = 56.0
+"""Digital medium format is up to 53.9 mm wide."""
+
+WIDE_SENSORS_MM = ((12.5, 13.5), (20.0, 37.0))
+"""Sensors of 3:2: the 1-inch type, and APS-C to full frame. Smaller, four thirds and medium format are 4:3."""
+
+NARROW = 0.9
+"""A frame this much narrower than its sensor had its width cut: 4:3 or 5:4 out of 3:2, square out of 4:3. Not 5:4
+out of 4:3: small sensors of 5:4 exist."""
 
 CUT_SLACK = 0.09
 """For a frame that may have been cut out of a 4:3 one."""
+
+NOMINAL_FACTOR = 0.02
+"""Makers multiply by a nominal crop factor: Nikon by 1.5 for sensors of 23.5 mm, which is 1.53."""
 
 SMALL_SENSOR = 3.0
 """35 mm equivalent over focal length: above it sensors are 4:3, and a 3:2 frame is a crop."""
@@ -109,8 +122,13 @@ def _inferred(scene: Scene, focal_mm: float) -> Iterator[Finding]:
 def _by_width(scene: Scene, focal_mm: float, width_mm: float, source: Source, what: str) -> Finding:
     """Focal length over the sensor's longer side, which the frame is taken to span."""
     size = files_frame(scene.metadata)
-    focal = focal_mm / width_mm * max(size)
+    spanned = _spanned(size, width_mm)
+    focal = focal_mm / width_mm * spanned
     assumptions = (f"the image spans the sensor's {width_mm:g} mm",)
+    if spanned > max(size):
+        assumptions = (
+            f"the image spans the sensor's height, and {max(size) / spanned:.0%} of its {width_mm:g} mm",
+        )
     return scene.estimate(
         source,
         f"EXIF FocalLength ÷ {what}",
@@ -119,6 +137,18 @@ def _by_width(scene: Scene, focal_mm: float, width_mm: float, source: Source, wh
         tolerance=EQUAL_FOCAL if source is Source.FULL_FRAME else 0.0,
         assumptions=assumptions,
     )
+
+
+def _spanned(size: ImageSize, width_mm: float) -> float:
+    """The longer side in px that a frame had before its width was cut; its own where it was not.
+
+    Cameras and editors cut a narrower frame out of the sensor's middle and leave its height: 5:4 or 4:3 out of 3:2,
+    a square out of 4:3.
+    """
+    longer, shorter = max(size), min(size)
+    is_wide = any(low <= width_mm <= high for low, high in WIDE_SENSORS_MM)
+    native = shorter * (3 / 2 if is_wide else 4 / 3)
+    return native if longer < NARROW * native else longer
 
 
 def _by_sensor(scene: Scene, focal_mm: float, sensor_mm: tuple[float, float], source: Source) -> Finding:
@@ -141,10 +171,34 @@ def _by_sensor(scene: Scene, focal_mm: float, sensor_mm: tuple[float, float], so
 
 def _by_pitch(scene: Scene, focal_mm: float, pitch_um: float, native_size: ImageSize) -> Finding:
     focal = focal_mm * 1000.0 / pitch_um
-    intrinsics = _centred(focal, focal, native_size)
+    frame = files_frame(scene.metadata)
+    part = is_part(scene, focal, native_size)
+    intrinsics = _centred(focal, focal, frame if part else native_size)
     return scene.estimate(
-        Source.CATALOGUE_PITCH, "EXIF FocalLength ÷ catalogue pitch", Grade.DERIVED, intrinsics
+        Source.CATALOGUE_PITCH,
+        "EXIF FocalLength ÷ catalogue pitch",
+        Grade.DERIVED,
+        intrinsics,
+        assumptions=("the crop is centred",) if part else (),
     )
+
+
+def is_part(scene: Scene, focal: float, native_size: ImageSize) -> bool:
+    """Whether a smaller frame is a 1:1 part of the sensor, as the APS-C mode of a full-frame body is.
+
+    Its 35 mm equivalent tells: it is of the part, and fits that only with the sensor's own pixels.
+
+    Args:
+        scene: of the image.
+        focal: of the camera, in px of the full frame.
+        native_size: that frame.
+    """
+    focal_35mm, frame = scene.metadata.focal_35mm, files_frame(scene.metadata)
+    if focal_35mm is None or not same_aspect(frame, native_size) or frame[0] >= native_size[0]:
+        return False
+    stated = focal_35mm / DIAGONAL_35MM * math.hypot(*frame)
+    within = AGREEMENT + 1.0 / focal_35mm
+    return abs(stated / focal - 1.0) <= within < abs(stated / (focal * frame[0] / native_size[0]) - 1.0)
 
 
 def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
@@ -181,6 +235,9 @@ def _odd_focal_plane(scene: Scene, per_mm: tuple[float, float]) -> str | None:
     pitch, (low, high) = 1000.0 / max(per_mm), PITCH_UM
     if not low <= pitch <= high:
         return f"would be pixels of {pitch:.2g} µm, expected {low:g} … {high:g} µm"
+    if max(files_frame(scene.metadata)) / max(per_mm) > LARGEST_SENSOR_MM:
+        found = max(files_frame(scene.metadata)) / max(per_mm)
+        return f"would be a sensor {found:.0f} mm wide, expected up to {LARGEST_SENSOR_MM:g} mm: another unit is meant"
     if abs(per_mm[0] / per_mm[1] - 1.0) > SQUARE_PIXELS:
         return f"would be pixels {per_mm[1] / per_mm[0]:.2f} times as wide as high"
     width, height = files_frame(scene.metadata)
@@ -219,7 +276,13 @@ def _slack_35mm(scene: Scene, size: ImageSize, focal_35mm: float) -> float:
         return rounding
     if not scene.weighs:
         return max(rounding, CUT_SLACK if size[0] * 10 > size[1] * 16 else 0.0)
+    rounding += NOMINAL_FACTOR
     longer, shorter = max(size), min(size)
+    width_mm = scene.listed.mm if scene.listed is not None else WIDTH_35MM
+    spanned = _spanned(size, width_mm)
+    if spanned > longer and (scene.listed is not None or scene.focal_mm == focal_35mm):
+        # Counted by the whole sensor's diagonal, or by the frame's.
+        return rounding + math.hypot(spanned, shorter) / math.hypot(longer, shorter) - 1.0
     is_small = focal_35mm > SMALL_SENSOR * (scene.focal_mm or math.inf)
     if longer * 10 > shorter * (14 if is_small else 16):
         return max(rounding, CUT_SLACK)

@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from calibrary.calibration import Grade, same_aspect
+from calibrary.calibration import Grade
 from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import AGREEMENT, UNCONFIRMED, Dropped, Source, SourceEstimate
-from calibrary.evidence.frame import files_frame
+from calibrary.evidence.frame import RESIZED, files_frame
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.records import replace
 
 __all__ = ["weigh"]
-
-RESIZED = "the image was resized, not cropped"
 
 
 def weigh(
@@ -36,8 +34,7 @@ def weigh(
             f"assumed that {RESIZED}, and the tag kept"
         )
         dropped = (Dropped(source=stale.source, tag=stale.tag, reason=reason),)
-    if stale is not None or _is_resized(scene.metadata):
-        kept = [replace(one, assumptions=(*one.assumptions, RESIZED)) for one in kept]
+        kept = [replace(one, assumptions=tuple(dict.fromkeys((*one.assumptions, RESIZED)))) for one in kept]
     return sorted((_graded(one, kept) for one in kept), key=lambda one: one.rank), dropped
 
 
@@ -65,12 +62,6 @@ def _graded(estimate: SourceEstimate, estimates: Sequence[SourceEstimate]) -> So
 
 def _agree(one: SourceEstimate, other: SourceEstimate, within: float) -> bool:
     return abs(one.intrinsics.fx / other.intrinsics.fx - 1.0) <= within
-
-
-def _is_resized(metadata: ImageMetadata) -> bool:
-    """Whether EXIF states the file's size at another scale."""
-    exif_size = metadata.exif_size
-    return exif_size is not None and exif_size != metadata.size and same_aspect(exif_size, metadata.size)
 
 
 def _width_mm(metadata: ImageMetadata, estimate: SourceEstimate) -> float:

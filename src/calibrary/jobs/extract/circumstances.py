@@ -9,8 +9,8 @@ from calibrary.evidence.collect import Evidence
 from calibrary.evidence.context import Scene
 from calibrary.evidence.edits import edits
 from calibrary.evidence.estimate import Source, SourceEstimate
-from calibrary.evidence.frame import adapt
-from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.frame import RESIZED, adapt, files_frame
+from calibrary.evidence.optics import is_part
 from calibrary.jobs.extract.cameras import Sensor, State
 from calibrary.jobs.extract.knowledge import Known
 from calibrary.known_camera import SensorWidth
@@ -55,7 +55,7 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
     metadata = evidence.scene.metadata
     causes = {conflict.other: conflict.cause.value for conflict in evidence.conflicts}
     return Circumstances(
-        expected=_expected(evidence.scene.written, known),
+        expected=_expected(evidence.scene, known),
         others=tuple(
             replace(named(estimate, chosen), cause=causes.get(estimate))
             for estimate in evidence.estimates
@@ -64,6 +64,7 @@ def circumstances(evidence: Evidence, known: Known, *, spread: float | None = No
         focal_mm=metadata.focal_mm,
         focal_35mm=metadata.focal_35mm,
         weighed=evidence.scene.weighs,
+        resized=chosen is not None and RESIZED in chosen.assumptions,
         sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
         sensor_given=chosen is not None and chosen.source is Source.GIVEN_SENSOR,
         zoom=evidence.scene.written.zoom,
@@ -83,7 +84,7 @@ def named(estimate: SourceEstimate, chosen: SourceEstimate | None) -> NamedFocal
     )
 
 
-def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
+def _expected(scene: Scene, known: Known) -> Expected | None:
     """The known camera's focal length in the file's frame, None where it is not known there."""
     if known.resolution is not None:
         return Expected(
@@ -91,12 +92,14 @@ def _expected(metadata: ImageMetadata, known: Known) -> Expected | None:
             tolerance=known.resolution.entry.tolerance,
             source="registry",
         )
-    camera = known.camera
+    camera, metadata = known.camera, scene.written
     over_width = camera.fx_over_w_at(metadata.focal_mm) if camera is not None else None
     if camera is None or over_width is None or camera.native_size is None:
         return None
     width, height = camera.native_size
     focal = over_width * width
+    if is_part(scene, focal, camera.native_size):
+        width, height = files_frame(metadata)
     native = Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=(width, height))
     try:
         fx = adapt(native, metadata).intrinsics.fx

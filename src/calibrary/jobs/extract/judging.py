@@ -182,6 +182,7 @@ def _inheriting(
         expected=around.expected or theirs.expected,
         others=(*(named(estimate, chosen) for estimate in one[1].estimates), *theirs.others),
         weighed=theirs.weighed,
+        resized=around.resized or theirs.resized,
         sensor_assumed=theirs.sensor_assumed,
         sensor_given=theirs.sensor_given,
     )
