@@ -19,6 +19,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "report-1": "calibrary.jobs.extract.report:ExtractReport",
     "diff-1": "calibrary.jobs.diff.report:DiffReport",
     "fleet-diff-1": "calibrary.jobs.diff.report:FleetDiffReport",
+    "check-1": "calibrary.jobs.check.run:CheckReport",
     "corners-1": "calibrary.calib.corners_file:CornersFile",
     "calibration-result-1": "calibrary.jobs.calibrate_board.report:CalibrateReport",
     "registry-audit-1": "calibrary.jobs.audit.report:AuditReport",

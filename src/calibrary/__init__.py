@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from calibrary.api.boards import CalibrateResult, calibrate
     from calibrary.api.changes import CompareResult, compare
+    from calibrary.api.checks import CheckResult, check
     from calibrary.api.files import read, read_all, refit, write
     from calibrary.api.fleet import Fleet, FleetAnswer, open_registry
     from calibrary.api.images import ExtractResult, extract
@@ -30,6 +31,7 @@ __all__ = [
     "CalibrateResult",
     "Calibration",
     "CameraKey",
+    "CheckResult",
     "CompareResult",
     "ExtractResult",
     "Fleet",
@@ -43,6 +45,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "calibrate",
+    "check",
     "compare",
     "extract",
     "extract_intrinsic_matrix",
@@ -57,6 +60,7 @@ __all__ = [
 _HOMES = {
     "calibrary.api.boards": ("CalibrateResult", "calibrate"),
     "calibrary.api.changes": ("CompareResult", "compare"),
+    "calibrary.api.checks": ("CheckResult", "check"),
     "calibrary.api.fleet": ("Fleet", "FleetAnswer", "open_registry"),
     "calibrary.api.images": ("ExtractResult", "extract"),
     "calibrary.api.files": ("read", "read_all", "refit", "write"),

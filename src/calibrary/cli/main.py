@@ -30,6 +30,11 @@ GROUPS = (
                 f"{HERE}.extract",
             ),
             Command(
+                "check",
+                "say whether the K that you are about to use is right for these images",
+                f"{HERE}.check",
+            ),
+            Command(
                 "undistort", "remove lens distortion from images, and write their new K", f"{HERE}.undistort"
             ),
         ),
@@ -91,7 +96,7 @@ EXIT_BROKEN_PIPE = 141
 EPILOG = """\
 exit codes:
   0  good
-  1  a policy was broken, or a K is not proven
+  1  a policy was broken, a K is not proven or not right, or an image cannot be read
   2  the command was not understood
   3  an input cannot be read
   4  the registry cannot be read or written

@@ -6,7 +6,7 @@ something refines it; the fleet's registry. Every step leaves a record, whether 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -14,13 +14,11 @@ from pathlib import Path
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import NoDistortion
-from calibrary.errors import CalibraryError, InputError, UnknownFormatError
+from calibrary.errors import InputError
 from calibrary.evidence.estimate import Source
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.circumstances import circumstances
-from calibrary.jobs.extract.gather import find_files
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.parsers.image_names import is_image
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.validation import Report, Verdict, validate
@@ -31,15 +29,10 @@ __all__ = [
     "Step",
     "StepName",
     "StepOutcome",
-    "find_calibrations",
+    "fits",
     "read_matrix",
     "seed",
 ]
-
-CALIBRATION_SUFFIXES = frozenset(
-    {".xml", ".yml", ".yaml", ".json", ".cal", ".txt", ".cam", ".opt", ".ini", ".toml"}
-)
-LARGEST_CALIBRATION = 4 << 20
 
 
 class StepName(StrEnum):
@@ -127,37 +120,6 @@ def read_matrix(path: Path) -> tuple[str, Callable[[ImageSize], Intrinsics]]:
     return path.name, for_frame
 
 
-def find_calibrations(
-    folders: Sequence[Path], root: Path, *, recursive: bool
-) -> tuple[list[tuple[str, Calibration]], list[tuple[str, str]]]:
-    """Every camera of every calibration file that lies with the images, and the files that could not be read.
-
-    Args:
-        folders: where the images lie.
-        root: names are told relative to it.
-        recursive: go into sub-folders.
-    """
-    found: list[tuple[str, Calibration]] = []
-    unreadable: list[tuple[str, str]] = []
-    files = dict.fromkeys(
-        path for folder in folders for path in find_files(folder, recursive=recursive, unreadable=[])
-    )
-    for path in files:
-        suffix = path.suffix.lower()
-        if is_image(path) or suffix not in CALIBRATION_SUFFIXES:
-            continue
-        name = path.relative_to(root).as_posix()
-        try:
-            calibrations = parsers.read(path, max_bytes=LARGEST_CALIBRATION)
-        except UnknownFormatError:
-            continue
-        except (CalibraryError, OSError) as error:
-            unreadable.append((name, str(error)))
-        else:
-            found.extend((name, calibration) for calibration in calibrations)
-    return found, unreadable
-
-
 def seed(key: CameraKey, size: ImageSize, equivalent_px: float | None = None) -> Calibration:
     """Where a self-calibration may start, never a K: 0.8 · max(W, H) and the middle of the frame.
 
@@ -235,7 +197,7 @@ def _explicit(camera: Camera, size: ImageSize, policy: Policy, sources: Sources)
 
 def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Sources) -> Attempt:
     name = StepName.CALIBRATION_FILE
-    fitting = [(source, c) for source, c in sources.files if _fits(c, camera.key, size)]
+    fitting = [(source, c) for source, c in sources.files if fits(c, camera.key, size)]
     if not fitting:
         why = "no calibration file for this image size is beside the images"
         if sources.unreadable:
@@ -263,8 +225,8 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
     return _judged(camera, replace(calibration, camera=camera.key), policy, name, source)
 
 
-def _fits(calibration: Calibration, key: CameraKey, size: ImageSize) -> bool:
-    """Whether a file's camera can be this one: same frame, and no other Model named."""
+def fits(calibration: Calibration, key: CameraKey, size: ImageSize) -> bool:
+    """Whether a file's camera can be this one: same proportions, and no other Model named."""
     width, height = calibration.intrinsics.image_size
     if width * size[1] != height * size[0]:
         return False

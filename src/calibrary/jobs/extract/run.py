@@ -10,9 +10,10 @@ from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import TagFault
+from calibrary.jobs.extract.beside import contradictions, find_candidates
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
-from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, find_calibrations, read_matrix
+from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, read_matrix
 from calibrary.jobs.extract.gather import Gathered, SkippedFile, collect_images, gather
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
@@ -93,26 +94,26 @@ def run(request: Request) -> Extraction:
         sensor, warnings = _sensor(request, states)
         cameras = [one for key, group in states.items() for one in _judged(key, group, request, sensor)]
     rivals = _rivals(cameras)
-    files, unreadable = (
-        find_calibrations(found.folders, found.root, recursive=request.recursive) if rivals else ([], [])
-    )
+    beside, unreadable = find_candidates(found.folders, found.root, cameras, recursive=request.recursive)
     sources = Sources(
         matrix=matrix,
-        files=tuple(files),
+        files=tuple((one.label, K) for one in beside if one.states_size for K in one.calibrations),
         unreadable=tuple(unreadable),
         knowledge=knowledge,
         rivals=rivals,
     )
     names = slugs_of(cameras)
+    reports = tuple(
+        CameraReport(slug=slug, camera=camera, fallback=_fallback(camera, request.policy, sources))
+        for slug, camera in zip(names, cameras, strict=True)
+    )
+    contradicting = contradictions(beside, reports, request.policy)
     return Extraction(
         policy=request.policy,
-        cameras=tuple(
-            CameraReport(slug=slug, camera=camera, fallback=_fallback(camera, request.policy, sources))
-            for slug, camera in zip(names, cameras, strict=True)
-        ),
+        cameras=reports,
         rejected=tuple(gathered.rejected),
         skipped=pictures,
-        warnings=(*knowledge.warnings, *_unread(gathered), *warnings),
+        warnings=(*knowledge.warnings, *_unread(gathered), *warnings, *contradicting),
     )
 
 

@@ -1,0 +1,101 @@
+"""``calibrary check``: whether the K that is about to be used is right for the images of a flight."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.progress import Bar
+from calibrary.cli.reading import add_reading_flags, reading_of
+
+if TYPE_CHECKING:
+    from calibrary.api.checks import CheckResult
+    from calibrary.cli.console import Screen
+
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
+
+DESCRIPTION = (
+    "Say whether the K that you are about to use is right for the images of a flight, and else by how much it is "
+    "off, in per cent and on the ground. (The entries of a registry are checked by 'calibrary registry check'.)"
+)
+EXAMPLES = """\
+examples:
+  calibrary check flight/                        every calibration file that lies with the images
+  calibrary check flight/ K.npy                  a K, of any format, for these images
+  calibrary check flight/ camera.xml cameras.json --altitude-m 60
+  calibrary check flight/ K.npy --json           the same for machines
+
+exit code 0: every file is right for every camera that it can be of; 1: at least one is off, or the images give no
+valid K to hold it against.
+"""
+
+STYLES = {"right": "bold green", "off": "bold red", "unknown": "bold yellow"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder of images, or an image")
+    parser.add_argument(
+        "files",
+        nargs="*",
+        type=Path,
+        metavar="FILE",
+        help="calibration files of any format (default: those that lie with the images)",
+    )
+    parser.add_argument("--recursive", action="store_true", help="go into sub-folders")
+    parser.add_argument("--registry", type=Path, metavar="PATH", help="the fleet's registry of calibrations")
+    parser.add_argument(
+        "--altitude-m", type=float, default=100.0, metavar="M", help="for what it means on the ground (100)"
+    )
+    parser.add_argument("--policy", default="fleet", metavar="NAME|FILE", help="whose limits decide")
+    add_reading_flags(parser)
+    add_json_flag(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from calibrary.api.checks import check
+    from calibrary.cli.console import note, out
+
+    if not 0 < arguments.altitude_m < float("inf"):
+        arguments.parser.error("--altitude-m: expected metres above ground, more than 0")
+    with Bar(note(arguments), "reading images") as bar:
+        result = check(
+            arguments.folder,
+            arguments.files,
+            policy=arguments.policy,
+            registry=arguments.registry,
+            recursive=arguments.recursive,
+            altitude_m=arguments.altitude_m,
+            reading=reading_of(arguments),
+            progress=bar,
+        )
+    if arguments.json:
+        print_json(result.to_dict())
+    else:
+        _show(out(arguments), result)
+    return 0 if result.is_right else 1
+
+
+def _show(screen: Screen, result: CheckResult) -> None:
+    """A line for each file and camera, and last the answer."""
+    from calibrary.cli.console import plain
+
+    for one in result.files:
+        whose = f" for {one.camera}" if one.camera is not None else ""
+        screen.say(f"[{STYLES[one.verdict.value]}]{one.verdict.value}[/]  {plain(f'{one.file}{whose}')}")
+        screen.say(f"  {plain(one.message)}")
+    for skipped in result.found.not_read:
+        screen.say(f"[dim]not read  {plain(f'{skipped.name}: {skipped.reason}')}[/]")
+    screen.say("")
+    wrong = [one for one in result.files if one.verdict.value != "right"]
+    if not wrong:
+        screen.say("[bold green]the K you are about to use is right[/]")
+        return
+    count = f"{len(wrong)} of {len(result.files)}: " if len(result.files) > 1 else ""
+    told = "is " if wrong[0].message.startswith("off") else "cannot be used: "
+    screen.say(
+        f"[bold red]{count}the K you are about to use {told}{plain(wrong[0].message.partition(': fx is')[0])}[/]"
+    )

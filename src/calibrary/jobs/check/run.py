@@ -1,0 +1,166 @@
+"""The check from end to end: images and calibration files in, a verdict on each file out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from calibrary.calibration import ImageSize
+from calibrary.errors import InputError
+from calibrary.jobs.exchange.argument import entry_file
+from calibrary.jobs.extract import run as extract
+from calibrary.jobs.extract.beside import (
+    ALTITUDE_M,
+    Candidates,
+    CheckedFile,
+    Rightness,
+    check_candidates,
+    find_candidates,
+    read_candidates,
+)
+from calibrary.jobs.extract.extraction import Extraction
+from calibrary.jobs.extract.gather import SkippedFile, collect_images
+from calibrary.parsers.files import MAX_BYTES
+from calibrary.policy import FLEET, Policy
+from calibrary.progress import Progress
+from calibrary.records import Meta, Record
+from calibrary.registry.entry_yaml import parse_entry
+
+__all__ = ["Check", "CheckReport", "CheckRequest", "check", "report_of"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckRequest:
+    """What to check.
+
+    Attributes:
+        images: a folder, or images and folders.
+        files: calibration files; none to check those that lie with the images.
+        policy: whose limits decide.
+        registry: a fleet registry's folder.
+        recursive: go into sub-folders.
+        workers: processes that read images; 0 decides by itself.
+        altitude_m: above ground, of the errors on the ground.
+        format, image_size, options, max_bytes: answers to what the files leave open.
+        progress: called with (images read, images in all, "images").
+    """
+
+    images: tuple[Path, ...]
+    files: tuple[Path, ...] = ()
+    policy: Policy = FLEET
+    registry: Path | None = None
+    recursive: bool = False
+    workers: int = 0
+    altitude_m: float = ALTITUDE_M
+    format: str | None = None
+    image_size: ImageSize | None = None
+    options: Mapping[str, str] | None = None
+    max_bytes: int = MAX_BYTES
+    progress: Progress | None = field(default=None, compare=False)
+
+
+class CheckReport(Record, tag_field="schema", tag="calibrary/check-1"):
+    """What ``calibrary check --json`` prints.
+
+    Attributes:
+        policy: the name of the policy whose limits decide.
+        files: every calibration file, once for each camera that it can be of.
+        not_read: files beside the images that look like calibrations and cannot be read.
+        exit_code: 0 where every file is right for every camera that it can be of.
+    """
+
+    policy: str
+    files: tuple[CheckedFile, ...]
+    not_read: tuple[SkippedFile, ...]
+    exit_code: Annotated[int, Meta(ge=0, le=1)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """What was found.
+
+    Attributes:
+        extraction: what the images say of their cameras.
+        files: every file, for each camera that it can be of.
+        not_read: files beside the images that cannot be read.
+    """
+
+    extraction: Extraction
+    files: tuple[CheckedFile, ...]
+    not_read: tuple[SkippedFile, ...]
+
+    @property
+    def is_right(self) -> bool:
+        """Whether every file is right for every camera that it can be of."""
+        return all(one.verdict is Rightness.RIGHT for one in self.files)
+
+
+def check(request: CheckRequest) -> Check:
+    """Hold calibration files against what the images say.
+
+    Raises:
+        InputError: there is no image, a file that was named cannot be read, or there is none to check.
+        RegistryError: the registry cannot be read.
+    """
+    outcome = extract.run(
+        extract.Request(
+            images=request.images,
+            policy=request.policy,
+            registry=request.registry,
+            recursive=request.recursive,
+            workers=request.workers,
+            progress=request.progress,
+        )
+    )
+    not_read: list[tuple[str, str]] = []
+    if request.files:
+        found = [_read(path, request, outcome) for path in request.files]
+    else:
+        images = collect_images(request.images, recursive=request.recursive)
+        found, not_read = find_candidates(
+            images.folders, images.root, outcome.cameras, recursive=request.recursive
+        )
+        if not found:
+            raise InputError(
+                "no calibration file is beside the images; name the one that is to be used",
+                source=", ".join(map(str, request.images)),
+            )
+    checked = [
+        one
+        for candidates in found
+        for one in check_candidates(candidates, outcome.cameras, request.policy, request.altitude_m)
+    ]
+    return Check(
+        extraction=outcome,
+        files=tuple(checked),
+        not_read=tuple(SkippedFile(name=name, reason=reason) for name, reason in not_read),
+    )
+
+
+def _read(path: Path, request: CheckRequest, outcome: Extraction) -> Candidates:
+    """A calibration file, or an entry's file of a registry."""
+    is_file = path.is_file() and request.format is None
+    if is_file and (data := entry_file(path)) is not None:
+        entry = parse_entry(data, path.name, require_digest=False)
+        return Candidates(label=str(path), calibrations=(entry.calibration,))
+    return read_candidates(
+        path,
+        str(path),
+        outcome.cameras,
+        form=request.format,
+        image_size=request.image_size,
+        options=request.options,
+        max_bytes=request.max_bytes,
+    )
+
+
+def report_of(found: Check) -> CheckReport:
+    """A check as ``calibrary check --json`` prints it."""
+    return CheckReport(
+        policy=found.extraction.policy.name,
+        files=found.files,
+        not_read=found.not_read,
+        exit_code=0 if found.is_right else 1,
+    )
