@@ -26,6 +26,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
         "FC6310R unproven valid",
     ),
     "extract survey --dry-run --policy source": (1, "Would K_matrix.json"),
+    "check survey/a.jpg camera.xml": (1, "off DewarpData"),
     "undistort small.png --calibration small.txt --out new/flat": (0, "camera.yml undistorted"),
     "calibrate --from corners.json --out new/c/lens.yml --to opencv_storage --report new/c/r.html": (
         0,

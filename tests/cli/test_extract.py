@@ -44,7 +44,7 @@ class TestExitCodes:
         picture(tmp_path / "input/a.jpg", **P4R)
         (tmp_path / "input/b.jpg").write_bytes(b"\xff\xd8\xff")
         assert extract() == 1
-        assert capsys.readouterr().out.splitlines()[-1].endswith("1 valid; 1 of 2 images cannot be read")
+        assert capsys.readouterr().out.splitlines()[-1].endswith("1 valid; 1 of 2 images unread")
         assert left_in(tmp_path) == ["K_matrix.json", "K_matrix.npy"]
 
     @pytest.mark.parametrize("tags", [NOBODY, {}], ids=["unproven", "rejected"])

@@ -80,8 +80,7 @@ def test_what_unproven_means_is_explained_below_the_cameras(outcome: Extraction)
 def test_the_last_line_counts_the_verdicts(outcome: Extraction, tmp_path: Path) -> None:
     last = shown(outcome, tmp_path).splitlines()[-1]
     assert (
-        last
-        == "3 cameras, judged by the fleet policy: 1 valid, 1 unproven, 1 rejected; 1 of 4 images cannot be read"
+        last == "3 cameras, judged by the fleet policy: 1 valid, 1 unproven, 1 rejected; 1 of 4 images unread"
     )
     assert Text.from_markup(verdict(outcome)).plain == last
 

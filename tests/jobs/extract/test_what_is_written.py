@@ -95,8 +95,8 @@ def turned_heic(flight: Path) -> None:
 
 CASES: list[tuple[Callable[[Path], None], int, list[str], str]] = [
     (all_good, 0, [K], "1 valid"),
-    (one_corrupt, 1, [K], "1 valid; 1 of 12 images cannot be read"),
-    (nine_of_ten_corrupt, 1, [K], "1 valid; 9 of 10 images cannot be read"),
+    (one_corrupt, 1, [K], "1 valid; 1 of 12 images unread"),
+    (nine_of_ten_corrupt, 1, [K], "1 valid; 9 of 10 images unread"),
     (preview, 0, [K], "1 valid"),
     (thumbnail, 0, [K], "1 valid"),
     (orthophoto, 0, [K], "1 valid"),
@@ -175,6 +175,6 @@ def assert_counted(flight: Path) -> None:
     [folder] = outcome.rejected
     assert folder.name == "locked/"
     assert "cannot be read: Permission denied" in folder.reason
-    assert outcome.unread == "1 folder cannot be read"
+    assert outcome.unread == "1 folder unread"
     assert outcome.exit_code == 1
     assert len(only(outcome).images) == 2

@@ -128,7 +128,7 @@ class Extraction:
         images = files + sum(len(camera.camera.names) for camera in self.cameras)
         told = [f"{files} of {images} images"] if files else []
         told += [f"{folders} folder{'s' if folders > 1 else ''}"] if folders else []
-        return f"{' and '.join(told)} cannot be read" if told else None
+        return f"{' and '.join(told)} unread" if told else None
 
     @property
     def exit_code(self) -> int:
