@@ -109,6 +109,7 @@ class Expected:
         spread: relative half-width that is known for this camera, None for the policy's.
         tolerance: of the registry entry, in place of the policy's; larger or smaller.
         source: "catalogue" or "registry".
+        entry: path of the registry's entry that states it.
         by_exif_focal: whether it is EXIF's focal length over a known pitch, so that a wrong one shows in neither.
     """
 
@@ -116,6 +117,7 @@ class Expected:
     spread: float | None = None
     tolerance: float | None = None
     source: str
+    entry: str | None = None
     by_exif_focal: bool = False
 
 
@@ -353,15 +355,26 @@ def _within_band(c: Calibration, policy: Policy) -> Finding:
 def _against_known(c: Calibration, expected: Expected, limit: float) -> Finding:
     measured = c.intrinsics.fx / expected.fx - 1.0
     ok = abs(measured) <= limit
-    message = f"fx = {c.intrinsics.fx:.1f} px is {measured:+.2%} from the {expected.source}'s "
+    severity = Severity.PASS if ok else Severity.ERROR
+    by, of = "", f"the {expected.source}'s "
+    remedy = f"check the sensor size and the lens; if this unit differs, {REGISTER}"
+    if not ok and expected.entry is not None and c.provenance.kind == "image-metadata":
+        # Either may be wrong: the entry may be of another unit, or of the lens before a repair.
+        severity, by, of = Severity.UNPROVEN, f" by {c.provenance.tag}", f"{expected.entry}'s "
+        remedy = (
+            f"compare the two with 'calibrary diff', and approve a new calibration or retire {expected.entry}"
+        )
+    message = f"fx = {c.intrinsics.fx:.1f} px{by} is {measured:+.2%} from {of}"
     message += f"{expected.fx:.1f} px for this camera, at most ±{limit:.1%}"
+    if of == f"{expected.entry}'s ":
+        message += ", the approved entry of the registry"
     return Finding(
         rule="focal-plausibility",
-        severity=Severity.PASS if ok else Severity.ERROR,
+        severity=severity,
         measured=measured,
         limit=limit,
         message=message,
-        remedy=None if ok else f"check the sensor size and the lens; if this unit differs, {REGISTER}",
+        remedy=None if ok else remedy,
     )
 
 

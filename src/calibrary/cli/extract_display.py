@@ -102,7 +102,7 @@ class Display:
         """The chain of each camera that went through it; cameras for which it ended alike are told together."""
         told: dict[tuple[Step, ...], list[CameraReport]] = {}
         for camera in outcome.cameras:
-            if camera.fallback is not None and camera.fallback.steps:
+            if camera.fallback is not None and camera.fallback.steps and camera.outranked is None:
                 told.setdefault(camera.fallback.steps, []).append(camera)
         for steps, cameras in told.items():
             names = "; ".join(plain(str(camera.camera.key)) for camera in cameras)
@@ -210,13 +210,7 @@ def _line(cells: list[Text], name_width: int) -> Table:
 
 def _below(camera: CameraReport) -> Iterator[Text]:
     """K, where it is from, whose it is and why it is not valid, what to do, and what was heard beside it."""
-    if camera.calibration is not None:
-        K = camera.calibration.intrinsics
-        yield Text(f"fx {K.fx:.2f}  fy {K.fy:.2f}  cx {K.cx:.2f}  cy {K.cy:.2f}")
-        from_where = camera.calibration.provenance
-        words = (from_where.tag, from_where.adaptation)
-        if camera.calibration is camera.camera.calibration and any(words):
-            yield Text(f"from {printable(', '.join(word for word in words if word))}", "dim")
+    yield from _k(camera)
     if camera.verdict is not Verdict.VALID:
         first, *more = camera.camera.names
         yield Text(printable(f"images: {first} and {len(more)} more" if more else f"image: {first}"), "dim")
@@ -236,6 +230,21 @@ def _below(camera: CameraReport) -> Iterator[Text]:
         if dropped.tag not in reason:
             of = "" if count == images else f" of {count} of {images} images"
             yield Text(printable(f"{dropped.tag}{of} is not believed: {dropped.reason}"), "dim")
+
+
+def _k(camera: CameraReport) -> Iterator[Text]:
+    """K, and where it is from."""
+    if camera.calibration is None:
+        return
+    K = camera.calibration.intrinsics
+    yield Text(f"fx {K.fx:.2f}  fy {K.fy:.2f}  cx {K.cx:.2f}  cy {K.cy:.2f}")
+    from_where = camera.calibration.provenance
+    words = (from_where.tag, from_where.adaptation)
+    if camera.calibration is camera.camera.calibration and any(words):
+        yield Text(f"from {printable(', '.join(word for word in words if word))}", "dim")
+    elif camera.outranked is not None and camera.fallback is not None:
+        [step] = camera.fallback.steps
+        yield Text(printable(f"from {step.source} of the registry: {step.why}"), "dim")
 
 
 def _states(camera: CameraReport) -> Iterator[Text]:

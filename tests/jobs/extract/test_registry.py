@@ -109,7 +109,8 @@ def test_a_good_k_of_the_images_is_measured_against_the_entry(tmp_path: Path) ->
     entry(tmp_path / "registry", "dji/unit", fx=3661.25)
     picture(tmp_path / "flight/a.jpg", **P4R)
     camera = only(gate(tmp_path / "flight", registry=tmp_path / "registry"))
-    assert (camera.verdict, camera.fallback) == (Verdict.VALID, None)
+    assert camera.verdict is Verdict.VALID
+    assert camera.outranked is camera.camera.calibration
     entry(tmp_path / "registry", "dji/unit", fx=3900.0)
     camera = only(gate(tmp_path / "flight", registry=tmp_path / "registry"))
     assert camera.camera.reason is not None

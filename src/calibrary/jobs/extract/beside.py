@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from calibrary import parsers
-from calibrary.calibration import Calibration, Grade, ImageSize
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import (
     CalibraryError,
     CalibrationError,
@@ -28,7 +28,7 @@ from calibrary.jobs.diff.kinds import ALARMING, Kind
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport
-from calibrary.jobs.extract.fallback import fits
+from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
 from calibrary.jobs.extract.gather import find_files
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.image_names import is_image
@@ -55,7 +55,6 @@ SEED: Final = re.compile(r".*_(seed|unproven)(\..+)?\.npy")
 """What extract itself calls no valid K."""
 
 ALTITUDE_M: Final = 100.0
-MEASURED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 CENTRED: Final = 0.1
 """How far from the middle of its frame the principal point of a K without an image size may lie."""
 CONVENTIONS: Final = frozenset(
@@ -219,7 +218,7 @@ def contradictions(
     files: Sequence[Candidates], cameras: Sequence[CameraReport], policy: Policy
 ) -> Iterator[str]:
     """What is beside the images and would be wrong for them, each in one sentence."""
-    valid = [camera for camera in cameras if camera.camera.verdict is Verdict.VALID]
+    valid = [camera for camera in cameras if _reference(camera) is not None]
     for candidates in files:
         for found in check_candidates(candidates, valid, policy) if valid else ():
             if found.verdict is Rightness.OFF and found.camera is not None:
@@ -240,14 +239,14 @@ def _is_centred(calibration: Calibration) -> bool:
 def _held(
     label: str, fitting: Sequence[Calibration], camera: CameraReport, policy: Policy, altitude_m: float
 ) -> CheckedFile:
-    reference = camera.camera.calibration
+    reference = _reference(camera)
     nearest = fitting[0]
     if reference is not None:
         over_width = reference.intrinsics.fx / reference.intrinsics.image_size[0]
         nearest = min(
             fitting, key=lambda one: abs(one.intrinsics.fx / one.intrinsics.image_size[0] - over_width)
         )
-    if reference is None or camera.camera.verdict is not Verdict.VALID:
+    if reference is None:
         return CheckedFile(
             file=label,
             verdict=Rightness.UNKNOWN,
@@ -288,6 +287,14 @@ def _held(
         height_cm=ground.height_cm if ground is not None else None,
         max_cm=ground.max_cm if ground is not None else None,
     )
+
+
+def _reference(camera: CameraReport) -> Calibration | None:
+    """What a file is held against: a valid K of the images' own or of the registry, never one from another file."""
+    steps = camera.fallback.steps if camera.fallback is not None else ()
+    if steps and steps[-1].step is StepName.REGISTRY and camera.verdict is Verdict.VALID:
+        return camera.calibration
+    return camera.camera.calibration if camera.camera.verdict is Verdict.VALID else None
 
 
 def _is_off(comparison: Comparison, camera: CameraReport, policy: Policy) -> tuple[bool, float | None]:

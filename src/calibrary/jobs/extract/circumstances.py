@@ -91,6 +91,7 @@ def _expected(scene: Scene, known: Known) -> Expected | None:
             fx=known.resolution.calibration.intrinsics.fx,
             tolerance=known.resolution.entry.tolerance,
             source="registry",
+            entry=known.resolution.path,
         )
     camera, metadata = known.camera, scene.written
     over_width = camera.fx_over_w_at(metadata.focal_mm) if camera is not None else None

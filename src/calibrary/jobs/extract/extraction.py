@@ -40,6 +40,12 @@ class CameraReport:
         return self.camera.calibration if self.camera.verdict is not Verdict.REJECTED else None
 
     @property
+    def outranked(self) -> Calibration | None:
+        """The images' own valid K, where a measured entry of the registry is used in its place."""
+        replaced = self.fallback is not None and self.camera.verdict is Verdict.VALID
+        return self.camera.calibration if replaced else None
+
+    @property
     def images(self) -> tuple[str, ...]:
         """Every image of this camera, by its path below the folder."""
         return self.camera.names
@@ -73,7 +79,7 @@ class CameraReport:
     def reason(self) -> str | None:
         """Why the K is not valid, or what stands in for it; None for a valid K of the images' own."""
         reason = self.camera.reason
-        if self.fallback is not None and self.fallback.calibration is not None:
+        if self.outranked is None and self.fallback is not None and self.fallback.calibration is not None:
             taken = self.fallback.steps[-1]
             return f"{taken.source or taken.step.value} is used; the images alone give no valid K: {reason}"
         if reason is not None and self.camera.calibration is not None:

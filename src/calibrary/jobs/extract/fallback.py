@@ -30,9 +30,13 @@ __all__ = [
     "StepName",
     "StepOutcome",
     "fits",
+    "outranking",
     "read_matrix",
     "seed",
 ]
+
+
+MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
 
 class StepName(StrEnum):
@@ -251,10 +255,37 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         why = f"the registry has no approved entry for {camera.key}"
         why += "".join(f"; {near.path} is none: {near.reason}" for near in known.near[:2])
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
+    contradicted = camera.calibration is not None and camera.calibration.grade.is_metric
+    if contradicted and camera.verdict is Verdict.UNPROVEN and known.resolution.path in (camera.reason or ""):
+        why = f"{camera.reason}; one of the two is wrong"
+        step = Step(step=name, outcome=StepOutcome.REFUSED, source=resolved.provenance.source, why=why)
+        return None, None, step
     calibration, report, step = _judged(camera, resolved, policy, name, resolved.provenance.source)
     if step.outcome is StepOutcome.TAKEN:
         step = replace(step, why=f"{step.why}; {known.resolution.why}")
     return calibration, report, step
+
+
+def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
+    """An approved calibration of the registry in the place of a valid K that was only derived and agrees with it.
+
+    The images' K then only confirms it: its principal point and distortion are defaults, and nobody should hand
+    those to a solver while measured ones are there. ``source`` keeps the order of the source document.
+    """
+    own = camera.calibration
+    if not policy.independent_sources_settle or own is None or own.grade in MEASURED:
+        return None
+    if isinstance(own.distortion, NoDistortion):
+        return None  # The camera has removed the distortion that the entry describes.
+    calibration, report, step = _from_registry(camera, policy, sources)
+    known = camera.states[0].known.resolution
+    if calibration is None or report is None or known is None or calibration.grade not in MEASURED:
+        return None
+    if report.verdict is not Verdict.VALID:
+        return None
+    apart = own.intrinsics.fx / calibration.intrinsics.fx - 1.0
+    why = f"it was measured ({calibration.grade}), and {own.provenance.tag} of the images agrees to {abs(apart):.2%}"
+    return Fallback(steps=(replace(step, why=f"{why}; {known.why}"),), calibration=calibration, report=report)
 
 
 def _judged(

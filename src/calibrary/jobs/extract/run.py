@@ -13,7 +13,7 @@ from calibrary.evidence.metadata import TagFault
 from calibrary.jobs.extract.beside import contradictions, find_candidates
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
-from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, read_matrix
+from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, outranking, read_matrix
 from calibrary.jobs.extract.gather import Gathered, SkippedFile, collect_images, gather
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
@@ -182,9 +182,12 @@ def _rivals(cameras: list[Camera]) -> dict[ImageSize, int]:
 
 
 def _fallback(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
-    """Go through the chain unless the camera's own K is valid; an unproven K yields to a valid one only."""
+    """Go through the chain unless the camera's own K is valid; an unproven K yields to a valid one only.
+
+    A valid K that was only derived yields to a measured entry of the registry that agrees with it.
+    """
     if camera.verdict is Verdict.VALID:
-        return None
+        return outranking(camera, policy, sources)
     fallback = fall_back(camera, policy, sources)
     if camera.verdict is Verdict.REJECTED:
         return fallback

@@ -1,0 +1,88 @@
+"""An approved entry of the registry beside a K of the images: which is used, and what is said."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibrary.cli.main import main
+from calibrary.distortion import BrownConrady
+from calibrary.jobs.extract.extraction import CameraReport
+from calibrary.jobs.extract.hand_off import Solver
+from calibrary.jobs.extract.outputs import plan
+from calibrary.policy import FLEET, SOURCE, Policy
+from calibrary.validation import Verdict
+from tests.jobs.extract.fleet import DEWARP, P4R, entry, gate, only, picture
+
+DERIVED = 8.8 / 0.0024
+CASES: list[tuple[str, float, dict[str, Any], Policy, float, str]] = [
+    ("derived and agreeing", 3661.25, {}, FLEET, 3661.25, "valid"),
+    ("derived and just within the tolerance", 3580.0, {}, FLEET, 3580.0, "valid"),
+    ("the policy of the source document", 3661.25, {}, SOURCE, DERIVED, "rejected"),
+    ("the images carry a calibration", 3661.25, {"dewarp": DEWARP}, FLEET, 3660.5, "valid"),
+    ("contradicting", 3900.0, {}, FLEET, DERIVED, "unproven"),
+    ("contradicting a calibration", 3900.0, {"dewarp": DEWARP}, FLEET, 3660.5, "unproven"),
+    ("the camera removed the distortion", 3661.25, {"drone_dji:DewarpFlag": "1"}, FLEET, DERIVED, "valid"),
+    ("a draft", 3661.25, {"status": "draft"}, FLEET, DERIVED, "valid"),
+]
+
+
+def ran(folder: Path, fx: float, tags: dict[str, Any], policy: Policy = FLEET) -> CameraReport:
+    tags = dict(tags)
+    entry(folder / "registry", "dji/unit", fx=fx, status=tags.pop("status", "approved"))
+    for number in range(2):
+        picture(folder / f"flight/{number}.jpg", **P4R, **tags)
+    return only(gate(folder / "flight", registry=folder / "registry", policy=policy))
+
+
+@pytest.mark.parametrize(
+    ("_name", "fx", "tags", "policy", "used", "verdict"), CASES, ids=[case[0] for case in CASES]
+)
+def test_which_k_is_used(
+    tmp_path: Path, _name: str, fx: float, tags: dict[str, Any], policy: Policy, used: float, verdict: str
+) -> None:
+    camera = ran(tmp_path, fx, tags, policy)
+    found = camera.calibration or camera.camera.calibration
+    assert found is not None
+    assert camera.verdict.value == verdict
+    assert found.intrinsics.fx == pytest.approx(used)
+
+
+def test_the_measured_distortion_reaches_the_solver_and_the_text_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    camera = ran(tmp_path, 3661.25, {})
+    assert not camera.uncalibrated
+    assert camera.reason is None
+    assert camera.calibration is not None
+    assert isinstance(camera.calibration.distortion, BrownConrady)
+    outputs = plan(
+        gate(tmp_path / "flight", registry=tmp_path / "registry"), tmp_path / "K.npy", Solver.COLMAP
+    )
+    assert b"FULL_OPENCV" in outputs.files[tmp_path / "colmap.sh"]
+    monkeypatch.chdir(tmp_path)
+    assert main(["extract", "flight", "--registry", "registry"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "calibrated" in told
+    assert (
+        "it was measured (calibrated), and EXIF FocalLength ÷ catalogue pitch of the images agrees to 0.1"
+        in told
+    )
+    assert "uncalibrated" not in told
+    [step] = json.loads((tmp_path / "K_matrix.json").read_text())["cameras"][0]["fallback"]
+    assert (step["step"], step["outcome"]) == ("registry", "taken")
+
+
+def test_a_contradiction_names_both(tmp_path: Path) -> None:
+    camera = ran(tmp_path, 3900.0, {})
+    assert camera.verdict is Verdict.UNPROVEN
+    reason = camera.reason or ""
+    assert "by EXIF FocalLength ÷ catalogue pitch" in reason
+    assert "cameras/dji/unit.yaml" in reason
+    assert "3900.0 px" in reason
+    assert "calibrary diff" in (camera.advice or "")
+    assert camera.fallback is not None
+    assert "one of the two is wrong" in camera.fallback.steps[-1].why
