@@ -25,6 +25,8 @@ _CLOSED = tuple("]})>\"';")
 _LAST_WORD = re.compile(r"[^\s,;:=]*\s*\Z")
 _DIGIT = re.compile(r"\d")
 _ZERO = re.compile(r"[+-]?0")
+_WHOLE = re.compile(r"\d[eE][+-]0\d\Z")
+"""Programs pad an exponent to two digits; one that begins with 0 has no third."""
 _EXPONENT = re.compile(r"[\d.][eE][+-]?\d*\Z")
 _TAIL_BYTES = 2000
 _UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
@@ -58,7 +60,7 @@ def read_to_the_end(read: Callable[[bytes], list[Calibration]], data: bytes) -> 
         raise ParseError(f"{error.message}; {NOT_ENDED}", source=error.source, place=error.place) from None
     match = _LAST_WORD.search(tail)
     word = match[0].strip() if match else ""
-    if word and not _DIGIT.search(word):
+    if (word and not _DIGIT.search(word)) or _WHOLE.search(word):
         return found
     for ending in _endings(word):
         try:

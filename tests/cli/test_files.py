@@ -239,3 +239,39 @@ def test_the_documentation_lists_the_formats_as_they_are(capsys: pytest.CaptureF
     """``calibrary formats --markdown`` makes the table in docs/formats.md."""
     _, out, _ = run(capsys, "formats", "--markdown")
     assert (ROOT / "docs/formats.md").read_text(encoding="utf-8").endswith(out)
+
+
+def test_convert_takes_folders_and_patterns_and_lists_the_verdicts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given, made = tmp_path / "given", tmp_path / "made"
+    (given / "deeper").mkdir(parents=True)
+    (given / "a.xml").write_text(AGISOFT)
+    (given / "deeper" / "a.xml").write_text(AGISOFT.replace("3660.5", "3661.5"))
+    (given / "README.txt").write_text("nothing to see")
+    (given / "b.json").write_text(json.dumps(WITHOUT_SIZE))
+    code, out, _ = run(capsys, "convert", given, made, "--to", "opencv_storage")
+    assert code == 3
+    assert "exact" in out
+    assert "--image-size" in " ".join(out.split())
+    assert "README" not in out
+    assert "wrote 2 of 3" in out
+    assert {parsers.read(path)[0].intrinsics.fx for path in made.iterdir()} == {3660.5, 3661.5}
+    code, out, _ = run(capsys, "convert", given / "*.xml", made, "--to", "opencv_storage", "--json")
+    [one] = json.loads(out)["files"]
+    assert (code, one["source"], one["verdict"], one["error"]) == (0, "a.xml", "exact", None)
+
+
+def test_cameras_of_one_file_get_files_of_their_own_where_the_format_holds_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "cameras.txt"
+    rig.write_text("1 PINHOLE 640 480 500 500 320 240\n2 PINHOLE 800 600 600 600 400 300\n")
+    made = tmp_path / "made"
+    assert run(capsys, "convert", rig, rig, made, "--to", "agisoft_xml")[0] == 0
+    assert sorted(path.name for path in made.iterdir())[:2] == ["cameras-1.xml", "cameras-2.xml"]
+    assert run(capsys, "convert", rig, rig, tmp_path / "one", "--to", "agisoft_xml", "--camera", "2")[0] == 0
+    assert parsers.read(tmp_path / "one" / "cameras.xml")[0].intrinsics.image_size == (800, 600)
+    code, _, err = run(capsys, "convert", rig, rig, made)
+    assert code == 3
+    assert "--to" in err

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from calibrary import parsers
-from calibrary.calibration import Grade
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.cli.main import main
-from calibrary.distortion import NoDistortion
+from calibrary.distortion import KannalaBrandt, NoDistortion
 from calibrary.jobs.undistort import run as undistorting
 from calibrary.parsers import files
 from calibrary.records import replace
@@ -335,3 +335,21 @@ def test_a_wish_that_makes_no_sense_is_a_usage_error(flags: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["undistort", "a.png", "--calibration", "c.yml", *flags])
     assert ended.value.code == 2
+
+
+def test_what_is_lost_of_a_wide_lens_is_told_with_what_would_keep_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    K = Intrinsics(fx=60.0, fy=60.0, cx=120.0, cy=80.0, image_size=(240, 160))
+    lens = KannalaBrandt(k1=0.01, k2=0.0, k3=0.0, k4=0.0)
+    key, made = CameraKey(image_size=(240, 160)), Provenance(kind="test")
+    wide = Calibration(camera=key, intrinsics=K, distortion=lens, grade=Grade.CALIBRATED, provenance=made)
+    parsers.write([wide], tmp_path / "wide.yml", "opencv_storage")
+    cv2.imwrite(str(tmp_path / "a.png"), pixels())
+    given = (tmp_path / "a.png", "--calibration", tmp_path / "wide.yml")
+    _, text, _ = run(capsys, *given, "--out", tmp_path / "same")
+    told = " ".join(text.split())
+    assert "K stays as it is, so only" in told
+    assert "--keep all keeps" in told
+    _, text, _ = run(capsys, *given, "--out", tmp_path / "all", "--keep", "all")
+    assert "K stays as it is" not in " ".join(text.split())

@@ -16,6 +16,7 @@ from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
 from calibrary.interop.opencv import OPENCV_LENSES
+from calibrary.jobs.convert.run import Converted, ConvertRequest, convert_files
 from calibrary.jobs.exchange.argument import Reading, choose
 from calibrary.jobs.inspect.report import InspectFilesReport, InspectReport
 from calibrary.jobs.inspect.run import Inspected, inspect_files
@@ -33,9 +34,11 @@ from calibrary.records import Json, replace
 __all__ = [
     "MAX_BYTES",
     "Conversion",
+    "Converted",
     "Reading",
     "Source",
     "convert",
+    "convert_all",
     "format_listing",
     "formats",
     "inspect",
@@ -298,6 +301,49 @@ def convert(
     verdict = parsers.write(cameras, output, target, max_error_px=max_error_px, allow_prior=allow_prior)
     priors = tuple(item.grade for item in cameras if not item.grade.is_metric)
     return Conversion(output, target, verdict, priors)
+
+
+def convert_all(
+    sources: Sequence[str | Path],
+    folder: str | Path,
+    *,
+    to: str,
+    reading: Reading | None = None,
+    max_error_px: float | None = None,
+    allow_prior: bool = False,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> tuple[Converted, ...]:
+    """Write the calibrations of many files in one format, each into a file of its own.
+
+    Args:
+        sources: files, folders with all below them, and patterns such as ``rigs/*.yaml``.
+        folder: where the files are written; it is made.
+        to: their format.
+        reading: as of :func:`convert`.
+        max_error_px: as of :func:`write`.
+        allow_prior: as of :func:`write`.
+        force: as of :func:`convert`.
+        progress: called with (files done, files in all, "files").
+
+    Returns:
+        What came of each; one that could not be converted says why.
+
+    Raises:
+        InputError: there is no such format or no such file, or the folder cannot be made.
+    """
+    return convert_files(
+        ConvertRequest(
+            sources=[Path(one) for one in sources],
+            folder=Path(folder),
+            format=to,
+            reading=reading or Reading(),
+            max_error_px=max_error_px,
+            allow_prior=allow_prior,
+            force=force,
+        ),
+        progress,
+    )
 
 
 def inspect(

@@ -1,12 +1,18 @@
-"""``calibrary convert``: one calibration file into another, with a verdict on what survived."""
+"""``calibrary convert``: calibration files into another program's format, with a verdict on what survived."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.progress import Bar
 from calibrary.cli.reading import add_reading_flags, reading_of
+
+if TYPE_CHECKING:
+    from calibrary.api.files import Converted
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -17,16 +23,25 @@ examples:
   calibrary convert K.npy cameras.txt --to colmap_text --image-size 5472x3648
   calibrary convert rig.xml one.yml --to opencv_storage --camera 2
   calibrary convert report.txt lens.xml --to agisoft_xml --max-error-px 0.2
+  calibrary convert rigs/ "old/*.yaml" converted/ --to kalibr       many, each into a file of its own
 
 The output is written only when it holds the calibration to 0.05 px anywhere in the image, or to
 --max-error-px; what the format has no place for is named.
+
+exit code 0: all were written; 3: at least one was not.
 """
+
+EXIT_REFUSED = 3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("input", type=Path, metavar="IN", help="a calibration file or an image")
-    parser.add_argument("output", type=Path, metavar="OUT", help="the file to write")
+    parser.add_argument(
+        "inputs", nargs="+", type=Path, metavar="IN", help="calibration files or images, folders, patterns"
+    )
+    parser.add_argument(
+        "output", type=Path, metavar="OUT", help="the file to write; a folder where there is more than one IN"
+    )
     parser.add_argument("--to", metavar="FORMAT", help="the output's format (default: by OUT's name)")
     parser.add_argument("--camera", type=int, metavar="N", help="the Nth camera of a file with several")
     parser.add_argument(
@@ -47,11 +62,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    [first, *others] = arguments.inputs
+    is_pattern = "*" in str(first) and not first.exists()
+    several = others or is_pattern or first.is_dir() or arguments.output.is_dir()
+    return _many(arguments) if several else _one(arguments)
+
+
+def _one(arguments: argparse.Namespace) -> int:
     from calibrary.api.files import convert
     from calibrary.cli.console import out, plain
 
     done = convert(
-        arguments.input,
+        arguments.inputs[0],
         arguments.output,
         to=arguments.to,
         reading=reading_of(arguments, camera=arguments.camera),
@@ -69,3 +91,45 @@ def run(arguments: argparse.Namespace) -> int:
             grades = ", ".join(dict.fromkeys(f"{grade.value} ({grade.meaning})" for grade in done.priors))
             screen.say(plain(f"not measured, to start an adjustment with: its K is a {grades}"))
     return 0
+
+
+def _many(arguments: argparse.Namespace) -> int:
+    from calibrary.api.files import convert_all
+    from calibrary.cli.console import note
+    from calibrary.errors import InputError
+
+    if arguments.to is None:
+        raise InputError("several files are converted into one format; say which with --to FORMAT")
+    with Bar(note(arguments), "converting") as bar:
+        done = convert_all(
+            arguments.inputs,
+            arguments.output,
+            to=arguments.to,
+            reading=reading_of(arguments, camera=arguments.camera),
+            max_error_px=arguments.max_error_px,
+            allow_prior=arguments.allow_prior,
+            force=arguments.force,
+            progress=bar,
+        )
+    if arguments.json:
+        print_json({"files": [one.to_dict() for one in done]})
+    else:
+        _show_many(arguments, done)
+    return EXIT_REFUSED if any(one.error is not None for one in done) or not done else 0
+
+
+def _show_many(arguments: argparse.Namespace, done: Sequence[Converted]) -> None:
+    from calibrary.cli.console import out, plain
+    from calibrary.cli.tables import Column, fitted
+
+    screen = out(arguments)
+    columns = [Column(name="source"), Column(name="written"), Column(name="verdict", wraps=True)]
+    rows = []
+    for one in done:
+        source = str(one.source) + (f", camera {one.camera}" if one.camera is not None else "")
+        said = str(one.verdict) if one.verdict is not None else f"refused: {one.error}"
+        prior = f"; not measured: a {', '.join(one.priors)}" if one.priors else ""
+        rows.append([plain(source), plain(one.output.name if one.output else "—"), plain(said + prior)])
+    screen.show(fitted(columns, rows, screen.width))
+    written = sum(one.output is not None for one in done)
+    screen.say(plain(f"wrote {written} of {len(done)} into {arguments.output}"))

@@ -130,3 +130,4 @@ def test_a_last_number_without_its_end_of_line_may_be_cut_short() -> None:
     assert read(PINHOLE[:-1] + " # px").intrinsics.cy == 238.8
     with pytest.raises(ParseError, match=r"not ended.*'238.3'"):
         read(PINHOLE[:-1])
+    assert read(PINHOLE[:-1] + "e+00").intrinsics.cy == 238.8  # two digits, and no third behind a 0

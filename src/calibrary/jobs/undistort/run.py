@@ -38,6 +38,9 @@ SAME_FOCAL: Final = "same-focal"
 ALPHAS: Final[Mapping[str, float | None]] = {"same": None, "all": 1.0, "valid": 0.0}
 """What of the images is kept, as OpenCV's alpha; None keeps K."""
 
+LEAST_KEPT: Final = 0.8
+"""Below it, another extent is proposed; a perspective lens with its own K keeps over nine tenths."""
+
 MAX_PICTURE_BYTES: Final = 4 * 1024**3
 KINDS: Final = {"jpg": {".jpg", ".jpeg", ".jpe"}, "tif": {".tif", ".tiff"}, "png": {".png"}}
 Size: TypeAlias = ImageSize | Literal["same-focal"] | None
@@ -225,11 +228,27 @@ class _Cameras:
         made = self._planned(self.request.calibration)
         parsers.encode([_pinhole(made)], self.record, name=self.path().name)
 
-    def _planned(self, source: Calibration) -> Plan:
+    def _proposal(self, made: Plan) -> str:
+        """What is lost with the camera's own K, and what the other extents would keep."""
+        others = []
+        for name in ("all", "valid"):
+            try:
+                other = self._planned(made.source, alpha=ALPHAS[name])
+            except CalibraryError:
+                continue
+            others.append(
+                f"--keep {name} keeps {other.kept:.1%} of them, with {other.empty:.1%} of the new ones empty"
+            )
+        proposed = "; ".join(
+            [f"K stays as it is, so only {made.kept:.1%} of the images' pixels are kept", *others]
+        )
+        return f"{proposed}; --max-angle says how far off the axis they look"
+
+    def _planned(self, source: Calibration, *, alpha: float | None = None) -> Plan:
         given = self.request
         return plan(
             source,
-            alpha=given.alpha,
+            alpha=given.alpha if alpha is None else alpha,
             size=given.size if given.size != SAME_FOCAL else None,
             same_focal=given.size == SAME_FOCAL,
             max_angle_deg=given.max_angle_deg,
@@ -248,6 +267,8 @@ class _Cameras:
             notes.append(
                 f"the lens sees more than a plane shows well; {made.cropped_to_deg:g}° of it are kept"
             )
+        if given.alpha is None and made.kept < LEAST_KEPT:
+            notes.append(self._proposal(made))
         undistorter = Undistorter(made, interpolation=Interpolation(given.interpolation))
         calibration = _pinhole(made)
         path, mask = self.path(size), self.path(size, suffix=".mask.png")

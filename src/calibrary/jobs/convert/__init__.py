@@ -1,0 +1,1 @@
+"""Converting many files: what came of each."""

@@ -1,0 +1,167 @@
+"""Converting many calibration files into one format, each with its verdict."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibrary import parsers
+from calibrary.calibration import Calibration
+from calibrary.errors import CalibraryError, InputError, UnknownFormatError
+from calibrary.jobs.exchange.argument import Reading, choose
+from calibrary.jobs.extract.gather import find_files
+from calibrary.parsers.discovery import format_named
+from calibrary.parsers.format import Format, WriteVerdict
+from calibrary.parsers.image_names import is_image
+from calibrary.parsers.plausible import refuse_implausible
+from calibrary.progress import Progress
+from calibrary.records import Json
+
+__all__ = ["ConvertRequest", "Converted", "convert_files"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConvertRequest:
+    """What to convert, and how.
+
+    Attributes:
+        sources: files, folders with all below them, and patterns such as ``rigs/*.yaml``.
+        folder: where the files are written; it is made.
+        format: of all of them.
+        reading: answers to what the sources leave open, and which camera of several.
+        max_error_px: the largest error that a refit may leave; 0.05 px when None.
+        allow_prior: whether a K that was not measured is written.
+        force: whether a K that is that of no camera is written.
+    """
+
+    sources: Sequence[Path]
+    folder: Path
+    format: str
+    reading: Reading
+    max_error_px: float | None = None
+    allow_prior: bool = False
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Converted:
+    """One file to write and what came of it.
+
+    Attributes:
+        source: the file before.
+        camera: which of its cameras, from 1, where each has a file of its own.
+        output: the file after; None where it was not written.
+        verdict: how exactly it holds the calibration; None where it was not written.
+        priors: the grades of those whose K was not measured.
+        error: why it was not written.
+    """
+
+    source: Path
+    camera: int | None = None
+    output: Path | None = None
+    verdict: WriteVerdict | None = None
+    priors: tuple[str, ...] = ()
+    error: str | None = None
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON."""
+        verdict = self.verdict
+        return {
+            "source": self.source.name,
+            "camera": self.camera,
+            "output": self.output.name if self.output is not None else None,
+            "verdict": verdict.outcome.value if verdict is not None else None,
+            "rms_px": verdict.rms_px if verdict is not None else None,
+            "max_px": verdict.max_px if verdict is not None else None,
+            "dropped": list(verdict.dropped) if verdict is not None else [],
+            "priors": list(self.priors),
+            "error": self.error,
+        }
+
+
+def convert_files(request: ConvertRequest, progress: Progress | None = None) -> tuple[Converted, ...]:
+    """Each source in its turn; one that cannot be converted does not stop the others.
+
+    Files of a folder that no format claims, and images in it, are passed over.
+
+    Args:
+        request: what to convert.
+        progress: called with (files done, files in all, "files").
+
+    Raises:
+        InputError: there is no such format or no such file, or the folder cannot be made.
+    """
+    record = format_named(request.format)
+    if record.write is None:
+        raise InputError(f"format {record.name} is read but not written")
+    sources = list(_listed(request.sources))
+    try:
+        request.folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be made: {error.strerror}", source=str(request.folder)) from None
+    found: list[Converted] = []
+    taken: set[Path] = set()
+    for done, (path, is_named) in enumerate(sources, start=1):
+        found += _converted(path, request, record, taken, is_named=is_named)
+        if progress is not None:
+            progress(done, len(sources), "files")
+    return tuple(found)
+
+
+def _listed(sources: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
+    """The files, each with whether it was named, by itself or by a pattern."""
+    for one in sources:
+        if one.is_dir():
+            yield from ((path, False) for path in find_files(one, recursive=True) if not is_image(path))
+        elif one.exists() or not glob.has_magic(str(one)):
+            yield one, True
+        else:
+            matching = sorted(glob.glob(str(one), recursive=True))  # noqa: PTH207  Path.glob takes no absolute pattern
+            if not matching:
+                raise InputError("no file matches", source=str(one))
+            yield from ((Path(path), True) for path in matching if Path(path).is_file())
+
+
+def _converted(
+    path: Path, request: ConvertRequest, record: Format, taken: set[Path], *, is_named: bool
+) -> Iterator[Converted]:
+    try:
+        cameras = request.reading.read(path)
+        if request.reading.camera is not None:
+            cameras = [choose(cameras, request.reading.camera, source=path.name)]
+        if not request.force:
+            refuse_implausible(cameras, path.name)
+    except UnknownFormatError as error:
+        if is_named:
+            yield Converted(source=path, error=error.message)
+        return
+    except CalibraryError as error:
+        yield Converted(source=path, error=getattr(error, "message", str(error)))
+        return
+    together = len(cameras) == 1 or (record.capacity is not None and record.capacity.several_cameras)
+    for number, group in enumerate([cameras] if together else [[item] for item in cameras], start=1):
+        camera = None if together else number
+        output = _free(request.folder, path, record, camera, taken)
+        try:
+            verdict = parsers.write(
+                group, output, record, max_error_px=request.max_error_px, allow_prior=request.allow_prior
+            )
+        except CalibraryError as error:
+            yield Converted(source=path, camera=camera, error=getattr(error, "message", str(error)))
+            continue
+        taken.add(output)
+        yield Converted(source=path, camera=camera, output=output, verdict=verdict, priors=_priors(group))
+
+
+def _priors(cameras: Sequence[Calibration]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(item.grade.value for item in cameras if not item.grade.is_metric))
+
+
+def _free(folder: Path, source: Path, record: Format, camera: int | None, taken: set[Path]) -> Path:
+    """A name after the source's that no other source of this run has."""
+    suffix, number = record.suffixes[0], "" if camera is None else f"-{camera}"
+    names = [f"{source.stem}{number}{suffix}", f"{source.name}{number}{suffix}"]
+    names += [f"{source.stem}{number}-{again}{suffix}" for again in range(2, len(taken) + 3)]
+    return next(path for name in names if (path := folder / name) not in taken)
