@@ -10,8 +10,10 @@ from typing import Annotated, Final, Literal
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
-from calibrary.records import Meta, Record
+from calibrary.records import Meta, Record, replace
+from calibrary.registry.approvals import digest_as_proposed, unmet
 from calibrary.registry.check import CheckReport, check, check_order
+from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, commit_at, history, parse_rev
@@ -30,7 +32,7 @@ from calibrary.registry.paths import (
     is_entry,
     is_proposal,
 )
-from calibrary.registry.snapshot import Snapshot, entry_paths, proposal_paths, read_entry_file
+from calibrary.registry.snapshot import Snapshot, StoredEntry, entry_paths, proposal_paths, read_entry_file
 from calibrary.validation import Finding, Severity
 
 __all__ = [
@@ -197,8 +199,10 @@ def check_range(
         RegistryError: the registry is a plain folder, or there is no such revision.
     """
     repo, newest = snapshot.require_git("has no revisions; leave out REV..REV")
-    policy = policy or snapshot.configuration.policy
     start = commit_at(repo, parse_rev(before))
+    # A change is judged by the rules that were before it: no pull request loosens its own.
+    rules = configuration_at(repo, start)
+    policy = policy or rules.policy
     end = commit_at(repo, parse_rev(after)) if after is not None else newest
     old, new = repo.listing(start, *FOLDERS), repo.listing(end, *FOLDERS)
     touched = {file.path for folder in FOLDERS for file in changed(repo, start, end, folder)}
@@ -209,12 +213,60 @@ def check_range(
     found = _completed(check(files, policy, former), files, own).findings
     known = set(check(was, policy).findings) if len(own) < len(files) else set()
     findings = tuple(item for item in found if item.place in own or item not in known)
+    findings = (
+        *_of_configuration(repo, start, end),
+        *findings,
+        *_unapproved(repo, end, new, own, former, rules),
+    )
     return Checked(
         what=f"{_entries(len(own))} changed from {start[:12]} to {end[:12]}",
         commit=end,
         before=start,
         report=CheckReport(entries=len(own), findings=findings),
     )
+
+
+def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Finding]:
+    files = [repo.read(commit, CONFIGURATION_FILE) for commit in (start, end)]
+    if files[0] is not None and (files[1] is None or files[0].oid != files[1].oid):
+        yield Finding(
+            rule="configuration",
+            severity=Severity.WARNING,
+            place=CONFIGURATION_FILE,
+            message=f"changes; this range is judged by what it said at {start[:12]}, the next one by what it says now",
+        )
+
+
+def _unapproved(
+    repo: Repository,
+    end: str,
+    listed: Mapping[str, str],
+    own: Collection[str],
+    former: Mapping[str, Entry],
+    rules: Configuration,
+) -> Iterator[Finding]:
+    """Entries that came to use without the approvals that the registry asks for."""
+    paths = sorted(path for path in own if not is_proposal(path))
+    if rules.approvals is None:
+        return
+    for path, data in zip(paths, repo.read_many([listed[path] for path in paths]), strict=True):
+        try:
+            entry = parse_entry(data, path)
+        except InputError:
+            continue
+        was = former.get(path)
+        if not entry.is_usable or (
+            was is not None and was.is_usable and digest_as_proposed(was) == digest_as_proposed(entry)
+        ):
+            continue
+        lacking = unmet(
+            repo, StoredEntry(entry=entry, path=path, oid=listed[path], commit=end), rules.approvals
+        )
+        if lacking is not None:
+            yield replace(
+                _error(path, "approval", f"is {entry.status.value} with {lacking}"),
+                remedy="'calibrary registry approve KEY' records an approval; a status written by hand is none",
+            )
 
 
 def _former(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:

@@ -15,13 +15,16 @@ from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.policy import FLEET, POLICIES, Policy
 from calibrary.records import Json, Meta, Record, from_json, to_json
 from calibrary.registry.entry_form import CURRENT
+from calibrary.registry.git.repository import Repository
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
 __all__ = [
     "CONFIGURATION_FILE",
     "LAYOUT",
     "VARIABLE",
+    "ApprovalRule",
     "Configuration",
+    "configuration_at",
     "configuration_yaml",
     "default_place",
     "find_registry",
@@ -47,7 +50,37 @@ entries: "calibrary/entry-{entries}"
 # The limits that an entry is checked against before it is approved: "fleet", "source", or limits of your own, as in
 # policy: {{schema: "calibrary/policy-1", name: "ours", base: "fleet", focal_symmetry_max: 0.05}}
 policy: "{policy}"
+# Whose approval it takes before an entry is used, such as
+# approvals: {{by: ["ada@example.com", "ssh-ed25519 AAAA…"], count: 2, not_author: true}}
 """
+
+
+KEY: Final = re.compile(r"(?:sk-)?(?:ssh|ecdsa)-\S+ \S+")
+
+
+class ApprovalRule(Record):
+    """What it takes for an entry to be used; ``calibrary registry check BASE..HEAD`` judges by what BASE asks for.
+
+    Attributes:
+        by: whose approvals count: names or addresses as git has them, or public ssh keys, with which the approving
+            commit then has to be signed; everybody's where none is listed.
+        count: of different people.
+        not_author: whether the approval of whoever proposed it does not count.
+    """
+
+    by: Annotated[tuple[Annotated[str, Meta(min_length=1, max_length=2000)], ...], Meta(max_length=200)] = ()
+    count: Annotated[int, Meta(ge=1, le=20)] = 1
+    not_author: bool = False
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The public keys among those who approve."""
+        return tuple(one for one in self.by if KEY.match(one))
+
+    @property
+    def people(self) -> tuple[str, ...]:
+        """The names and addresses among them."""
+        return tuple(one for one in self.by if not KEY.match(one))
 
 
 class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
@@ -57,11 +90,13 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
         layout: 1: cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml.
         entries: the newest schema that entries are written in.
         policy: whose limits entries are held to; fleet when absent.
+        approvals: what it takes for an entry to be used; anybody's approval when absent.
     """
 
     layout: Annotated[int, Meta(ge=1, le=LAYOUT)] = LAYOUT
     entries: Annotated[str, Meta(pattern="^calibrary/entry-[0-9]{1,6}$")] = f"calibrary/entry-{CURRENT}"
     policy: Policy = FLEET
+    approvals: ApprovalRule | None = None
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
@@ -104,6 +139,19 @@ def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configur
     if isinstance(value, dict):
         _refuse_newer(value, name)
     return from_json(Configuration, value, source=name, locate=partial(line_of, data))
+
+
+def configuration_at(repo: Repository, commit: str) -> Configuration:
+    """What a registry said of itself at a commit; the default where it said nothing.
+
+    Raises:
+        RegistryError: it cannot be read.
+    """
+    blob = repo.read(commit, CONFIGURATION_FILE)
+    try:
+        return parse_configuration(blob.data) if blob is not None else Configuration()
+    except InputError as error:
+        raise RegistryError(f"{repo.path}: {error}") from None
 
 
 def _refuse_newer(document: Mapping[str, YamlValue], name: str) -> None:

@@ -27,6 +27,7 @@ from calibrary.registry.snapshot import ListedEntry, Snapshot, StoredEntry
 from calibrary.registry.writing import SOURCE_FILE, SOURCE_SHA256
 
 __all__ = [
+    "Approval",
     "BlameReport",
     "EntryRevision",
     "FieldOrigin",
@@ -38,6 +39,7 @@ __all__ = [
     "history",
     "log_report",
     "of_path",
+    "origin",
     "recorded",
 ]
 
@@ -112,16 +114,36 @@ class Recorded(Record):
     file: str | None
 
 
+class Approval(Record):
+    """One person's approval of an entry.
+
+    Attributes:
+        by: the commit's author.
+        email: of the author.
+        date: of the commit.
+        commit: 40 hexadecimal digits.
+        reason: why, as the commit states it.
+    """
+
+    by: str
+    email: str
+    date: datetime
+    commit: ObjectId
+    reason: str | None = None
+
+
 class ShownEntry(ListedEntry, tag_field="schema", tag="calibrary/registry-show-1"):
     """What calibrary registry show --json prints.
 
     Attributes:
         recorded: who put this calibration into the registry, by the commit that did.
+        approved: who approved it, and in which commits; empty where it is not in use.
         against: KEY@REV that it is compared with, with --diff.
         changes: the fields in which it differs from that one.
     """
 
     recorded: Recorded | None
+    approved: tuple[Approval, ...] = ()
     against: str | None = None
     changes: tuple[FieldChange, ...] | None = None
 
@@ -268,6 +290,23 @@ def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
     Raises:
         RegistryError: the history cannot be read.
     """
+    found = origin(repo, stored)
+    if found is None:
+        return None
+    return Recorded(
+        by=found.author.name,
+        date=found.authored,
+        commit=found.commit,
+        file=_source_file(found, stored.entry.calibration.provenance.sha256),
+    )
+
+
+def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
+    """The commit that brought an entry's numbers; None in a plain folder.
+
+    Raises:
+        RegistryError: the history cannot be read.
+    """
     if stored.commit is None:
         return None
     found, digest = _oldest_like(repo, stored.path, stored.commit, None)
@@ -277,13 +316,8 @@ def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
     if beside != found.path and found.parents and repo.read(found.parents[0], beside) is not None:
         # It was approved there; who proposed it is told by the proposal's own history.
         earlier, _ = _oldest_like(repo, beside, found.parents[0], digest)
-        found = earlier or found
-    return Recorded(
-        by=found.author.name,
-        date=found.authored,
-        commit=found.commit,
-        file=_source_file(found, stored.entry.calibration.provenance.sha256),
-    )
+        return earlier or found
+    return found
 
 
 def _oldest_like(

@@ -23,7 +23,7 @@ from calibrary.registry.git.names import check_url, without_secret
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change
+from calibrary.registry.git.writing import Change, identity
 from calibrary.registry.paths import CAMERAS, check_path
 from calibrary.registry.registry import Registry
 from calibrary.registry.writing import Note, write_changes
@@ -195,6 +195,9 @@ def _is_registry(repo: Repository) -> bool:
 def _initialised(repo: Repository, files: dict[str, bytes]) -> Initialised:
     """With its first commit, where there are files to write."""
     if files:
+        keeper, unknown = identity(repo)
+        if not unknown:
+            files = {**files, OWNERS: CODEOWNERS.format(mark="", owner=keeper.email).encode()}
         write_changes(repo, [Change(path=name, data=data) for name, data in files.items()], FIRST)
     maintenance.index_paths(repo)
     return Initialised(
@@ -219,7 +222,8 @@ WORKFLOW: Final = ".github/workflows/registry-check.yml"
 README: Final = """\
 # Camera calibrations
 
-One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`. A unit with its own calibration has a folder
+One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is proposed and not approved yet lies at the
+same path in `proposals/`, and nothing uses it. A unit with its own calibration has a folder
 `sn-<hash>/` between the two; the serial number itself is not stored. The history of a camera is the git history of
 its file. `registry.yaml` is the configuration: the schema versions and the limits that entries are checked against.
 
@@ -228,7 +232,7 @@ its file. `registry.yaml` is the configuration: the schema versions and the limi
 ```yaml
 {example}```
 
-- `status`: `draft` is proposed, `approved` is used, `held` is used and protected
+- `status`: `draft` is proposed (in `proposals/`), `approved` is used, `held` is used and protected
   from replacement, `retired` is no longer used.
 - `intrinsics` is K. `distortion` is separate: `null` is unknown, `model: none` means known to be none.
 - `grade`, best first: `calibrated` (measured on this unit), `adjusted` (from a bundle adjustment), `design` (the
@@ -261,13 +265,38 @@ per number:
 
     calibrary registry list                       list the entries
     calibrary registry add camera.xml             propose an entry; shows the difference and asks
-    calibrary registry approve KEY                approve it for use
+    calibrary registry approve KEY                show what it changes, and approve it for use
     calibrary registry log KEY                    show its history
     calibrary diff KEY@2026-05-01 KEY             compare two revisions
 """
 
+OWNERS: Final = ".github/CODEOWNERS"
+CODEOWNERS: Final = """\
+# Whose review a change needs, on hosts that read this file; for it to count, the host's rules for the main branch have
+# to ask for it. registry.yaml (approvals:) asks for approvals whatever the host.
+{mark}/cameras/ {owner}
+{mark}/registry.yaml {owner}
+{mark}/.github/ {owner}
+"""
+
+HOOKS: Final = ".pre-commit-config.yaml"
+PRE_COMMIT: Final = """\
+# What is committed by hand is checked before; 'pre-commit install' has git do it (https://pre-commit.com).
+repos:
+  - repo: local
+    hooks:
+      - id: calibrary-registry-check
+        name: calibrary registry check
+        entry: calibrary registry check --worktree
+        language: python
+        additional_dependencies: ["calibrary{requirement}"]
+        files: ^(cameras|proposals)/
+        pass_filenames: false
+"""
+
 CHECK: Final = """\
-# Checks every entry against the schema, its digest, its path and the policy of registry.yaml.
+# Checks every entry against the schema, its digest, its path and the policy of registry.yaml; a pull request also by
+# the approvals that registry.yaml of the branch it goes to asks for.
 name: registry check
 on: [push, pull_request]
 permissions:
@@ -285,6 +314,10 @@ jobs:
           python-version: "3.13"
       - run: pip install "calibrary{requirement}"
       - run: calibrary registry check --registry .
+      - if: github.event_name == 'pull_request'
+        run: calibrary registry check --registry . "$BASE..HEAD"
+        env:
+          BASE: ${{{{ github.event.pull_request.base.sha }}}}
 """
 
 
@@ -301,6 +334,8 @@ def scaffold() -> dict[str, bytes]:
         "README.md": readme.encode(),
         ".gitattributes": ATTRIBUTES + b"/cameras/**/*.yaml diff=calibrary\n",
         WORKFLOW: CHECK.format(requirement=_requirement()).encode(),
+        HOOKS: PRE_COMMIT.format(requirement=_requirement()).encode(),
+        OWNERS: CODEOWNERS.format(mark="# ", owner="@your-team").encode(),
     }
 
 
@@ -327,8 +362,8 @@ def example_entry() -> Entry:
 
 
 def _requirement() -> str:
-    """At least the version that began this registry, so that its check reads what it writes."""
+    """The version that began this registry: what is good does not change with a release that nobody looked at."""
     try:
-        return f">={version('calibrary')}"
+        return f"=={version('calibrary')}"
     except PackageNotFoundError:
         return ""

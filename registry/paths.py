@@ -112,7 +112,9 @@ def _stem(key: str) -> str:
 CAMERAS = "cameras"
 PROPOSALS = "proposals"
 DEEPEST = 8
-SINGLE_FILES = frozenset({".gitattributes", "README.md", "registry.yaml"})
+SINGLE_FILES = frozenset(
+    {".gitattributes", ".github/CODEOWNERS", ".pre-commit-config.yaml", "README.md", "registry.yaml"}
+)
 WORKFLOW = re.compile(r"\.github/workflows/[a-z0-9][a-z0-9._-]*\.yml\Z")
 SCHEMA = re.compile(r"schema/[a-z0-9][a-z0-9._-]*\.json\Z")
 NAME = re.compile(r"[a-z0-9_][a-z0-9._~+-]*\Z")
@@ -253,11 +255,18 @@ def _fits_from(parts: Sequence[str], asked: Sequence[str]) -> bool:
     if len(asked) > len(parts) or not parts:
         return False
     *whole, last = asked
-    if not all(_is(part, word) for part, word in zip(parts, whole, strict=False)):
+    if not all(_is(part, word) or _is_unit(part, word) for part, word in zip(parts, whole, strict=False)):
         return False
     part, is_variant = parts[len(whole)], parts[len(whole)] == parts[-1]
-    # A make or model is said in full; what comes after it may be cut short.
+    # A make or model is said in full; what comes after it may be cut short, a unit's folder as well.
+    if part.startswith("sn-") and last.lower().startswith("sn-"):
+        return part.startswith(last.lower())
     return part.startswith(last.lower()) if is_variant else _is(part, last)
+
+
+def _is_unit(part: str, word: str) -> bool:
+    """Whether a word begins the name of a unit's folder: ``sn-0e25``."""
+    return part.startswith("sn-") and len(word) > len("sn-") and part.startswith(word.lower())
 
 
 def _is(part: str, word: str) -> bool:

@@ -30,6 +30,7 @@ __all__ = [
     "approving",
     "change_report",
     "checked",
+    "differs_in_status_only",
     "of_current",
     "proposal_of",
     "propose",
@@ -319,6 +320,11 @@ def proposal_of(
         warnings=tuple(warnings),
         replaced=replaced,
     )
+
+
+def differs_in_status_only(one: Proposal) -> bool:
+    """Whether nothing changes but whether and why it is used."""
+    return {change.name for change in one.changes} <= {"status", "reason"}
 
 
 def require_not_held(current: Entry | None, remedy: str = "") -> None:

@@ -15,6 +15,7 @@ from calibrary.records import replace
 from calibrary.registry import history as entry_history
 from calibrary.registry import proposals as proposing
 from calibrary.registry import sync
+from calibrary.registry.approvals import digest_as_proposed, unmet_with
 from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, parse_configuration
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
@@ -25,10 +26,10 @@ from calibrary.registry.git.history import ChangedFile, Firmware, changed, commi
 from calibrary.registry.git.names import check_branch
 from calibrary.registry.git.remotes import Pulled, clone, push
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, Written
+from calibrary.registry.git.writing import Change, Written, identity
 from calibrary.registry.history import EntryRevision, FieldOrigin
 from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
-from calibrary.registry.proposals import Proposals
+from calibrary.registry.proposals import Proposal, Proposals, differs_in_status_only
 from calibrary.registry.snapshot import Snapshot, StoredEntry, in_its_place, read_entry_file
 from calibrary.registry.sync import Choice
 from calibrary.registry.writing import Note, note_of, parsed, write_changes
@@ -211,9 +212,60 @@ class Registry:
         # The history of an entry goes on across its approval.
         moved = [(old, one.path) for one in due for old, _ in one.replaced if one.base is None]
         note = note or note_of(subject or proposals.subject, [one.entry for one in due], reason)
+        approved = [one for one in due if one.entry.status is Status.APPROVED and one.data is not None]
+        note = replace(note, approved=[digest_as_proposed(one.entry) for one in approved])
+        if missing := self._missing(approved, author):
+            return self._recorded(approved, missing, note, author=author, branch=branch)
         return write_changes(
             self.repo, changes, replace(note, moved=moved), author=author, branch=branch, is_checked=True
         )
+
+    def _missing(self, approved: Sequence[Proposal], author: Person | None) -> dict[str, str]:
+        """By id, what approvals are lacking although this person approves; only where the registry asks for any.
+
+        Raises:
+            RegistryError: this person's approval does not count.
+        """
+        rule = self.configuration.approvals
+        if rule is None:
+            return {}
+        person, tip, missing = author or identity(self.repo)[0], self.commit(), {}
+        for one in approved:
+            if one.current is not None and one.current.is_usable and differs_in_status_only(one):
+                continue
+            path = one.replaced[0][0] if one.replaced else one.path
+            stored = StoredEntry(entry=one.entry, path=path, oid=one.approves, commit=tip)
+            if one.approves is None and (rule.not_author or rule.count > 1):
+                missing[one.entry.id] = (
+                    "the approval of another person; add it without --approve, as a proposal"
+                )
+            elif lacking := unmet_with(self.repo, stored, rule, person):
+                missing[one.entry.id] = lacking
+        return missing
+
+    def _recorded(
+        self,
+        approved: Sequence[Proposal],
+        missing: Mapping[str, str],
+        note: Note,
+        *,
+        author: Person | None,
+        branch: str | None,
+    ) -> Written:
+        """The approval alone, where more are asked for: a commit that only says so.
+
+        Raises:
+            RegistryError: nothing is gained by it.
+        """
+        refused = [f"{id_}: {why}" for id_, why in missing.items() if " approvals" not in why]
+        if refused:
+            raise RegistryError(f"nothing was written: {refused[0]}")
+        named = approved[0].entry.id if len(approved) == 1 else f"{len(approved)} cameras"
+        told = tuple(f"{id_} is not used yet: it has {why}" for id_, why in missing.items())
+        # What is approved here is as it was proposed; that it is put to use is left to the last who approves.
+        note = replace(note, subject=f"Approve {named}, with others to follow", moved=())
+        written = write_changes(self.repo, [], note, author=author, branch=branch)
+        return replace(written, warnings=(*written.warnings, *told))
 
     def write(
         self,

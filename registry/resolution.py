@@ -65,6 +65,7 @@ class Resolution:
         calibration: at the camera's image size, its provenance the entry and the entry's own source.
         why: the reason for the choice, in words.
         near: other entries of the same make and model with the reason against each; the first few.
+        revision: the commit of an earlier revision, where that is the one for the day; None for what is in use now.
     """
 
     path: str
@@ -72,6 +73,7 @@ class Resolution:
     calibration: Calibration
     why: str
     near: tuple[RejectedEntry, ...]
+    revision: str | None = None
 
 
 def resolve(
@@ -174,6 +176,7 @@ class RegistryIndex:
         *,
         proposed: Iterable[str] = (),
         aliases: Callable[[], AliasMap] | None = None,
+        earlier: Callable[[str], Iterable[tuple[str, Entry]]] | None = None,
         require_digest: bool = True,
     ) -> None:
         """List a registry; nothing is read yet.
@@ -184,11 +187,13 @@ class RegistryIndex:
             proposed: paths of what is proposed beside them, which is drafts whatever it says of itself.
             aliases: gives :func:`scan_aliases` of all entries, for those who have it at hand; else every entry
                 is looked through when a camera is asked for that no entry fits by its own name.
+            earlier: gives the commit and content of an entry's earlier revisions that were in use, newest first.
             require_digest: refuse entries without a digest.
         """
         self.paths: Final[Sequence[str]] = sorted(paths)
         self.proposed: Final[Sequence[str]] = sorted(filter(is_entry, proposed))
         self._load = load
+        self._earlier = earlier
         self._require_digest = require_digest
         self._find_aliases = aliases
         self._aliases: AliasMap | None = None
@@ -203,8 +208,35 @@ class RegistryIndex:
         Raises:
             RegistryError: two entries fit equally well, or a candidate cannot be read.
         """
-        found = resolve(self.candidates(key), key, on=on, statuses=statuses)
-        return found or resolve(self._by_alias(key), key, on=on, statuses=statuses)
+        for candidates in (self.candidates, self._by_alias):
+            entries, commits = self._valid_on(candidates(key), on)
+            found = resolve(entries, key, on=on, statuses=statuses)
+            if found is None:
+                continue
+            commit = commits.get(found.path)
+            why = f"{found.why}; by its revision of {commit[:12]}, valid on {on}" if commit else found.why
+            return replace(found, revision=commit, why=why)
+        return None
+
+    def is_dated(self, key: CameraKey) -> bool:
+        """Whether what answers for a camera may depend on the day."""
+        entries = self.candidates(key) or self._by_alias(key)
+        return any(entry.validity is not None for entry in entries.values())
+
+    def _valid_on(
+        self, entries: Mapping[str, Entry], on: date | None
+    ) -> tuple[Mapping[str, Entry], dict[str, str]]:
+        """The entries, each by its newest approved revision that is valid on a day; and the commits of earlier ones."""
+        if on is None or self._earlier is None:
+            return entries, {}
+        past: dict[str, tuple[str, Entry]] = {}
+        for path, entry in entries.items():
+            if entry.is_usable and entry.validity is not None and not entry.validity.holds(on):
+                found = _newest_valid(entry, self._earlier(path), on)
+                if found is not None:
+                    past[path] = found
+        commits = {path: commit for path, (commit, _) in past.items()}
+        return {**entries, **{path: entry for path, (_, entry) in past.items()}}, commits
 
     def near(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
@@ -269,6 +301,23 @@ class RegistryIndex:
             if entry.status is Status.DRAFT or not is_proposal(path)
             else replace(entry, status=Status.DRAFT)
         )
+
+
+def _newest_valid(entry: Entry, earlier: Iterable[tuple[str, Entry]], on: date) -> tuple[str, Entry] | None:
+    """The newest of an entry's earlier revisions that is valid on a day.
+
+    One without a last day is valid until a newer one begins: what was in use before a period that has ended is not in
+    use again after it.
+    """
+    begins = entry.validity.first if entry.validity is not None else None
+    for commit, one in earlier:
+        days = one.validity
+        has_end = days is not None and days.last is not None
+        if (days is None or days.holds(on)) and (has_end or (begins is not None and on < begins)):
+            return commit, one
+        if days is not None and days.first is not None:
+            begins = min(begins, days.first) if begins is not None else days.first
+    return None
 
 
 def _between(paths: Sequence[str], folder: str) -> Sequence[str]:

@@ -9,20 +9,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
 
 from calibrary.calibration import CameraKey
-from calibrary.errors import RegistryError, UnknownCameraError
+from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.records import Json, Meta, Record
 from calibrary.registry.alias_cache import names_at, names_kept
 from calibrary.registry.configuration import Configuration
 from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
-from calibrary.registry.entry_yaml import LARGEST_ENTRY
+from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
+from calibrary.registry.git.history import history
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import (
@@ -50,6 +52,7 @@ __all__ = [
     "entry_paths",
     "proposal_paths",
     "read_entry_file",
+    "used_before",
 ]
 
 
@@ -192,6 +195,11 @@ class Snapshot:
             return self.repo.blob(oid)
         blob = self.repo.read(self.commit, path)
         if blob is None:
+            if path in self.repo.listing(self.commit, path.rpartition("/")[0]):
+                raise RegistryError(
+                    f"{path}: commit {self.commit[:12]} has it, but the repository lacks its content: it is "
+                    "damaged, or a partial clone; git fsck shows more, and git fetch --refetch brings it"
+                )
             raise RegistryError(f"{path}: not in commit {self.commit[:12]}")
         return blob.data
 
@@ -332,6 +340,7 @@ class Snapshot:
             self.read,
             proposed=self.proposed,
             aliases=lambda: names_at(repo, commit).alias_map,
+            earlier=partial(used_before, repo, commit),
         )
 
     def index_for(self, key: CameraKey) -> RegistryIndex:
@@ -354,6 +363,7 @@ class Snapshot:
             self.read,
             proposed=filter(is_proposal, listed),
             aliases=lambda: aliases,
+            earlier=partial(used_before, self.repo, self.commit),
         )
 
     def resolve(
@@ -368,6 +378,17 @@ class Snapshot:
 
     def _parsed(self, path: str, data: bytes) -> Entry:
         return parsed(data, path, require_digest=self.repo is not None)
+
+
+def used_before(repo: Repository, at: str, path: str) -> Iterator[tuple[str, Entry]]:
+    """The commit and content of an entry's revisions that were in use, newest first."""
+    for revision in history(repo, path, at):
+        if revision.oid is None or is_proposal(revision.path):
+            continue
+        with suppress(InputError):
+            entry = parse_entry(repo.blob(revision.oid), revision.path)
+            if entry.is_usable:
+                yield revision.commit, entry
 
 
 def in_its_place(stored: StoredEntry) -> StoredEntry:

@@ -17,8 +17,9 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import ANY, Change, Written, write
 from calibrary.registry.paths import PROPOSED, ROOT, in_use_path
 
-__all__ = ["SOURCE_FILE", "SOURCE_SHA256", "Note", "note_of", "parsed", "write_changes"]
+__all__ = ["APPROVED_DIGEST", "SOURCE_FILE", "SOURCE_SHA256", "Note", "note_of", "parsed", "write_changes"]
 
+APPROVED_DIGEST: Final = "Approved-Digest"
 SOURCE_FILE: Final = "Source-File"
 SOURCE_SHA256: Final = "Source-Sha256"
 
@@ -33,6 +34,7 @@ class Note:
         cameras: whose entries they are, as keys.
         sources: name and sha256 of each file that the numbers came from; a name may be missing.
         moved: (old, new) paths, across which the history of an entry goes on.
+        approved: the ids of the files, as they were proposed, that the author approves.
     """
 
     subject: str
@@ -42,6 +44,7 @@ class Note:
     grade: str | None = None
     sources: Sequence[tuple[str | None, str]] = ()
     moved: Sequence[tuple[str, str]] = ()
+    approved: Sequence[str] = ()
 
     @property
     def message(self) -> str:
@@ -51,6 +54,7 @@ class Note:
         for name, sha256 in self.sources:
             trailers += [(SOURCE_FILE, name or ""), (SOURCE_SHA256, sha256)]
         trailers += [("Reason", self.reason or "")]
+        trailers += [(APPROVED_DIGEST, digest) for digest in self.approved]
         trailers += [(MOVED_FROM, f"{old} => {new}") for old, new in self.moved]
         return compose(self.subject, trailers=trailers)
 
@@ -103,7 +107,7 @@ def write_changes(
                 )
             if change.data is not None and not is_checked:
                 _require_entry(change.path, change.data)
-    written = write(repo, changes, note.message, author=author, branch=branch)
+    written = write(repo, changes, note.message, author=author, branch=branch, empty=bool(note.approved))
     if maintenance.is_due(repo):
         # What was written is written, whatever becomes of the packing.
         with suppress(RegistryError):

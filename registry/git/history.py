@@ -93,7 +93,9 @@ class ChangedFile:
     after: str | None
 
 
-def history(repo: Repository, path: str | None, at: str, *, most: int | None = None) -> tuple[Revision, ...]:
+def history(
+    repo: Repository, path: str | None, at: str, *, most: int | None = None, saying: str | None = None
+) -> tuple[Revision, ...]:
     """Every revision of a file up to a commit, newest first; across moves that a trailer names.
 
     In a shallow clone it ends at the cut (``repo.is_shallow``), where a file looks as if it had been added.
@@ -103,8 +105,11 @@ def history(repo: Repository, path: str | None, at: str, *, most: int | None = N
         path: the file; ``None`` for all commits, then without contents.
         at: 40 hex digits, or two times that with ``..`` between.
         most: at most so many.
+        saying: only commits whose message holds this.
     """
     limit = (f"--max-count={most}",) if most is not None else ()
+    if saying is not None:
+        limit = (*limit, "--fixed-strings", f"--grep={saying}")
     where = ("--", path) if path is not None else ()
     told = repo.run(*LOG, *limit, at, *where).out.decode("utf-8", "replace")
     # Before each commit's first field comes git's list of the files of the commit before.

@@ -86,6 +86,7 @@ def write(
     author: Person | None = None,
     branch: str | None = None,
     now: datetime | None = None,
+    empty: bool = False,
 ) -> Written:
     """Make one commit of some changes, all or none of them.
 
@@ -96,6 +97,7 @@ def write(
         author: whose work it is, if not the committer's.
         branch: where to; what is checked out if left out. A new one begins at what is checked out.
         now: the moment it is dated.
+        empty: make a commit that only says something, where there are no changes.
 
     Raises:
         FileConflictError: a file is not what its change started from; nothing was written.
@@ -112,7 +114,7 @@ def write(
             old = repo.tip(ref)
             parent = old if old is not None or branch is None else repo.tip()
             due = still_due(repo, parent, changes)
-            if not due:
+            if not due and (changes or not empty):
                 return Written(commit=_nothing_due(repo, parent), parent=parent, paths={}, warnings=warnings)
             moment, skew = moment_after(repo, parent, now)
             step = Step(
@@ -214,8 +216,8 @@ def branch_ref(repo: Repository, branch: str | None) -> str:
     ref = repo.head_ref
     if ref is None or not ref.startswith("refs/heads/"):
         raise RegistryError(
-            f"{repo.path}: HEAD is detached, so a commit would belong to no branch; check one out (git -C "
-            f"{repo.path} switch main) or name one"
+            f"{repo.path}: HEAD is detached, so a commit would belong to no branch; check one out: git -C "
+            f"{repo.path} switch main"
         )
     check_branch(ref.removeprefix("refs/heads/"))
     return ref

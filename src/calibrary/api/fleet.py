@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
@@ -13,7 +14,7 @@ from calibrary.api.stated import CameraLike, overlay
 from calibrary.errors import RegistryError
 from calibrary.progress import Progress, labelled
 from calibrary.registry.configuration import default_place, find_registry
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.init import folder_for, init, init_from
 from calibrary.registry.proposals import require_digests
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 COMMIT: Final = re.compile("[0-9a-f]{7,40}")
 
-__all__ = ["Fleet", "FleetAnswer", "create_registry", "firmware_range", "open_registry"]
+__all__ = ["Fleet", "FleetAnswer", "create_registry", "firmware_range", "open_registry", "validity"]
 
 
 class Fleet(FleetView):
@@ -55,6 +56,7 @@ class Fleet(FleetView):
         override_held: bool = False,
         force: str | None = None,
         branch: str | None = None,
+        valid: Validity | None = None,
     ) -> ProposedChange:
         """The entries that a calibration file, an image or an entry's file would become; nothing is written yet.
 
@@ -70,6 +72,7 @@ class Fleet(FleetView):
             override_held: replace an entry that is held.
             force: why to take a K that contradicts what is known of its camera; it stays visible.
             branch: to propose it on, for a pull request; the one that is checked out when not given.
+            valid: the days that images may be of for it; every day when not given.
 
         Raises:
             InputError: it cannot be read, its camera is not known, or its K is a guess.
@@ -93,6 +96,7 @@ class Fleet(FleetView):
             override_held=override_held,
             force=force,
             branch=branch,
+            validity=valid,
         )
         proposals = propose_file(self.registry, Path(file), reading or Reading(), request)
         return ProposedChange(self.registry, proposals, Path(file), branch=branch)
@@ -123,6 +127,7 @@ class Fleet(FleetView):
         successor: str | None = None,
         digests: Sequence[str] = (),
         force: str | None = None,
+        valid: Validity | None = None,
     ) -> ProposedChange:
         """Entries approved, held or retired; nothing is written yet.
 
@@ -138,13 +143,14 @@ class Fleet(FleetView):
             digests: the ids of the files that were looked at, as ``add`` prints them, or how they begin; a proposal
                 that has another is refused.
             force: why to approve a K that contradicts what is known of its camera; it stays visible.
+            valid: the days that images may be of for it; as it states itself when not given.
 
         Raises:
             RegistryError: there is no such entry, or what is proposed is not what was looked at.
         """
         names, seen = self._looked_at(keys) if status == Status.APPROVED.value else (keys, ())
         proposals = self.registry.propose_status(
-            names, Status(status), reason, branch=branch, successor=successor, force=force
+            names, Status(status), reason, branch=branch, successor=successor, force=force, validity=valid
         )
         if digests or seen:
             require_digests(proposals, (*digests, *seen))
@@ -261,6 +267,11 @@ def create_registry(
     if remote is not None:
         return NewRegistry(init_from(remote, path or folder_for(remote), bare=bare))
     return NewRegistry(init(path or Path(), bare=bare))
+
+
+def validity(first: date | None, last: date | None) -> Validity | None:
+    """The days from one to another, both included; None where neither is stated."""
+    return Validity(first=first, last=last) if first is not None or last is not None else None
 
 
 def firmware_range(text: str) -> FirmwareRange:

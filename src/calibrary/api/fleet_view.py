@@ -16,6 +16,7 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.exchange.resolve import Question, answer, asked
 from calibrary.progress import Progress, labelled
+from calibrary.registry.approvals import approvals_of
 from calibrary.registry.check_registry import (
     check_all,
     check_range,
@@ -100,7 +101,7 @@ class FleetView:
         Args:
             camera: an image of it, its KEY such as "dji/fc6310r", a calibration or key of it.
             stated: what is known of the camera besides, in the place of what the image or entry says.
-            on: the day it is for, as entries may be valid for some only; today when not given.
+            on: the day it is for, as entries may be valid for some only; the image's, else today, when not given.
 
         Raises:
             InputError: the image cannot be read, or make and model are not known.
@@ -111,8 +112,9 @@ class FleetView:
         >>> answer.status, answer.calibration.intrinsics.fx
         (<Status.APPROVED: 'approved'>, 3659.5)
         """
-        day = on or date.today()
-        return FleetAnswer(answer(self.snapshot, self._question(camera, stated), on=day), self.snapshot, day)
+        question = self._question(camera, stated)
+        day = on or question.day or date.today()
+        return FleetAnswer(answer(self.snapshot, question, on=day), self.snapshot, day)
 
     def _question(
         self, camera: str | Path | Calibration | CameraKey | None, stated: CameraLike | None
@@ -163,11 +165,13 @@ class FleetView:
         <Status.APPROVED: 'approved'>
         """
         stored = self.registry.get(key)
-        who = recorded(self.registry.repo, stored)
+        repo = self.registry.repo
+        who, approved = recorded(repo, stored), approvals_of(repo, stored)
         if against is None:
-            return ShownEntry(stored, who)
+            return ShownEntry(stored, who, approved)
         other = f"{stored.id}@{against}"
-        return ShownEntry(stored, who, other, differences(self.registry.get(other).entry, stored.entry))
+        changes = differences(self.registry.get(other).entry, stored.entry)
+        return ShownEntry(stored, who, approved, other, changes)
 
     def file(self, stored: StoredEntry) -> bytes:
         """An entry's YAML, as it is in the registry."""

@@ -120,6 +120,7 @@ def onboard(
         questions=Questions(
             square_mm=lambda frames: _answer(square_mm, frames, "square_mm"),
             serves=lambda name: Serves(_answer(serves, name, "serves")),
+            stated=Serves(serves) if isinstance(serves, str) else None,
         ),
         said=overlay(camera),
         image_size=image_size,

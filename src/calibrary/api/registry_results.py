@@ -22,6 +22,7 @@ from calibrary.registry.fields import FieldChange, differences, entry_rows, entr
 from calibrary.registry.git.errors import Conflict, FileConflictError
 from calibrary.registry.git.writing import Written
 from calibrary.registry.history import (
+    Approval,
     EntryRevision,
     FieldOrigin,
     Recorded,
@@ -133,12 +134,14 @@ class ShownEntry:
     Attributes:
         stored: the entry, with its path and commit.
         recorded: who put its calibration into the registry; None in a plain folder.
+        approved: who approved it, and in which commits.
         against: KEY@REV of the state it is compared with, if any.
         changes: the fields that differ from that state.
     """
 
     stored: StoredEntry
     recorded: Recorded | None
+    approved: tuple[Approval, ...] = ()
     against: str | None = None
     changes: tuple[FieldChange, ...] | None = None
 
@@ -149,7 +152,11 @@ class ShownEntry:
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
         shown = history.ShownEntry(
-            **self.stored.members, recorded=self.recorded, against=self.against, changes=self.changes
+            **self.stored.members,
+            recorded=self.recorded,
+            approved=self.approved,
+            against=self.against,
+            changes=self.changes,
         )
         return to_json(shown)
 

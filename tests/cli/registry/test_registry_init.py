@@ -19,7 +19,14 @@ from calibrary.strictyaml import load_yaml
 from tests.cli.registry.fleets import CAMERA, P4R, add, run, xml
 from tests.registry.git.repositories import git
 
-FILES = [".gitattributes", ".github/workflows/registry-check.yml", "README.md", "registry.yaml"]
+FILES = [
+    ".gitattributes",
+    ".github/CODEOWNERS",
+    ".github/workflows/registry-check.yml",
+    ".pre-commit-config.yaml",
+    "README.md",
+    "registry.yaml",
+]
 
 
 def test_a_registry_begins_with_one_commit_that_says_what_it_is(
@@ -59,6 +66,17 @@ def test_the_workflow_runs_the_check_on_every_push_and_may_write_nothing(fleet: 
     assert "calibrary registry check" in text
     assert "on: [push, pull_request]" in text
     assert "permissions:\n  contents: read\n" in text
+    # A pull request is judged from its base, named by the environment and not pasted into the command.
+    assert 'calibrary registry check --registry . "$BASE..HEAD"' in text
+    assert "BASE: ${{ github.event.pull_request.base.sha }}" in text
+    load_yaml(text.encode(), source="workflow", max_bytes=1 << 16)
+
+
+def test_changes_by_hand_are_checked_and_have_an_owner(fleet: Path) -> None:
+    hooks = (fleet / ".pre-commit-config.yaml").read_text()
+    assert "entry: calibrary registry check --worktree" in hooks
+    owners = [line for line in (fleet / ".github/CODEOWNERS").read_text().splitlines() if line[0] != "#"]
+    assert owners == [f"/{name} ada@example.com" for name in ("cameras/", "registry.yaml", ".github/")]
 
 
 def test_git_diff_shows_fields_only_where_the_user_agreed(
@@ -119,7 +137,7 @@ def test_a_registry_in_another_repository_is_told(tmp_path: Path, capsys: pytest
 def test_a_remote_is_copied_with_its_entries(
     fleet: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    add(xml(tmp_path / "a.xml"))
+    add(xml(tmp_path / "a.xml"), "--approve")
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     code, told, _ = run(capsys, "init", "--remote", fleet)

@@ -17,8 +17,8 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.schemas import require
 from tests.cli.registry.direct import put
-from tests.cli.registry.fleets import P4R, printed, run
-from tests.jobs.extract.fleet import picture
+from tests.cli.registry.fleets import P4R, add, printed, run, xml
+from tests.jobs.extract.fleet import gate, picture
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
 
@@ -121,10 +121,71 @@ def test_the_day_it_is_for_and_the_state_of_the_registry_are_two_things(
     first = put(fleet, an_entry(fx=3600.0))
     put(fleet, an_entry(fx=3700.0, validity=Validity(first=date(2026, 5, 1))))
     by_day = ["resolve", "dji/fc6310r", "--on", "2026-04-30"]
-    assert run(capsys, *by_day)[0] == 4
+    earlier = printed(capsys, "resolution-1", *by_day)
+    assert (earlier["calibration"]["intrinsics"]["fx"], earlier["commit"] != first) == (3600.0, True)
+    assert f"by its revision of {first[:12]}" in earlier["why"]
     answer = printed(capsys, "resolution-1", *by_day, "--at", first)
     assert (answer["calibration"]["intrinsics"]["fx"], answer["commit"]) == (3600.0, first)
     assert printed(capsys, "resolution-1", "resolve", P4R, "--on", "2026-05-01")["on"] == "2026-05-01"
+
+
+SPRING, AUTUMN = Validity(first=date(2026, 3, 1), last=date(2026, 8, 31)), Validity(first=date(2026, 9, 1))
+
+
+class TestTheDayOfTheImage:
+    @pytest.fixture
+    def periods(self, fleet: Path) -> Path:
+        """One unit over a year: of unknown days, of the spring, of the autumn."""
+        for fx, validity in ((3640.0, None), (3650.0, SPRING), (3660.0, AUTUMN)):
+            put(fleet, an_entry(focal_mm=None, fx=fx, validity=validity))
+        return fleet
+
+    @pytest.mark.parametrize(
+        ("taken", "fx"), [("2025:07:01", 3640.0), ("2026:05:05", 3650.0), ("2026:10:10", 3660.0)]
+    )
+    def test_resolve_extract_and_audit_give_the_k_of_that_day(
+        self, periods: Path, tmp_path: Path, taken: str, fx: float, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        image = picture(tmp_path / "flight/a.jpg", **TAGS, date_time=f"{taken} 12:00:00")
+        answer = printed(capsys, "resolution-1", "resolve", image)
+        assert answer["calibration"]["intrinsics"]["fx"] == fx
+        assert answer["on"] == taken.replace(":", "-")
+        [camera] = gate(tmp_path / "flight", registry=periods).cameras
+        [state] = camera.camera.states
+        assert state.known.calibration is not None
+        assert state.known.calibration.intrinsics.fx == fx
+        findings = printed(capsys, "registry-audit-1", "audit", tmp_path / "flight")["findings"]
+        assert "expired" not in {finding["rule"] for finding in findings}
+
+    def test_flights_of_two_periods_in_one_folder_are_told_apart(self, periods: Path, tmp_path: Path) -> None:
+        for name, taken in (("a", "2026:05:05"), ("b", "2026:05:06"), ("c", "2026:10:10")):
+            picture(tmp_path / f"flight/{name}.jpg", **TAGS, date_time=f"{taken} 12:00:00")
+        [camera] = gate(tmp_path / "flight", registry=periods).cameras
+        found = {
+            state.names: state.known.calibration.intrinsics.fx
+            for state in camera.camera.states
+            if state.known.calibration is not None
+        }
+        assert found == {("a.jpg", "b.jpg"): 3650.0, ("c.jpg",): 3660.0}
+
+    def test_a_retired_entry_answers_for_no_day(
+        self, periods: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        put(periods, an_entry(focal_mm=None, status=Status.RETIRED, validity=AUTUMN))
+        assert run(capsys, "resolve", P4R, "--on", "2026-05-05")[0] == 4
+
+
+def test_what_is_proposed_is_mentioned_and_not_used(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(focal_mm=None))
+    add(xml(tmp_path / "new.xml", 3670.0))
+    answer = printed(capsys, "resolution-1", "resolve", P4R)
+    assert answer["calibration"]["intrinsics"]["fx"] == 3661.25
+    assert answer["entry"]["proposal"] == f"proposals/{P4R}.yaml"
+    assert answer["near"][0]["path"] == f"proposals/{P4R}.yaml"
+    assert "approved, proposal pending" in run(capsys, "list")[1]
+    assert "another K waits for approval" in " ".join(run(capsys, "show", P4R)[1].split())
 
 
 def test_a_bare_registry_and_a_plain_folder_answer_as_well(

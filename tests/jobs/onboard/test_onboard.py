@@ -115,6 +115,18 @@ def test_running_it_twice_changes_nothing(
     assert git(fleet, "rev-parse", BRANCH) == tip
 
 
+def test_a_unit_without_a_serial_number_is_not_the_whole_model(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    payload = survey(tmp_path / "payload", body_serial=None)
+    code, told, _ = onboard(capsys, payload, *UNIT, "--yes")
+    assert (code, branches(fleet)) == (1, ["main"])
+    assert "--serial NUMBER" in told
+    assert onboard(capsys, payload, *UNIT, "--serial", "0V2LG3H0", "--yes")[0] == 0
+    [entry] = drafted(fleet)
+    assert entry.path.startswith(f"cameras/{ENTRY}/sn-")
+
+
 def test_another_source_is_another_draft(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,7 +11,7 @@ from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import add_reading_flags, reading_of
 from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
-from calibrary.cli.registry.deciding import add_force_flag, force_of
+from calibrary.cli.registry.deciding import add_force_flag, add_validity_flags, force_of, validity_of
 from calibrary.cli.registry.place import add_registry_flag
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
@@ -67,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="propose it on this branch, for a pull request; made if it is not there",
     )
+    add_validity_flags(parser)
     add_force_flag(parser)
     parser.add_argument(
         "--override-held", action="store_true", help="take the place of an entry that a person pinned"
@@ -132,6 +133,7 @@ def _proposed(arguments: argparse.Namespace) -> ProposedChange:
         override_held=arguments.override_held,
         force=force_of(arguments),
         branch=arguments.branch,
+        valid=validity_of(arguments),
     )
 
 

@@ -6,7 +6,14 @@ import argparse
 from typing import TYPE_CHECKING
 
 from calibrary.cli.registry.asking import agreed, can_ask
-from calibrary.cli.registry.deciding import add_deciding_flags, add_force_flag, decide, force_of
+from calibrary.cli.registry.deciding import (
+    add_deciding_flags,
+    add_force_flag,
+    add_validity_flags,
+    decide,
+    force_of,
+    validity_of,
+)
 from calibrary.cli.registry.place import opened
 
 if TYPE_CHECKING:
@@ -42,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="HEX",
         help="approve the proposal that begins with these digits; once for each KEY",
     )
+    add_validity_flags(parser)
     add_force_flag(parser)
 
 
@@ -54,6 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         branch=arguments.branch,
         digests=arguments.digest or (),
         force=force_of(arguments),
+        valid=validity_of(arguments),
     )
     return decide(arguments, change, "approved", is_agreed=_is_agreed)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from datetime import date
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
@@ -11,8 +12,18 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
     from calibrary.api.registry_results import ProposedChange
+    from calibrary.registry.entry import Validity
 
-__all__ = ["add_deciding_flags", "add_force_flag", "decide", "force_of", "run_decision"]
+__all__ = [
+    "add_deciding_flags",
+    "add_force_flag",
+    "add_validity_flags",
+    "day",
+    "decide",
+    "force_of",
+    "run_decision",
+    "validity_of",
+]
 
 EXIT_REFUSED = 1
 
@@ -36,6 +47,35 @@ def add_force_flag(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="take a K that contradicts what is known of its camera; with --reason, which stays visible",
     )
+
+
+def add_validity_flags(parser: argparse.ArgumentParser) -> None:
+    """Add ``--valid-from`` and ``--valid-until``."""
+    for name, what in (("from", "first"), ("until", "last")):
+        parser.add_argument(
+            f"--valid-{name}",
+            type=day,
+            metavar="DATE",
+            help=f"the {what} day that images may be of for this K",
+        )
+
+
+def validity_of(arguments: argparse.Namespace) -> Validity | None:
+    """The days that were stated; None where none was."""
+    from calibrary.api.fleet import validity
+
+    first, last = arguments.valid_from, arguments.valid_until
+    if first is not None and last is not None and last < first:
+        arguments.parser.error("--valid-until: expected a day after --valid-from")
+    return validity(first, last)
+
+
+def day(text: str) -> date:
+    """A day as ISO 8601 writes it."""
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a day such as 2026-05-01") from None
 
 
 def force_of(arguments: argparse.Namespace) -> str | None:
@@ -74,7 +114,11 @@ def decide(
         errors().say("nothing was written: put the errors right first")
         code = EXIT_REFUSED
     elif proposals.due and is_agreed(arguments, change):
-        show_written(screen, change.write(arguments.reason), status, len(proposals.due))
+        written = change.write(arguments.reason)
+        is_used = bool(written.paths)
+        show_written(
+            screen, written, status if is_used else "approved, with others to follow,", len(proposals.due)
+        )
     elif proposals.due:
         screen.say("nothing was written")
     if arguments.json:

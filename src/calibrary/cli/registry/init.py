@@ -21,8 +21,8 @@ examples:
   calibrary registry init --bare fleet.git                        to be pushed to
   calibrary registry init --remote git@example.com:fleet.git      a copy of one that is there
 
-It makes a git repository with registry.yaml, README.md, .gitattributes and a workflow that runs 'calibrary
-registry check' on every push. A repository without a commit is used; one with commits is not changed.
+It makes a git repository with registry.yaml, README.md, .gitattributes, CODEOWNERS, and a workflow and a pre-commit
+hook that run 'calibrary registry check'. A repository without a commit is used; one with commits is not changed.
 """
 
 

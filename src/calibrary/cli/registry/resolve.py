@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from datetime import date
 from functools import partial
 from typing import TYPE_CHECKING
 
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.registry.deciding import day
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
@@ -41,9 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_camera_flags(parser)
     parser.add_argument(
         "--on",
-        type=_day,
+        type=day,
         metavar="DATE",
-        help="the day it is for, as entries may be valid for some only: today",
+        help="the day it is for, as entries may be valid for some only: that of the image, else today",
     )
     parser.add_argument("--at", metavar="REV", help="as the registry was at a commit, tag, branch or day")
     add_registry_flag(parser)
@@ -88,6 +88,10 @@ def _show(screen: Screen, found: FleetAnswer, resolution: Resolution) -> None:
         ("distortion", lens.model if lens is not None else "unknown"),
         *((f"  {name}", f"{value:.8g}") for name, value in (lens.coefficients.items() if lens else ())),
         ("made from", made.tag or ""),
+        (
+            "overridden",
+            f"it contradicts what is known of its camera: {entry.override}" if entry.override else "",
+        ),
     ]
     near = [("near", printable(f"{item.path}: {item.reason}")) for item in found.near]
     shown = [(name, printable(value)) for name, value in rows if value]
@@ -110,10 +114,3 @@ def _show_none(screen: Screen, found: Answer) -> None:
         )
     for line in lines:
         screen.say(plain(line))
-
-
-def _day(text: str) -> date:
-    try:
-        return date.fromisoformat(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a day such as 2026-05-01") from None

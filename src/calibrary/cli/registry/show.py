@@ -11,12 +11,14 @@ from calibrary.cli.output import print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from calibrary.api.registry_results import ShownEntry
     from calibrary.cli.console import Screen
     from calibrary.registry.fields import FieldChange
-    from calibrary.registry.history import Recorded
+    from calibrary.registry.history import Approval, Recorded
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "approval_rows", "run"]
 
 DESCRIPTION = "Show one entry, as it is or as it was."
 EXAMPLES = """\
@@ -110,8 +112,13 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
     ]
     if stored.proposal is not None:
         place.append(("proposed", f"another K waits for approval: calibrary registry show {stored.proposal}"))
-    rows = [*shown.rows(), *place, *_recorded(shown.recorded)]
+    rows = [*shown.rows(), *place, *_recorded(shown.recorded), *approval_rows(shown.approved)]
     screen.show(facts([(name, printable(value)) for name, value in rows], screen.width))
+
+
+def approval_rows(approved: Sequence[Approval]) -> list[tuple[str, str]]:
+    """Who approved it, one a row."""
+    return [("approved", f"{one.date:%Y-%m-%d} by {one.by}, commit {one.commit[:12]}") for one in approved]
 
 
 def _recorded(put: Recorded | None) -> list[tuple[str, str]]:

@@ -19,7 +19,7 @@ from calibrary.parsers.imagery import hash_serial, read_metadata
 from calibrary.parsers.imagery.identity import SERIAL_HASH_DIGITS
 from calibrary.parsers.plausible import refuse_implausible
 from calibrary.records import replace
-from calibrary.registry.entry import UNSTATED, Entry
+from calibrary.registry.entry import UNSTATED, Entry, Validity
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.writing import Written
@@ -77,6 +77,7 @@ class AddRequest:
         override_held: whether it may replace an entry that is held.
         force: why to take a K that contradicts what is known of its camera.
         branch: on which they are proposed; None for the one that is checked out.
+        validity: the days that images may be of for them; None leaves what an entry's file states.
     """
 
     key: Callable[[CameraKey], CameraKey] = lambda known: known
@@ -88,6 +89,7 @@ class AddRequest:
     override_held: bool = False
     force: str | None = None
     branch: str | None = None
+    validity: Validity | None = None
 
 
 def propose_file(registry: Registry, path: Path, reading: Reading, request: AddRequest) -> Proposals:
@@ -223,6 +225,7 @@ def _from_calibration(
                 extras=(),
             ),
             firmware=request.firmware,
+            validity=request.validity,
         ), tuple(warnings)
     except InputError as error:
         raise type(error)(error.message, source=source.name, place=error.place) from None
@@ -246,7 +249,8 @@ def _from_entry(entry: Entry, request: AddRequest) -> tuple[Entry, tuple[str, ..
         provenance=made,
         notes=_notes(entry.calibration, request),
     )
-    return replace(entry, calibration=calibration, firmware=request.firmware or entry.firmware), warnings
+    firmware, validity = request.firmware or entry.firmware, request.validity or entry.validity
+    return replace(entry, calibration=calibration, firmware=firmware, validity=validity), warnings
 
 
 def _notes(calibration: Calibration, request: AddRequest) -> tuple[str, ...]:

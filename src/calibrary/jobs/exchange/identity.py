@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import Catalogue, load_catalogue, match_image
+from calibrary.errors import InputError
 from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 
-__all__ = ["Identified", "identified", "image_key"]
+__all__ = ["Identified", "identified", "image_day", "image_key"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +44,19 @@ def identified(metadata: ImageMetadata, catalogue: Catalogue) -> Identified:
         siblings=match.siblings or match.candidates,
         why=match.reason,
     )
+
+
+def image_day(path: Path) -> date | None:
+    """The day an image was taken on, by the camera's clock: that on which an entry has to be valid.
+
+    None where the image states none; whoever reads it for its camera tells why it cannot be read.
+    """
+    from calibrary.parsers.imagery.taken import taken_on  # noqa: PLC0415  the readers, which KEYs do not need
+
+    try:
+        return taken_on(path)
+    except (InputError, OSError):
+        return None
 
 
 def image_key(path: Path) -> Identified:

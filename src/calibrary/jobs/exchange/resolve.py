@@ -10,13 +10,14 @@ from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.errors import InputError, RegistryError
-from calibrary.jobs.exchange.identity import image_key
+from calibrary.jobs.exchange.identity import image_day, image_key
 from calibrary.parsers.image_names import is_image
 from calibrary.records import Record, replace
+from calibrary.registry.approvals import approvals_of
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.history import Recorded, recorded
-from calibrary.registry.paths import find_path, find_paths, id_of
+from calibrary.registry.history import Approval, Recorded, recorded
+from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.writing import parsed
@@ -33,11 +34,13 @@ class Question:
     Attributes:
         key: the camera, as far as it is known.
         known_by: how that was found out, in words.
+        day: of the image; None where there is none, or it states none.
         index: the entries to ask, where finding out took listing them.
     """
 
     key: CameraKey
     known_by: str
+    day: date | None = None
     index: RegistryIndex | None = None
 
 
@@ -67,6 +70,9 @@ class UsedEntry(Record):
         tolerance: how far a K of this camera may lie from this one, as a share of fx.
         image_size: (width, height) px that the entry itself counts in.
         recorded: who put this calibration into the registry, by the commit that did; None in a plain folder.
+        approved: who approved it, and in which commits.
+        override: why it is used although it contradicts what is known of its camera; None where it does not.
+        proposal: path of what is proposed to take its place; None where nothing is.
     """
 
     id: str
@@ -76,6 +82,9 @@ class UsedEntry(Record):
     tolerance: float | None
     image_size: ImageSize
     recorded: Recorded | None
+    approved: tuple[Approval, ...] = ()
+    override: str | None = None
+    proposal: str | None = None
 
 
 class ResolutionReport(Record, tag_field="schema", tag="calibrary/resolution-1"):
@@ -165,9 +174,11 @@ def resolution_report(snapshot: Snapshot, found: Answer, *, on: date | None) -> 
 
 def _used(snapshot: Snapshot, found: Resolution) -> UsedEntry:
     entry, put = found.entry, None
+    approved: tuple[Approval, ...] = ()
     if snapshot.repo is not None and snapshot.commit is not None:
-        stored = StoredEntry(entry=entry, path=found.path, oid=None, commit=snapshot.commit)
-        put = recorded(snapshot.repo, stored)
+        stored = StoredEntry(entry=entry, path=found.path, oid=None, commit=found.revision or snapshot.commit)
+        put, approved = recorded(snapshot.repo, stored), approvals_of(snapshot.repo, stored)
+    beside = proposal_path(found.path)
     return UsedEntry(
         id=id_of(found.path),
         path=found.path,
@@ -176,6 +187,9 @@ def _used(snapshot: Snapshot, found: Resolution) -> UsedEntry:
         tolerance=entry.tolerance,
         image_size=entry.calibration.intrinsics.image_size,
         recorded=put,
+        approved=approved,
+        override=entry.override,
+        proposal=beside if beside in snapshot.proposed else None,
     )
 
 
@@ -191,7 +205,7 @@ def _meant(snapshot: Snapshot, word: str | None) -> Question:
                 source=word,
             )
         told = image_key(path)
-        return Question(key=told.key, known_by=f"the image: {told.why}")
+        return Question(key=told.key, known_by=f"the image: {told.why}", day=image_day(path))
     if is_image(path):
         raise InputError("no such file", source=word)
     return _of_key(snapshot, word)

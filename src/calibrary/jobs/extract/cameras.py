@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.evidence.collect import Evidence
@@ -134,14 +135,14 @@ class Camera:
 
 
 def group_cameras(
-    states: Mapping[ImageMetadata, Sequence[str]], knowledge: Knowledge
+    states: Mapping[ImageMetadata, Sequence[str]], knowledge: Knowledge, root: Path = Path()
 ) -> dict[CameraKey, tuple[State, ...]]:
-    """Put camera states together that are one camera, the commonest state first."""
+    """Put camera states together that are one camera, the commonest state first; names are below the root."""
     cameras: dict[CameraKey, list[State]] = {}
     for metadata, names in states.items():
-        known = knowledge.of(metadata)
-        inferred = known.camera.sub_camera if known.camera is not None else None
-        key = camera_key(metadata, inferred)
-        cameras.setdefault(key, []).append(State(metadata=metadata, names=tuple(names), known=known))
+        for known, own in knowledge.by_day(metadata, names, root):
+            inferred = known.camera.sub_camera if known.camera is not None else None
+            key = camera_key(metadata, inferred)
+            cameras.setdefault(key, []).append(State(metadata=metadata, names=own, known=known))
     ordered = sorted(cameras.items(), key=lambda item: str(item[0]))
     return {key: tuple(sorted(group, key=lambda s: (-len(s.names), s.names[0]))) for key, group in ordered}

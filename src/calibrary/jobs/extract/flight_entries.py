@@ -32,10 +32,20 @@ def flight_entries(
     knowledge = Knowledge(catalogue=load_catalogue(), registry=snapshot.index(), on=date.today())
     paths: dict[str, None] = {}
     unanswered = []
-    for metadata in gather(images, folder).states:
-        known = knowledge.of(metadata)
-        if known.resolution is not None:
+    found = gather(images, folder).states.items()
+    dated = (
+        (metadata, known)
+        for metadata, names in found
+        for known, _ in knowledge.by_day(metadata, names, folder)
+    )
+    for metadata, known in dated:
+        if known.resolution is not None and known.resolution.revision is None:
             paths[known.resolution.path] = None
+            continue
+        if known.resolution is not None:
+            unanswered.append(
+                f"{known.resolution.path}: {known.resolution.why}; a lock pins one revision of an entry, that of now"
+            )
             continue
         named = " ".join(text for text in (metadata.make, metadata.model) if text)
         near = f" ({known.near[0].path}: {known.near[0].reason})" if known.near else ""

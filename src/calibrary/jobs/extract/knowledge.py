@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 from calibrary.calibration import Calibration
 from calibrary.catalogue import Catalogue, load_catalogue
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.exchange.identity import identified
+from calibrary.jobs.exchange.identity import identified, image_day
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 from calibrary.registry.locking import locked
@@ -56,7 +57,7 @@ class Knowledge:
     Attributes:
         catalogue: of known cameras.
         registry: the fleet's own.
-        on: the day that entries must be valid on; None asks nothing of theirs.
+        on: the day that entries must be valid on for images that state none; None asks nothing of theirs.
         warnings: what a person should know of the registry before resting on it.
     """
 
@@ -91,8 +92,37 @@ class Knowledge:
         """Whether a registry was given."""
         return self.registry is not None
 
+    def by_day(
+        self, metadata: ImageMetadata, names: Sequence[str], root: Path
+    ) -> Iterator[tuple[Known, tuple[str, ...]]]:
+        """What is known of the camera that took some images, and which of them it holds for.
+
+        It is one thing for all of them, but where an entry is valid for some days only: the image's own counts.
+
+        Args:
+            metadata: of all of them.
+            names: below the folder.
+            root: the folder.
+
+        Raises:
+            RegistryError: as of :meth:`of`.
+        """
+        if self.registry is None or not self.registry.is_dated(identified(metadata, self.catalogue).key):
+            yield self.of(metadata), tuple(names)
+            return
+        days: dict[date | None, list[str]] = {}
+        for name in names:
+            days.setdefault(image_day(root / name) or self.on, []).append(name)
+        found: dict[tuple[str, str | None] | None, tuple[Known, list[str]]] = {}
+        for day, own in days.items():
+            known = replace(self, on=day).of(metadata)
+            entry = known.resolution
+            answer = (entry.path, entry.revision) if entry is not None else None
+            found.setdefault(answer, (known, []))[1].extend(own)
+        yield from ((known, tuple(own)) for known, own in found.values())
+
     def of(self, metadata: ImageMetadata) -> Known:
-        """What is known of the camera that took an image.
+        """What is known of the camera that took an image on the day that is asked for.
 
         Raises:
             RegistryError: two of the registry's entries fit the camera equally well, or one that may fit cannot

@@ -90,7 +90,7 @@ def run(request: Request) -> Extraction:
         raise _breach(request.policy, "image", f"{first.name}: {first.reason}")
 
     with stage("derived and judged K"):
-        states = group_cameras(gathered.states, knowledge)
+        states = group_cameras(gathered.states, knowledge, found.root)
         sensor, warnings = _sensor(request, states)
         cameras = [one for key, group in states.items() for one in _judged(key, group, request, sensor)]
     rivals = _rivals(cameras)

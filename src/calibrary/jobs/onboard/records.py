@@ -41,10 +41,12 @@ class Questions:
     Attributes:
         square_mm: the side of a board's square; given how many frames show one.
         serves: whether a measured K is this unit's alone; given the camera in words.
+        stated: what was said of that beforehand; None where a person is asked.
     """
 
     square_mm: Callable[[int], float]
     serves: Callable[[str], Serves]
+    stated: Serves | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -74,6 +74,8 @@ def onboard(request: Request) -> Onboarding:
         raise InputError(
             f"no camera in it is called {request.only!r:.60}: {names}", source=str(request.folder)
         )
+    # A payload is one unit: a serial number that is stated is that of all its cameras.
+    chosen = [replace(one, key=replace(one.key, serial=request.said(one.key).serial)) for one in chosen]
     square_mm = _square_mm(chosen, request)
     outcomes = tuple(_outcome(one, payload, square_mm, request) for one in chosen)
     if any(one.decision is Decision.REFUSED for one in outcomes):
@@ -187,6 +189,12 @@ def _proposed(
 ) -> CameraDecision:
     """The draft of a camera against which nothing speaks yet, and what the registry says to it."""
     camera, registry, board = so_far.camera, request.registry, so_far.board
+    is_unit = request.questions.stated is Serves.UNIT and comparison.chosen.grade in MEASURED
+    if is_unit and camera.key.serial is None:
+        reason = (
+            "it is measured on one unit, and nothing in it states the serial number by which a unit is found"
+        )
+        return replace(so_far, reason=reason, advice="state it: --serial NUMBER, or --for model")
     serves = _serves(camera, comparison, request.questions)
     result = board.result if board is not None else None
     try:
@@ -213,14 +221,17 @@ def _proposed(
         reason = f"the registry already contains it, from the same sources, {current.status.value}"
         advice = f"calibrary registry approve {entry.id}" if current.status is Status.DRAFT else None
         return replace(done, entry=current, decision=Decision.KNOWN, reason=reason, advice=advice)
+    nominal = request.questions.stated is Serves.UNIT and serves is Serves.MODEL
     approving = f"calibrary registry approve {entry.id} --from {branch}"
     if waiting is not None and is_same(waiting, entry):
         reason = f"its draft is on the branch {branch}, from the same sources"
         return replace(done, entry=waiting, decision=Decision.KNOWN, reason=reason, advice=approving)
-    return replace(done, decision=Decision.PROPOSED, reason=_why(comparison, board), advice=approving)
+    return replace(
+        done, decision=Decision.PROPOSED, reason=_why(comparison, board, nominal=nominal), advice=approving
+    )
 
 
-def _why(comparison: EstimateComparison, board: BoardSolve | None) -> str:
+def _why(comparison: EstimateComparison, board: BoardSolve | None, *, nominal: bool) -> str:
     chosen = comparison.chosen
     grade = chosen.grade.value if chosen.grade is not None else "unknown"
     agreeing = [compared.estimate.name for compared in comparison.others if compared.agrees]
@@ -240,6 +251,8 @@ def _why(comparison: EstimateComparison, board: BoardSolve | None) -> str:
         and board.result is not None
         and board.result.verdict is BoardVerdict.PROVISIONAL
     )
+    if nominal:
+        told += "; a nominal K is of the model, so it is proposed for the model and not for the unit"
     return f"{told}; provisional: take better frames before approving it" if provisional else told
 
 

@@ -104,7 +104,8 @@ def _k(entry: Entry, id_: str, place: Place) -> Iterator[Block]:
             Status.RETIRED: "Retired: not used any more.",
         }
         text = words.get(entry.status, "")
-        told = " ".join(part for part in (text, entry.reason) if part)
+        reason = f"Reason: {entry.reason}" if entry.reason else None
+        told = " ".join(part for part in (text, reason) if part)
         if told:
             yield Note(text=told, tone=STATUSES[entry.status])
     values = [
@@ -115,6 +116,9 @@ def _k(entry: Entry, id_: str, place: Place) -> Iterator[Block]:
     yield KeyValues((*values, *skew, ("image", "{} × {} px".format(*K.image_size))))
     rows = ",\n ".join("[" + ", ".join(repr(float(value)) for value in row) + "]" for row in K.matrix)
     yield Code(text=f"[{rows}]", label="K, counted from the outer corner of the first pixel")
+    if entry.override is not None:
+        text = f"This K contradicts what is known of its camera, and is used in spite of that. Reason: {entry.override}"
+        yield Note(text=text, tone=Tone.CAUTION)
     yield "Pixels are counted from the outer corner of the top-left one; OpenCV's cx and cy are half a pixel less."
     yield from _coefficients(calibration, std)
     yield Code(text=f"calibrary registry show {id_}", label="The command that shows this entry")

@@ -1,0 +1,128 @@
+"""Who approved an entry: told by the commits that say so, and held against what the registry asks for.
+
+A commit that approves names in a trailer what it approves: git's id of the entry's file as it was proposed, which the
+status and its reason do not change. It counts for the person who is the commit's author; where the registry lists keys,
+for the owner of the key that signed it. Nothing of this is in the entry's file, where anyone could write it.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from calibrary.records import replace
+from calibrary.registry.configuration import ApprovalRule
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.git.commits import Person
+from calibrary.registry.git.history import Revision
+from calibrary.registry.git.history import history as git_history
+from calibrary.registry.git.objects import blob_id
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.signatures import signatures
+from calibrary.registry.history import Approval, of_path, origin
+from calibrary.registry.snapshot import StoredEntry
+from calibrary.registry.writing import APPROVED_DIGEST
+
+__all__ = ["approvals_of", "digest_as_proposed", "unmet", "unmet_with"]
+
+
+def digest_as_proposed(entry: Entry) -> str:
+    """The id of an entry's file as it was proposed: what an approval is of."""
+    return blob_id(entry_yaml(replace(entry, status=Status.DRAFT, reason=None)))
+
+
+def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:
+    """Who approved an entry that is in use, the first approval first; by whose commit it came to use, in older ones.
+
+    Raises:
+        RegistryError: the history cannot be read.
+    """
+    if stored.commit is None or not stored.entry.is_usable:
+        return ()
+    said = _said(repo, stored.entry, stored.commit)
+    if said:
+        return tuple(map(_approval, said))
+    digest, first = digest_as_proposed(stored.entry), None
+    for one in of_path(repo, stored.commit, stored.path):
+        if one.entry is None or not one.entry.is_usable or digest_as_proposed(one.entry) != digest:
+            break
+        first = one.revision
+    return (_approval(first),) if first is not None else ()
+
+
+def unmet(repo: Repository, stored: StoredEntry, rule: ApprovalRule) -> str | None:
+    """What the approvals of an entry in use lack of what the registry asks for; None where nothing."""
+    if stored.commit is None:
+        return None
+    return _lacking(rule, _counted(repo, stored, rule, _said(repo, stored.entry, stored.commit)))
+
+
+def unmet_with(repo: Repository, stored: StoredEntry, rule: ApprovalRule, person: Person) -> str | None:
+    """The same of a proposal, if this person approved it as well."""
+    if stored.commit is None:
+        return None
+    counted = _counted(repo, stored, rule, _said(repo, stored.entry, stored.commit))
+    if refused := _refused(repo, stored, rule, person):
+        return refused
+    return _lacking(rule, counted | {person.email.lower()})
+
+
+def _said(repo: Repository, entry: Entry, at: str) -> list[Revision]:
+    """The commits that approve an entry, oldest first, one of each person."""
+    trailer = f"{APPROVED_DIGEST}: {digest_as_proposed(entry)}"
+    found: dict[str, Revision] = {}
+    for revision in reversed(git_history(repo, None, at, saying=trailer)):
+        if tuple(trailer.split(": ")) in revision.trailers:
+            found.setdefault(revision.author.email.lower(), revision)
+    return [*found.values()]
+
+
+def _counted(
+    repo: Repository, stored: StoredEntry, rule: ApprovalRule, said: Sequence[Revision]
+) -> frozenset[str]:
+    """Of whom an approval counts, by address."""
+    signed = _signed(repo, [one.commit for one in said], rule.keys) if rule.keys else None
+    return frozenset(
+        one.author.email.lower()
+        for one in said
+        if (signed is None or one.commit in signed) and _refused(repo, stored, rule, one.author) is None
+    )
+
+
+def _refused(repo: Repository, stored: StoredEntry, rule: ApprovalRule, person: Person) -> str | None:
+    """Why a person's approval does not count."""
+    if rule.people and not {person.name, person.email.lower()} & {*rule.people, *map(str.lower, rule.people)}:
+        return f"{person.name} <{person.email}> is not among those who approve by registry.yaml"
+    first = origin(repo, stored)
+    if rule.not_author and first is not None and first.author.email.lower() == person.email.lower():
+        return f"{person.name} proposed it, and registry.yaml asks for the approval of another person"
+    return None
+
+
+def _lacking(rule: ApprovalRule, people: frozenset[str]) -> str | None:
+    if len(people) >= rule.count:
+        return None
+    of_whom = f" of {', '.join(rule.people)}" if rule.people else ""
+    keys = ", signed with a listed key" if rule.keys else ""
+    another = " who did not propose it" if rule.not_author else ""
+    return f"{len(people)} of {rule.count} approvals{of_whom}{another}{keys}"
+
+
+def _signed(repo: Repository, commits: Sequence[str], keys: Sequence[str]) -> frozenset[str]:
+    """The commits that carry a good signature by one of some ssh keys."""
+    with tempfile.TemporaryDirectory() as folder:
+        signers = Path(folder) / "signers"
+        signers.write_text("".join(f"* {' '.join(key.split()[:2])}\n" for key in keys), encoding="utf-8")
+        return frozenset(one.commit for one in signatures(repo, commits, signers) if one.is_good)
+
+
+def _approval(revision: Revision) -> Approval:
+    return Approval(
+        by=revision.author.name,
+        email=revision.author.email,
+        date=revision.authored,
+        commit=revision.commit,
+        reason=next((value for key, value in revision.trailers if key == "Reason"), None),
+    )

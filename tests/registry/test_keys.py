@@ -1,0 +1,54 @@
+"""How short a KEY may be, and what is said of a file that is listed and cannot be had."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from calibrary.errors import RegistryError, UnknownCameraError
+from calibrary.registry.init import init
+from calibrary.registry.paths import find_path
+from calibrary.registry.writing import note_of
+from tests.registry.entries import an_entry
+from tests.registry.git.repositories import nobodys_git
+
+__all__ = ["nobodys_git"]
+
+MODEL = "cameras/dji/m30t/4000x3000.yaml"
+ONE = "cameras/dji/m30t/sn-0e25aa/4000x3000+sub-wide.yaml"
+OTHER = "cameras/dji/m30t/sn-0f77bb/4000x3000+sub-wide.yaml"
+
+
+@pytest.mark.parametrize(
+    ("key", "path"),
+    [
+        ("m30t/sn-0e25", ONE),
+        ("dji/m30t/sn-0e25", ONE),
+        ("m30t/SN-0E25/4000", ONE),
+        ("m30t/sn-0f", OTHER),
+        ("dji/m30t/4000x3000", MODEL),
+    ],
+)
+def test_a_unit_is_named_by_the_beginning_of_its_hash(key: str, path: str) -> None:
+    assert find_path([MODEL, ONE, OTHER], key) == path
+
+
+def test_what_fits_several_units_names_them() -> None:
+    with pytest.raises(RegistryError, match=r"sn-0e25aa.*sn-0f77bb"):
+        find_path([ONE, OTHER], "m30t/sn-0")
+    with pytest.raises(UnknownCameraError):
+        find_path([ONE, OTHER], "m30t/sn-1")
+
+
+def test_a_content_that_is_missing_is_not_a_file_that_is_not_there(tmp_path: Path) -> None:
+    registry = init(tmp_path / "fleet", bare=True).registry
+    entry = an_entry()
+    registry.write([(entry, None)], note_of("Add", [entry]))
+    oid = registry.snapshot().paths[entry.path]
+    assert oid is not None
+    (tmp_path / "fleet/objects" / oid[:2] / oid[2:]).unlink()
+    registry.repo.close()
+    snapshot = type(registry).open(tmp_path / "fleet").snapshot()
+    with pytest.raises(RegistryError, match="lacks its content"):
+        snapshot.read(entry.path)
