@@ -31,7 +31,7 @@ REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary n
 %d.%d. Name a newer one (make PYTHON=python3.12), after removing $(VENV) if it is there." \
 % ((sys.executable,) + tuple(sys.version_info[:2])))
 
-.PHONY: help demo test lint format bench fuzz schemas pictures dist lock clean
+.PHONY: help demo test lint format bench fuzz schemas docs pictures dist lock clean
 .DEFAULT_GOAL := help
 
 help: ## List what can be made
@@ -76,6 +76,9 @@ fuzz: $(INSTALLED) ## Fuzz every reader (SECONDS=60 each, FORMAT=a,b these alone
 
 schemas: $(INSTALLED) ## Write the JSON Schemas of schemas/ from the records they are of
 	$(BIN)/python docs/make_schemas.py
+
+docs: $(INSTALLED) ## Write docs/formats.md and docs/distortion.md from what the code says of itself
+	$(BIN)/python docs/make_formats.py
 
 pictures: $(INSTALLED) ## Draw the pictures of the documentation from real output
 	$(BIN)/python docs/make_pictures.py --pages

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import calibrary
 from calibrary import parsers
 from calibrary.cli.main import main
+from calibrary.distortion import MODELS
 from calibrary.errors import ParseError
 from calibrary.jobs.inspect.report import InspectReport
 from calibrary.records import from_json
@@ -236,9 +238,15 @@ def test_a_format_nobody_knows_is_said_so(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_the_documentation_lists_the_formats_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
-    """``calibrary formats --markdown`` makes the table in docs/formats.md."""
+    """``make docs`` writes it, with the table that ``calibrary formats --markdown`` prints."""
     _, out, _ = run(capsys, "formats", "--markdown")
-    assert (ROOT / "docs/formats.md").read_text(encoding="utf-8").endswith(out)
+    made = runpy.run_path(str(ROOT / "docs" / "make_formats.py"))["documents"]()
+    assert out in made["formats.md"]
+    for name, text in made.items():
+        assert (ROOT / "docs" / name).read_text(encoding="utf-8") == text, "run `make docs`"
+    for model, kind in MODELS.items():
+        section = made["distortion.md"].partition(f"## {model}\n")[2].partition("\n## ")[0]
+        assert all(f"`{parameter}`" in section for parameter in kind.names())
 
 
 def test_convert_takes_folders_and_patterns_and_lists_the_verdicts(
