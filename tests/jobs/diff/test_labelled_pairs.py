@@ -7,9 +7,12 @@ import pytest
 from calibrary.errors import InputError
 from calibrary.jobs.diff.comparison import compare
 from tests.jobs.diff.pairs import PAIRS, Pair
+from tests.jobs.diff.pairs_of_scale import PAIRS_OF_SCALE
+
+ALL = (*PAIRS, *PAIRS_OF_SCALE)
 
 
-@pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair.name)
+@pytest.mark.parametrize("pair", ALL, ids=lambda pair: pair.name)
 def test_a_labelled_pair_is_judged_as_labelled(pair: Pair) -> None:
     if pair.verdict is None:
         with pytest.raises(InputError, match=pair.says):
@@ -23,4 +26,4 @@ def test_a_labelled_pair_is_judged_as_labelled(pair: Pair) -> None:
 
 
 def test_there_are_enough_of_them() -> None:
-    assert len({pair.name for pair in PAIRS}) == len(PAIRS) >= 60
+    assert len({pair.name for pair in ALL}) == len(ALL) >= 60

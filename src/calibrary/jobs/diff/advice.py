@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Final
 
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, Grade
 from calibrary.jobs.diff.kinds import Kind, Structural
 from calibrary.jobs.diff.noise import Basis
 from calibrary.jobs.diff.numbers import Numbers
@@ -65,7 +65,17 @@ CONVENTIONS: Final = {
     Kind.TANGENTIAL_SIGN: "the sign of p1 and p2",
     Kind.DIRECTION: "the direction or sign of the distortion",
 }
-LOST: Final = frozenset({Kind.COEFFICIENT_LOST, Kind.DISTORTION_LOST, Kind.FROM_CENTRE, Kind.EQUIVALENT_LEAK})
+LOST: Final = frozenset(
+    {
+        Kind.COEFFICIENT_LOST,
+        Kind.DISTORTION_LOST,
+        Kind.FROM_CENTRE,
+        Kind.EQUIVALENT_LEAK,
+        Kind.OTHER_SIZE,
+        Kind.OTHER_UNIT,
+    }
+)
+MEASURED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
 
 def advice(
@@ -81,6 +91,10 @@ def advice(
     """Which of the two to use, and a sentence that says so."""
     drifted = alarm and numbers is not None and {one.kind for one in structural} == {Kind.RESIZE}
     if structural and not drifted:
+        if {one.kind for one in structural} == {
+            Kind.CROP
+        } and a.intrinsics.image_size == b.intrinsics.image_size:
+            return _of_field(a, b)
         return _of_structure(structural, alarm=alarm)
     assert numbers is not None  # noqa: S101 — without numbers there is a structural change
     better, why = _better(a, b, numbers)
@@ -124,6 +138,21 @@ def _of_structure(structural: tuple[Structural, ...], *, alarm: bool) -> tuple[U
             "used."
         )
     return BY_KIND[Kind.RESIZE]
+
+
+def _of_field(a: Calibration, b: Calibration) -> tuple[Use, str]:
+    """Another field of view in a frame of one size, which no size of an image tells apart."""
+    if (a.grade in MEASURED) is not (b.grade in MEASURED):
+        use, one, other = (Use.A, a, b) if a.grade in MEASURED else (Use.B, b, a)
+        unmeasured = "B" if use is Use.A else "A"
+        return use, (
+            f"Use {use.value}, which is {one.grade.value} where the other is {other.grade.value}, for images of its "
+            f"own zoom and crop mode; check the sensor size behind {unmeasured} before {unmeasured} is used."
+        )
+    return Use.EACH, (
+        "Use each only for images of the zoom and crop mode that it was made in; where that is not known, calibrate "
+        "again in the mode that you fly."
+    )
 
 
 def _agreeing(

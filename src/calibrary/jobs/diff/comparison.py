@@ -8,6 +8,7 @@ that uncertainty is itself larger than the limits, this is said, because such an
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from calibrary.calibration import Calibration
@@ -159,8 +160,12 @@ def _reasons(
         f"projections differ by {pixels(seen.rms_px)} rms and {pixels(seen.max_px)} at most over the frame, "
         f"the image scale by {percent(numbers.scale.change)}"
     )
+    if not math.isfinite(seen.rms_px):
+        return [*told, "too few directions are seen by both to compare their projections"]
     told.append(differ)
     if not numbers.matters(policy):
+        if any(one.kind in ALARMING for one in structural):
+            return [*told, f"that is below the limits ({limits}): the alarm is for the change of kind"]
         return [*told, f"that is below the limits ({limits}): it does not matter, significant or not"]
     told.append(f"that is beyond the limits ({limits})")
     edit = _edit(numbers)

@@ -22,6 +22,8 @@ class Kind(StrEnum):
     HALF_PIXEL = "half-pixel convention"
     ORIGIN = "pixel origin"
     FROM_CENTRE = "principal point from the centre"
+    OTHER_SIZE = "K of another image size"
+    OTHER_UNIT = "distortion in another unit"
     COEFFICIENT_LOST = "coefficient lost"
     DISTORTION_LOST = "distortion lost"
     TANGENTIAL_SWAP = "p1 and p2 swapped"
@@ -43,6 +45,8 @@ ALARMING: Final = frozenset(
         Kind.HALF_PIXEL,
         Kind.ORIGIN,
         Kind.FROM_CENTRE,
+        Kind.OTHER_SIZE,
+        Kind.OTHER_UNIT,
         Kind.EQUIVALENT_LEAK,
         Kind.STRETCH,
         Kind.OTHER_CAMERA,

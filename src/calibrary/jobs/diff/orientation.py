@@ -130,9 +130,15 @@ def of_origin(a: Calibration, b: Calibration) -> Iterator[Structural]:
     sides: tuple[tuple[Literal["A", "B"], Intrinsics, Intrinsics], ...] = (("A", K, after), ("B", after, K))
     for name, counted, whole in sides:
         if _is_from_centre((counted.cx, counted.cy), (whole.cx, whole.cy), K.image_size):
+            is_share = all(0.0 < centre < 1.0 for centre in (counted.cx, counted.cy))
+            what = (
+                "are probably shares of its width and height"
+                if is_share
+                else "count from the centre of the image, not from its corner"
+            )
             reason = (
                 f"cx, cy of {name} are {counted.cx:.2f}, {counted.cy:.2f} in a {frame_size(K.image_size)} frame: they "
-                "count from the centre of the image, not from its corner"
+                f"{what}"
             )
             yield Structural(kind=Kind.FROM_CENTRE, reason=reason, faulty=name)
 

@@ -28,6 +28,7 @@ from calibrary.jobs.diff.orientation import (
 )
 from calibrary.jobs.diff.origin import Common, common_numbers, is_same
 from calibrary.jobs.diff.priors import PRIORS, std_of
+from calibrary.jobs.diff.scale import of_scale
 from calibrary.jobs.diff.wording import frame_size, listed, pixels
 
 __all__ = ["other_camera", "signatures"]
@@ -70,6 +71,9 @@ FULL_FRAME_MM = (36.0, 24.0)
 
 def signatures(a: Calibration, b: Calibration) -> tuple[Structural, ...]:
     """Every change of kind that shows between ``a`` and the later ``b``, each in its own frame."""
+    scale = tuple(of_scale(a, b))
+    if scale:
+        return scale
     return (
         *_of_frames(a, b),
         *_of_focal_lengths(a, b),

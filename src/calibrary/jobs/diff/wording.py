@@ -37,6 +37,8 @@ def length(metres: float, *, signed: bool = False) -> str:
 
 def percent(share: float) -> str:
     """A share with its sign."""
+    if not math.isfinite(share):
+        return "unknown"
     return "0%" if abs(share) < SMALLEST_SHARE else f"{share:+.3%}" if abs(share) < 0.01 else f"{share:+.1%}"
 
 

@@ -87,7 +87,8 @@ def _apart_from(first: Camera, camera: Camera) -> Camera:
 def _of(count: int, images: int) -> str:
     if images == 1:
         return "the image was"
-    return f"all {images} images were" if count == images else f"{count} of {images} images were"
+    were = "was" if count == 1 else "were"
+    return f"all {images} images were" if count == images else f"{count} of {images} images {were}"
 
 
 def _is_one_unit(key: CameraKey, states: Sequence[State]) -> bool:
