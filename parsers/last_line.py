@@ -27,6 +27,7 @@ _DIGIT = re.compile(r"\d")
 _ZERO = re.compile(r"[+-]?0")
 _WHOLE = re.compile(r"\d[eE][+-]0\d\Z")
 """Programs pad an exponent to two digits; one that begins with 0 has no third."""
+_ANOTHER = " 1"
 _EXPONENT = re.compile(r"[\d.][eE][+-]?\d*\Z")
 _TAIL_BYTES = 2000
 _UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
@@ -60,13 +61,14 @@ def read_to_the_end(read: Callable[[bytes], list[Calibration]], data: bytes) -> 
         raise ParseError(f"{error.message}; {NOT_ENDED}", source=error.source, place=error.place) from None
     match = _LAST_WORD.search(tail)
     word = match[0].strip() if match else ""
-    if (word and not _DIGIT.search(word)) or _WHOLE.search(word):
+    if word and not _DIGIT.search(word):
         return found
     for ending in _endings(word):
         try:
             other = read(data + ending.encode(encoding) + newline)
         except InputError:
-            other = []
+            # No further number fits behind one that is whole.
+            other = found if ending == _ANOTHER else []
         if [_camera(item) for item in other] != [_camera(item) for item in found]:
             raise ParseError(f"{NOT_ENDED}: what it ends in, {shown(word)}, is used")
         found = [_common(item, changed) for item, changed in zip(found, other, strict=True)]
@@ -74,7 +76,10 @@ def read_to_the_end(read: Callable[[bytes], list[Calibration]], data: bytes) -> 
 
 
 def _endings(word: str) -> Iterator[str]:
-    """What may have followed: more digits, or an exponent where there is none."""
+    """What may have followed: more digits, or an exponent where there is none; behind a whole number another."""
+    if _WHOLE.search(word):
+        yield _ANOTHER
+        return
     yield ".5" if _ZERO.fullmatch(word) else "1"
     if not _EXPONENT.search(word):
         yield "e1"
