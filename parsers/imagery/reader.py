@@ -67,7 +67,8 @@ def read_source(source: Source) -> ImageMetadata:
     if heif.is_heif(source.head) and exif.exif_size == found.head.size[::-1]:
         # A portrait: telephones state the size after the rotation of irot, the item table the one before.
         exif = replace(exif, exif_size=found.head.size)
-    return _merged(found.head, exif, xmp, has_exif=has_exif)
+    merged = _merged(found.head, exif, xmp, has_exif=has_exif)
+    return replace(merged, exif_in_text=True) if has_exif and not found.has_exif else merged
 
 
 def begins_as_image(head: bytes) -> bool:

@@ -68,7 +68,7 @@ class TestExitCodes:
             ("--max-focal-deviation-pct", "101"),
             ("--max-focal-deviation-pct", "nan"),
             ("--workers", "-1"),
-            ("--hand-off", "pix4d"),
+            ("--hand-off", "pix5d"),
             ("--no-such-flag",),
         ],
     )
@@ -110,14 +110,14 @@ class TestExitCodes:
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
     ) -> None:
         for unit in "12":
-            picture(tmp_path / f"input/{unit}.jpg", **P4R, body_serial=unit)
-        assert extract("--hand-off", "opensfm") == 1
+            picture(tmp_path / f"input/{unit}/a.jpg", **P4R, body_serial=unit)
+        assert extract("--recursive", "--hand-off", "opensfm") == 1
         told = " ".join(capsys.readouterr().out.split())
         assert "nothing is handed to opensfm" in told
         assert "folder of its own" in told
         assert "2 cameras, judged by the fleet policy: 2 valid" in told
         assert [name for name in left_in(tmp_path) if name.endswith(".npy")] != []
-        assert extract("--hand-off", "colmap") == 0
+        assert extract("--recursive", "--hand-off", "colmap") == 0
 
     def test_4_when_the_registry_cannot_be_read(
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]

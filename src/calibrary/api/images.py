@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.atomic import write_files
+from calibrary.jobs.extract.colmap_cameras import write_database
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.hand_off import Solver, seed_command
@@ -63,18 +64,28 @@ class ExtractResult:
         """Whether every image has a valid K, and there is at least one."""
         return self.extraction.is_good
 
-    def outputs(self, matrix: PathLike, *, hand_off: str = "none", page: PathLike | None = None) -> Outputs:
+    def outputs(
+        self,
+        matrix: PathLike,
+        *,
+        hand_off: str = "none",
+        page: PathLike | None = None,
+        database: PathLike | None = None,
+    ) -> Outputs:
         """The files of a run: one K per camera, a report, what a solver needs; nothing is written.
 
         Args:
             matrix: where K goes, a .npy; with several cameras each one's name is put into it.
-            hand_off: "colmap", "opensfm", "odm", "opencv" or "none": the solver that gets K.
+            hand_off: "colmap", "opensfm", "odm", "opencv", "metashape", "pix4d", "realityscan" or "none": the
+                solver that gets K.
             page: where the report goes as a page.
+            database: a COLMAP database that has the images, to write their cameras into.
 
         Raises:
-            InputError: ``matrix`` is not a .npy, or a file's name cannot be handed over.
+            InputError: ``matrix`` is not a .npy, or a file that may not be replaced is in the way.
         """
-        found = plan(self.extraction, Path(matrix), Solver(hand_off))
+        place = Path(database) if database is not None else None
+        found = plan(self.extraction, Path(matrix), Solver(hand_off), database=place)
         if page is None:
             return found
         from calibrary.jobs.extract.page import outcome_page
@@ -89,12 +100,14 @@ class ExtractResult:
 
 
 def write_outputs(outputs: Outputs) -> None:
-    """Write all files, or none.
+    """Write all files, or none; then the cameras of a COLMAP database, all or none.
 
     Raises:
         InputError: one cannot be written.
     """
     write_files(outputs.files)
+    if outputs.database is not None:
+        write_database(outputs.database)
 
 
 def extract(

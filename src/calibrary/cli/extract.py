@@ -143,9 +143,16 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     )
     written.add_argument(
         "--hand-off",
-        choices=["colmap", "opensfm", "odm", "opencv", "none"],
+        choices=["colmap", "opensfm", "odm", "opencv", "metashape", "pix4d", "realityscan", "none"],
         default="none",
         help="also write what this solver needs, for cameras with a valid K (default: none)",
+    )
+    written.add_argument(
+        "--database",
+        type=Path,
+        metavar="FILE",
+        help="with --hand-off colmap: also write the cameras into this COLMAP database, which has the images; what "
+        "they were is kept as SQL",
     )
     written.add_argument(
         "--html", type=Path, metavar="FILE", help="also write the report as a page, to look at and to hand on"
@@ -162,6 +169,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.locked is not None and arguments.registry is None:
         arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
+    if arguments.database is not None and arguments.hand_off != "colmap":
+        arguments.parser.error("--database is for --hand-off colmap")
     matrix = Path(arguments.output_matrix)
     check_place(matrix)
     if arguments.html is not None:
@@ -179,7 +188,9 @@ def run(arguments: argparse.Namespace) -> int:
             strict_validation=arguments.strict_validation,
             progress=display.progress,
         )
-    outputs = result.outputs(matrix, hand_off=arguments.hand_off, page=arguments.html)
+    outputs = result.outputs(
+        matrix, hand_off=arguments.hand_off, page=arguments.html, database=arguments.database
+    )
     if not arguments.dry_run:
         write_outputs(outputs)
     if arguments.json:

@@ -138,6 +138,14 @@ class Display:
             self._remarks.say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
         for slug, why in outputs.not_handed_over.items():
             self._screen.say(f"[yellow]not handed to {solver}[/]: {plain(slug)}: {plain(why)}")
+        for slug, what in outputs.refine.items():
+            self._screen.say(f"[dim]to {solver}[/]: {plain(slug)}: {plain(what)}")
+        for note in outputs.hand_off_notes:
+            self._screen.say(f"[yellow]note[/]: {plain(note)}")
+        if outputs.database is not None:
+            count = len(outputs.database.updates)
+            verb = "would be written" if dry_run else "written"
+            self._screen.say(f"{count} cameras {verb} into {plain(str(outputs.database.path))}")
         if outputs.hand_off_failed:
             self._screen.say(f"[red]nothing is handed to {solver}[/]: {plain(outputs.hand_off_failed)}")
 

@@ -84,6 +84,7 @@ class ImageMetadata:
         xmp: the properties that say something about the camera, in document order.
         faults: tags that are present but unusable.
         has_exif: whether there was any EXIF at all.
+        exif_in_text: whether EXIF stands in GDAL's text only, where other programs do not find it.
     """
 
     size: ImageSize
@@ -102,6 +103,7 @@ class ImageMetadata:
     xmp: tuple[XmpProperty, ...] = ()
     faults: tuple[TagFault, ...] = ()
     has_exif: bool = False
+    exif_in_text: bool = False
 
     @property
     def zoom(self) -> float:

@@ -14,6 +14,7 @@ import pycolmap
 import pytest
 from numpy.typing import NDArray
 
+import calibrary
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import (
     BrownConrady,
@@ -25,7 +26,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import UnsupportedModelError
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.jobs.extract.hand_off import Candidate, Solver, hand_off, seed_command
+from calibrary.jobs.extract.hand_off import Candidate, Solver, colmap_camera, hand_off, notes, seed_command
 from calibrary.jobs.extract.outputs import plan
 from calibrary.records import replace
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
@@ -79,7 +80,7 @@ class TestColmap:
     @pytest.mark.parametrize(
         ("distortion", "model"),
         [
-            (None, "PINHOLE"),
+            (None, "OPENCV"),
             (NoDistortion(), "PINHOLE"),
             (BROWN, "OPENCV"),
             (BROWN_5, "FULL_OPENCV"),
@@ -92,7 +93,7 @@ class TestColmap:
         self, distortion: Distortion | None, model: str
     ) -> None:
         calibration = calibrated(distortion)
-        given = calibration.to_colmap()
+        given = colmap_camera(calibration)
         camera = pycolmap.Camera(**given._asdict())
         assert given.model == model
         assert_same_px(camera.img_from_cam(POINTS), calibration)
@@ -119,9 +120,15 @@ class TestColmap:
         assert [call["--image_list_path"] for call in calls] == ["colmap.dji-fc6310r.txt", "colmap.two.txt"]
         assert all(call["--ImageReader.single_camera"] == "1" for call in calls)
         assert all(call["--image_path"] == "my images" for call in calls)
-        assert [call["--ImageReader.camera_model"] for call in calls] == ["OPENCV", "PINHOLE"]
+        assert [call["--ImageReader.camera_model"] for call in calls] == ["OPENCV", "OPENCV"]
         read = [list(map(float, call["--ImageReader.camera_params"].split(","))) for call in calls]
         assert read[0] == [3660.5, 3655.25, 2731.5, 1846.75, -0.031, 0.012, 0.0008, -0.0004]
+        assert read[1] == [3660.5, 3655.25, 2731.5, 1846.75, 0.0, 0.0, 0.0, 0.0]
+        script = (tmp_path / "colmap.sh").read_text()
+        assert "keep fixed: it was measured" in script
+        assert "refine focal length and distortion: the distortion is unknown and starts from zero" in script
+        assert "--Mapper.ba_refine_extra_params 1" in script
+        assert "for all cameras at once" in script
         assert (tmp_path / "colmap.two.txt").read_text() == "100/a.jpg\n100/b c.jpg\n"
 
     def test_no_name_from_a_tag_is_run_as_a_command(self, tmp_path: Path) -> None:
@@ -134,7 +141,7 @@ class TestColmap:
     def test_the_seeds_command_starts_from_the_seed_and_refines_it(self, tmp_path: Path) -> None:
         seed = replace(calibrated(None), grade=Grade.SEED)
         extractor, _, mapper = self.calls_of(tmp_path, {"colmap.sh": seed_command(seed).encode()})
-        assert extractor["--ImageReader.camera_params"] == "3660.5,3655.25,2731.5,1846.75"
+        assert extractor["--ImageReader.camera_params"] == "3660.5,3655.25,2731.5,1846.75,0.0,0.0,0.0,0.0"
         assert mapper["--Mapper.ba_refine_focal_length"] == "1"
 
     def calls_of(self, folder: Path, files: dict[str, bytes]) -> list[dict[str, str]]:
@@ -244,11 +251,31 @@ class TestOpenSfm:
         assert {" ".join(name.split()[3:5]) for name in names} == {"2736 1824", "5472 3648"}
 
     @pytest.mark.parametrize("rejected", [False, True])
-    def test_two_cameras_of_one_name_are_refused(self, rejected: bool) -> None:
-        two = candidate(None if rejected else calibrated(None), slug="dji-fc6310r-sn-222222")
-        with pytest.raises(UnsupportedModelError, match="dji-fc6310r and dji-fc6310r-sn-222222") as caught:
+    def test_of_two_cameras_of_one_name_each_image_is_told_its_camera(self, rejected: bool) -> None:
+        two = replace(
+            candidate(None if rejected else calibrated(None), slug="dji-fc6310r-sn-222222"),
+            names=("101/z.jpg",),
+        )
+        files = hand_off(Solver.OPENSFM, [candidate(calibrated(BROWN)), two])
+        models = json.loads(files["camera_models_overrides.json"])
+        images = json.loads(files["exif_overrides.json"])
+        assert set(models) == {"dji-fc6310r"} | (set() if rejected else {two.slug})
+        assert images == {
+            "a.jpg": {"camera": "dji-fc6310r"},
+            "b c.jpg": {"camera": "dji-fc6310r"},
+            "z.jpg": {"camera": "dji-fc6310r-sn-222222"},
+        }
+        [note] = notes(Solver.OPENSFM, files)
+        assert "exif_overrides.json" in note
+
+    def test_images_of_one_name_in_two_folders_are_refused(self) -> None:
+        two = replace(candidate(calibrated(None), slug="two"), names=("101/a.jpg",))
+        with pytest.raises(UnsupportedModelError, match="folder of its own"):
             hand_off(Solver.OPENSFM, [candidate(calibrated(BROWN)), two])
-        assert "folder" in caught.value.message
+
+    def test_exif_that_only_gdal_reads_makes_an_unknown_camera(self) -> None:
+        cameras = (candidate(calibrated(BROWN), exif_in_text=True), candidate(slug="other", model="Other"))
+        assert list(document(Solver.OPENSFM, *cameras)) == ["v2 unknown unknown 5472 3648 perspective 0.0"]
 
 
 class TestOdm:
@@ -268,9 +295,13 @@ class TestOdm:
         with pytest.raises(UnsupportedModelError, match="k4"):
             hand_off(Solver.ODM, [candidate(calibrated(FISHEYE))])
 
-    def test_two_cameras_of_one_name_are_refused(self) -> None:
-        with pytest.raises(UnsupportedModelError, match="folder"):
-            hand_off(Solver.ODM, [candidate(calibrated(BROWN)), candidate(slug="other")])
+    def test_two_cameras_of_one_name_have_a_file_each_for_a_run_of_their_own(self) -> None:
+        files = hand_off(Solver.ODM, [candidate(calibrated(BROWN)), candidate(calibrated(None), slug="two")])
+        assert set(files) == {"cameras.dji-fc6310r.json", "cameras.two.json"}
+        for content in files.values():
+            assert "dji fc6310r 5472 3648 brown 0.6666" in json.loads(content)
+        [note] = notes(Solver.ODM, files)
+        assert "--cameras" in note
 
 
 class TestOpenCv:
@@ -300,6 +331,25 @@ class TestOpenCv:
         assert set(hand_off(Solver.OPENCV, cameras)) == {"dji-fc6310r.opencv.yml", "two.opencv.yml"}
 
 
+class TestTheOthers:
+    @pytest.mark.parametrize("solver", [Solver.METASHAPE, Solver.PIX4D])
+    def test_each_camera_has_a_file_that_reads_back(self, tmp_path: Path, solver: Solver) -> None:
+        square = replace(calibrated(BROWN_5), intrinsics=replace(calibrated(BROWN_5).intrinsics, fy=3660.5))
+        [(name, content)] = hand_off(solver, [candidate(square)]).items()
+        (tmp_path / name).write_bytes(content)
+        back = calibrary.read(tmp_path / name, image_size=SIZE)
+        assert_same_px(back.project(POINTS), square)
+
+    def test_realityscan_has_a_row_for_each_image(self, tmp_path: Path) -> None:
+        radial = BrownConrady(k1=-0.031, k2=0.012, p1=0.0, p2=0.0, k3=0.001)
+        square = replace(calibrated(radial), intrinsics=replace(calibrated(radial).intrinsics, fy=3660.5))
+        [(name, content)] = hand_off(Solver.REALITYSCAN, [candidate(square)]).items()
+        (tmp_path / name).write_bytes(content)
+        assert [row.split(",")[0] for row in content.decode().splitlines()[1:]] == ["a.jpg", "b c.jpg"]
+        for back in calibrary.read_all(tmp_path / name, image_size=SIZE):
+            assert_same_px(back.project(POINTS), square)
+
+
 SOLVERS = [solver for solver in Solver if solver is not Solver.NONE]
 
 
@@ -319,8 +369,12 @@ def test_a_run_hands_over_valid_ks_only_and_names_the_others(tmp_path: Path, sol
     written = "".join(
         content.decode() for path, content in outputs.files.items() if not re.match(r"K[._]", path.name)
     )
-    assert set(outputs.not_handed_over) == {"example-one-5472x3648", "unknown-camera-4000x3000"}
-    assert "3660.5" in written or str(3660.5 / 5472) in written
+    assert set(outputs.not_handed_over) >= {"example-one-5472x3648", "unknown-camera-4000x3000"}
+    if solver in {Solver.PIX4D, Solver.REALITYSCAN}:
+        # They have one focal length, and this unit has two.
+        assert "dji-fc6310r-5472x3648" in outputs.not_handed_over
+        return
+    assert "3660.5" in written or str(3660.5 / 5472) in written or solver is Solver.METASHAPE
     assert "5472.0" not in written
     assert "unproven.jpg" not in written
     assert "4000" not in written

@@ -1,8 +1,9 @@
 """K as the solvers want it: files and command lines, each in its own pixel origin.
 
-COLMAP counts from the outer corner as calibrary does; ``PINHOLE`` wants undistorted images, ``OPENCV`` and
-``FULL_OPENCV`` take the distortion along (COLMAP's documentation of camera models). OpenSfM and ODM count
-from the middle of the image in units of its longer side. OpenCV counts from the centre of the first pixel.
+COLMAP counts from the outer corner as calibrary does; ``PINHOLE`` is for images that are known to have no distortion,
+``OPENCV`` and ``FULL_OPENCV`` take the distortion along, and one that is unknown starts from zero in ``OPENCV``, for
+bundle adjustment to find (COLMAP's documentation of camera models). OpenSfM and ODM count from the middle of the image
+in units of its longer side. OpenCV counts from the centre of the first pixel.
 """
 
 from __future__ import annotations
@@ -15,22 +16,30 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from calibrary import parsers
-from calibrary.calibration import Calibration, ImageSize
-from calibrary.distortion import KannalaBrandt
+from calibrary.calibration import Calibration, Grade, ImageSize
+from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.interop.colmap import ColmapCamera
 from calibrary.parsers.opensfm_models import opensfm_camera
+from calibrary.records import replace
 
 __all__ = [
     "SOLVER_FILES",
     "Candidate",
     "Solver",
+    "colmap_camera",
     "hand_off",
+    "notes",
+    "refinement",
     "refusal",
     "seed_command",
 ]
 
-OPENCV_SUFFIX = ".opencv.yml"
+OPENSFM_OVERRIDES = "exif_overrides.json"
+REALITYSCAN_CSV = "realityscan.csv"
+UNKNOWN_LENS = BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
+"""Where bundle adjustment starts from when nothing is known of the distortion."""
 
 
 class Solver(StrEnum):
@@ -40,16 +49,27 @@ class Solver(StrEnum):
     OPENSFM = "opensfm"
     ODM = "odm"
     OPENCV = "opencv"
+    METASHAPE = "metashape"
+    PIX4D = "pix4d"
+    REALITYSCAN = "realityscan"
     NONE = "none"
 
 
-SOLVER_FILES = {
-    Solver.COLMAP: "colmap.sh",
-    Solver.OPENSFM: "camera_models_overrides.json",
-    Solver.ODM: "cameras.json",
-    Solver.OPENCV: f"*{OPENCV_SUFFIX}",
+ONE_FILE_EACH = {
+    Solver.OPENCV: (".opencv.yml", "opencv_storage"),
+    Solver.METASHAPE: (".metashape.xml", "agisoft_xml"),
+    Solver.PIX4D: (".pix4d.cam", "pix4d_cam"),
 }
-"""What a solver would take K from, as a pattern of names."""
+"""Programs that take a file for each camera: its suffix and format."""
+
+SOLVER_FILES = {
+    Solver.COLMAP: ("colmap.sh",),
+    Solver.OPENSFM: ("camera_models_overrides.json", OPENSFM_OVERRIDES),
+    Solver.ODM: ("cameras.json", "cameras.*.json"),
+    Solver.REALITYSCAN: (REALITYSCAN_CSV,),
+    **{solver: (f"*{suffix}",) for solver, (suffix, _) in ONE_FILE_EACH.items()},
+}
+"""What a solver would take K from, as patterns of names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,26 +107,65 @@ def hand_off(solver: Solver, cameras: Sequence[Candidate]) -> dict[str, bytes]:
         lists = {f"colmap.{camera.slug}.txt": _image_list(camera) for camera, _ in usable}
         return {"colmap.sh": _colmap_script(usable).encode(), **lists}
     if solver is Solver.OPENSFM:
-        models = {camera.slug: opensfm_camera(K) for camera, K in usable}
-        # "all" is the one name that cannot miss, and it means every image there is.
-        named = {"all": next(iter(models.values()))} if len(cameras) == 1 else _named(cameras, models, solver)
-        return {"camera_models_overrides.json": _json(named)}
+        return _opensfm(cameras, {camera.slug: opensfm_camera(K) for camera, K in usable})
     if solver is Solver.ODM:
-        models = {camera.slug: _odm(K) for camera, K in usable}
-        return {"cameras.json": _json(_named(cameras, models, solver))}
-    files = {f"{camera.slug}{OPENCV_SUFFIX}": K for camera, K in usable}
-    return {name: parsers.encode([K], "opencv_storage", name=name)[0] for name, K in files.items()}
+        return _odm_files(cameras, {camera.slug: _odm(K) for camera, K in usable})
+    if solver is Solver.REALITYSCAN:
+        return {REALITYSCAN_CSV: _realityscan(usable)}
+    suffix, form = ONE_FILE_EACH[solver]
+    files = {f"{camera.slug}{suffix}": K for camera, K in usable}
+    return {name: parsers.encode([K], form, name=name)[0] for name, K in files.items()}
+
+
+def notes(solver: Solver, files: Mapping[str, bytes]) -> tuple[str, ...]:
+    """What to know of the files to use them rightly."""
+    if solver is Solver.OPENSFM and OPENSFM_OVERRIDES in files:
+        return (
+            f"OpenSfM does not distinguish these cameras by itself: put {OPENSFM_OVERRIDES}, which says of each image "
+            "whose it is, beside camera_models_overrides.json before extract_metadata",
+        )
+    if solver is Solver.ODM and "cameras.json" not in files and files:
+        names = ", ".join(sorted(files))
+        return (
+            f"ODM does not distinguish these cameras: process the images of each alone, with --cameras ({names})",
+        )
+    return ()
+
+
+def refinement(calibration: Calibration) -> str:
+    """What a bundle adjustment should do with a camera's numbers."""
+    if calibration.grade in {Grade.CALIBRATED, Grade.ADJUSTED} and calibration.distortion is not None:
+        return "keep fixed: it was measured"
+    if isinstance(calibration.distortion, NoDistortion):
+        return "refine the focal length only: it has no distortion"
+    if calibration.distortion is None:
+        return "refine focal length and distortion: the distortion is unknown and starts from zero"
+    return "refine focal length and distortion: they were not measured on this unit"
+
+
+def colmap_camera(calibration: Calibration) -> ColmapCamera:
+    """As COLMAP takes it: an unknown distortion is a lens of OPENCV that starts from zero, never none.
+
+    Raises:
+        UnsupportedModelError: COLMAP has no model that is exactly this one.
+    """
+    if calibration.distortion is None:
+        return replace(calibration, distortion=UNKNOWN_LENS).to_colmap("OPENCV")
+    return calibration.to_colmap()
 
 
 def refusal(solver: Solver, calibration: Calibration) -> str | None:
     """Why a solver cannot hold a calibration exactly, None when it can."""
     try:
         if solver is Solver.COLMAP:
-            calibration.to_colmap()
+            colmap_camera(calibration)
         elif solver in {Solver.OPENSFM, Solver.ODM}:
             opensfm_camera(calibration)
-        elif solver is Solver.OPENCV:
-            parsers.encode([calibration], "opencv_storage", name=OPENCV_SUFFIX)
+        elif solver is Solver.REALITYSCAN:
+            parsers.encode([calibration], "realitycapture_csv", name=REALITYSCAN_CSV)
+        elif solver in ONE_FILE_EACH:
+            suffix, form = ONE_FILE_EACH[solver]
+            parsers.encode([calibration], form, name=suffix)
     except UnsupportedModelError as error:
         return error.message
     return None
@@ -138,7 +197,7 @@ def seed_command(seed: Calibration) -> str:
 
 
 def _reader_options(calibration: Calibration) -> str:
-    camera = calibration.to_colmap()
+    camera = colmap_camera(calibration)
     values = ",".join(repr(value) for value in camera.params)
     return (
         f"--ImageReader.single_camera 1 --ImageReader.camera_model {camera.model} "
@@ -154,20 +213,70 @@ def _colmap_script(cameras: Sequence[tuple[Candidate, Calibration]]) -> str:
         "set -eu",
     ]
     for camera, calibration in cameras:
-        lines += ["", f"# {calibration.camera} ({calibration.grade})"]
-        if calibration.distortion is None:
-            lines.append("# Its distortion is unknown: PINHOLE holds for undistorted images only.")
+        lines += ["", f"# {calibration.camera} ({calibration.grade}); {refinement(calibration)}"]
         lines.append(
             f'colmap feature_extractor --database_path "$2" --image_path "$1" '
             f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} {_reader_options(calibration)}"
         )
+    refine = [not refinement(K).startswith("keep") for _, K in cameras]
+    flag, why = (
+        ("1", "Not all was measured: let bundle adjustment find it with") if any(refine) else ("0", FIXED)
+    )
+    both = (
+        ["# These flags are for all cameras at once, the measured ones too."] if len(set(refine)) > 1 else []
+    )
     lines += [
         "",
-        "# A measured K is not a start: keep bundle adjustment from moving it with",
-        "#   colmap mapper … --Mapper.ba_refine_focal_length 0 --Mapper.ba_refine_principal_point 0 \\",
-        "#     --Mapper.ba_refine_extra_params 0",
+        f"# {why}",
+        f"#   colmap mapper … --Mapper.ba_refine_focal_length {flag} --Mapper.ba_refine_principal_point 0 \\",
+        f"#     --Mapper.ba_refine_extra_params {flag}",
+        *both,
     ]
     return "\n".join(lines) + "\n"
+
+
+FIXED = "A measured K is not a start: keep bundle adjustment from moving it with"
+
+
+def _opensfm(cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]]) -> dict[str, bytes]:
+    """Models by OpenSfM's names of the cameras; or, where it calls two of them the same, by names of our own.
+
+    ``exif_overrides.json`` then says of each image which camera it is of (``extract_metadata`` takes it in before it
+    makes a camera for the image).
+    """
+    overrides = "camera_models_overrides.json"
+    if len(cameras) == 1:
+        # "all" is the one name that cannot miss, and it means every image there is.
+        return {overrides: _json({"all": next(iter(models.values()))})}
+    try:
+        return {overrides: _json(_named(cameras, models, Solver.OPENSFM))}
+    except UnsupportedModelError:
+        whose = {name.rsplit("/", 1)[-1]: camera.slug for camera in cameras for name in camera.names}
+        if len(whose) < sum(len(camera.names) for camera in cameras):
+            raise
+    images = {name: {"camera": slug} for name, slug in whose.items()}
+    return {overrides: _json(models), OPENSFM_OVERRIDES: _json(images)}
+
+
+def _odm_files(cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]]) -> dict[str, bytes]:
+    """One file; or, where ODM calls two cameras the same, one for each, to be processed alone."""
+    try:
+        return {"cameras.json": _json(_named(cameras, models, Solver.ODM))}
+    except UnsupportedModelError:
+        usable = [camera for camera in cameras if camera.slug in models]
+        return {
+            f"cameras.{camera.slug}.json": _json(_named([camera], models, Solver.ODM)) for camera in usable
+        }
+
+
+def _realityscan(cameras: Sequence[tuple[Candidate, Calibration]]) -> bytes:
+    """A row for each image, by its file name, as RealityScan imports camera parameters."""
+    rows = [
+        replace(K, camera=replace(K.camera, sub_camera=name.rsplit("/", 1)[-1]))
+        for camera, K in cameras
+        for name in camera.names
+    ]
+    return parsers.encode(rows, "realitycapture_csv", name=REALITYSCAN_CSV)[0]
 
 
 def _odm(calibration: Calibration) -> dict[str, str | int | float]:
@@ -208,7 +317,9 @@ def _solver_names(camera: Candidate, solver: Solver) -> set[str]:
     that no tag or flag calls otherwise (``camera_id_`` and ``extract_projection_type`` in opensfm/exif.py).
     """
     names: set[str] = set()
-    for metadata in camera.states:
+    for stated in camera.states:
+        # EXIF that GDAL keeps in its own text is read by GDAL alone.
+        metadata = ImageMetadata(size=stated.size) if stated.exif_in_text else stated
         make = metadata.make or "unknown"
         model = metadata.lens or metadata.model or "unknown"
         if metadata.make:

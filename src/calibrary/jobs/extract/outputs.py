@@ -15,8 +15,18 @@ import numpy as np
 from calibrary.atomic import check_folder
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.jobs.extract.colmap_cameras import RESTORE, DatabaseCamera, DatabaseChange, plan_database
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
-from calibrary.jobs.extract.hand_off import SOLVER_FILES, Candidate, Solver, hand_off, refusal
+from calibrary.jobs.extract.hand_off import (
+    SOLVER_FILES,
+    Candidate,
+    Solver,
+    colmap_camera,
+    hand_off,
+    notes,
+    refinement,
+    refusal,
+)
 from calibrary.jobs.extract.report import encode, report_of
 from calibrary.records import Json, replace, to_json
 from calibrary.validation import Verdict
@@ -37,6 +47,9 @@ class Outputs:
         stale: K and solver files of an earlier run that this one does not replace.
         not_handed_over: why the solver does not get a camera's K, by slug.
         hand_off_failed: why the solver gets nothing at all, where that is so.
+        hand_off_notes: what to know of its files to use them rightly.
+        refine: what a bundle adjustment should do with the numbers of each camera that is handed over, by slug.
+        database: what is to be written into a COLMAP database.
         exit_code: of the run, 1 also where nothing that was asked for could be handed over.
         warnings: all that is to be said of the run, these two included.
     """
@@ -47,11 +60,14 @@ class Outputs:
     stale: tuple[Path, ...] = ()
     not_handed_over: dict[str, str] = field(default_factory=dict)
     hand_off_failed: str | None = None
+    hand_off_notes: tuple[str, ...] = ()
+    refine: dict[str, str] = field(default_factory=dict)
+    database: DatabaseChange | None = None
     exit_code: int = 0
     warnings: tuple[str, ...] = ()
 
 
-def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
+def plan(outcome: Extraction, matrix_path: Path, solver: Solver, *, database: Path | None = None) -> Outputs:
     """Decide on every file before any is written.
 
     One camera writes ``matrix_path`` itself; several write ``<stem>.<camera>.npy`` beside it. These are valid K's:
@@ -76,7 +92,7 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
             files[_marked(path, stem, "seed")] = _npy(camera.fallback.seed)
     refused = {c.slug: why for c in outcome.cameras if (why := _reason_not_written(c, solver)) is not None}
     candidates = [_candidate(camera, refused=camera.slug in refused) for camera in outcome.cameras]
-    handed, failed = _handed(solver, candidates)
+    handed, change, failed = _handed(solver, candidates, database)
     files |= {matrix_path.with_name(name): content for name, content in handed.items()}
     report_path = matrix_path.with_suffix(".json")
     if report_path in files:
@@ -91,6 +107,7 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
         *(f"{path.name} {STALE}" for path in stale),
         *(f"{slug} is not handed to {solver}: {why}" for slug, why in refused.items()),
         *((f"nothing is handed to {solver}: {failed}",) if failed else ()),
+        *notes(solver, handed),
     )
     exit_code = 1 if failed else outcome.exit_code
     document = to_json(replace(report_of(outcome, matrices), warnings=warnings, exit_code=exit_code))
@@ -104,6 +121,9 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver) -> Outputs:
         stale=stale,
         not_handed_over=refused,
         hand_off_failed=failed,
+        hand_off_notes=notes(solver, handed),
+        refine={c.slug: refinement(c.calibration) for c in candidates if c.calibration and handed},
+        database=change,
         exit_code=exit_code,
         warnings=warnings,
     )
@@ -114,12 +134,26 @@ def _marked(path: Path, stem: str, word: str) -> Path:
     return path.with_name(path.name.replace(stem, f"{stem}_{word}", 1))
 
 
-def _handed(solver: Solver, candidates: Sequence[Candidate]) -> tuple[dict[str, bytes], str | None]:
-    """The solver's files, or why there are none."""
+def _handed(
+    solver: Solver, candidates: Sequence[Candidate], database: Path | None
+) -> tuple[dict[str, bytes], DatabaseChange | None, str | None]:
+    """The solver's files and what goes into its database, or why there is nothing."""
     try:
-        return hand_off(solver, candidates), None
+        files = hand_off(solver, candidates)
+        if database is None or not files:
+            return files, None, None
+        rows = [
+            DatabaseCamera(
+                slug=one.slug,
+                camera=colmap_camera(one.calibration) if one.calibration is not None else None,
+                names=one.names,
+            )
+            for one in candidates
+        ]
+        change = plan_database(database, rows)
     except (InputError, UnsupportedModelError) as error:
-        return {}, str(error)
+        return {}, None, str(error)
+    return {**files, RESTORE: change.restore}, change, None
 
 
 def check_place(matrix_path: Path) -> None:
@@ -168,8 +202,12 @@ def _earlier(matrix_path: Path, solver: Solver) -> Iterator[Path]:
     stem = re.escape(matrix_path.stem)
     ours = re.compile(rf"{stem}(_seed|_unproven)?(\..+)?\.npy")
     for path in sorted(matrix_path.parent.iterdir()) if matrix_path.parent.is_dir() else ():
-        if ours.fullmatch(path.name) or fnmatchcase(path.name, SOLVER_FILES.get(solver, "")):
+        if ours.fullmatch(path.name) or _is_of(path.name, solver):
             yield path
+
+
+def _is_of(name: str, solver: Solver) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in SOLVER_FILES.get(solver, ()))
 
 
 def _reason_not_written(camera: CameraReport, solver: Solver) -> str | None:
