@@ -100,6 +100,10 @@ def test_the_history_is_told_and_drawn_with_its_firmware(site: Site) -> None:
     assert "firmware 01.09 came out" in told
 
 
+def test_whoever_put_it_to_use_is_named_with_day_and_commit(site: Site) -> None:
+    assert re.search(r"approved\s*\d{4}-\d\d-\d\d by [\w ]+, commit [0-9a-f]{12}", text(site.root / P4R_PAGE))
+
+
 def test_every_change_of_the_calibration_has_its_comparison_one_click_away(site: Site) -> None:
     changes = [target for target in targets(site.root / P4R_PAGE) if "/changes/" in target]
     verdicts = []

@@ -37,6 +37,7 @@ from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.drawn import amount_map, arrow_map
 from calibrary.registry.entry import UNSTATED, Entry, Status
+from calibrary.registry.entry_form import digest
 from calibrary.registry.fields import entry_rows
 from calibrary.registry.history import EntryRevision
 
@@ -86,7 +87,7 @@ def camera_page(
             Section(title="K", blocks=tuple(_k(entry, id_, place))),
             Section(title="Lens", blocks=tuple(_lens(calibration))),
             Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration))),
-            Section(title="Where it is from", blocks=tuple(_provenance(entry))),
+            Section(title="Where it is from", blocks=(*_provenance(entry), *_approved(revisions))),
             Section(title="History", blocks=tuple(story(id_, place, revisions, changes))),
             Section(title="Download", blocks=tuple(_downloads(place, files))),
         ),
@@ -122,6 +123,22 @@ def _k(entry: Entry, id_: str, place: Place) -> Iterator[Block]:
     yield "Pixels are counted from the outer corner of the top-left one; OpenCV's cx and cy are half a pixel less."
     yield from _coefficients(calibration, std)
     yield Code(text=f"calibrary registry show {id_}", label="The command that shows this entry")
+
+
+def _approved(revisions: Sequence[EntryRevision]) -> Iterator[Block]:
+    """Who put it to use as it is now: the oldest revision since which it is used with these numbers."""
+    first, numbers = None, None
+    for one in revisions:
+        if one.entry is None or not one.entry.is_usable:
+            break
+        found = digest(one.entry.calibration, one.entry.sensor)
+        if numbers is not None and found != numbers:
+            break
+        first, numbers = one.revision, found
+    if first is not None:
+        yield KeyValues(
+            (("approved", f"{first.authored:%Y-%m-%d} by {first.author.name}, commit {first.commit[:12]}"),)
+        )
 
 
 def _coefficients(calibration: Calibration, std: dict[str, float]) -> Iterator[Block]:
