@@ -94,7 +94,9 @@ class Adjusted:
         return float(np.sqrt(2.0 * self.rss / max(self.network.scalars, 1)))
 
 
-def adjust(network: Network, start: State, *, warp: bool = False, poses_only: bool = False) -> Adjusted:
+def adjust(
+    network: Network, start: State, *, warp: bool = False, poses_only: bool = False, damping: float = 0.0
+) -> Adjusted:
     """The nearest minimum of the sum of squares.
 
     Args:
@@ -102,6 +104,7 @@ def adjust(network: Network, start: State, *, warp: bool = False, poses_only: bo
         start: near enough; the model is its model.
         warp: whether the board's warp is solved for too; else it stays as the start has it.
         poses_only: whether lens and warp stay as they are.
+        damping: to begin with. Where parameters nearly cancel a first step that is free leads far along their valley.
 
     Raises:
         CalibrationError: the start puts a point behind the camera, or the equations have no solution.
@@ -111,7 +114,7 @@ def adjust(network: Network, start: State, *, warp: bool = False, poses_only: bo
     state, linear = start, linearise(network, start)
     if linear is None:
         raise CalibrationError("the starting values put part of a board behind the camera")
-    damping, crawled = 0.0, 0
+    crawled = 0
     for _ in range(MAX_STEPS):
         step = _step(linear, free, damping)
         moved = None if step is None else _moved(state, free, step)

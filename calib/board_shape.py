@@ -19,6 +19,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust
+from calibrary.calib.freed import freed
 from calibrary.calib.model_choice import f_test
 from calibrary.calib.network import Network
 from calibrary.records import Record, replace
@@ -92,21 +93,22 @@ def board_shape(adjusted: Adjusted) -> BoardShape | None:
     dof = adjusted.dof - more
     if more == 0 or dof <= more:
         return None
-    turns = adjusted.state.rotations[:, :, 2]
-    lifts = np.broadcast_to(turns[:, None, :], (*network.seen.shape, 3))
+
+    def lifted(row: int) -> FloatArray:
+        return np.asarray((_moved(adjusted, row, 2)[..., None] * shapes[row][:, None, :]).reshape(-1, more))
+
     prior = LIFT_PRIOR * float(np.ptp(network.points[network.seen][:, :2], axis=0).max())
-    found = _freed(adjusted, lifts, shapes, prior)
+    found = freed(adjusted, lifted, more, prior)
     if found is None:
         return None
-    step, inverse, gain = found
-    f, p = f_test(adjusted.rss, max(adjusted.rss - gain, 1e-300), more, dof)
-    variance = max(adjusted.rss - gain, 0.0) / dof
+    f, p = f_test(adjusted.rss, max(adjusted.rss - found.gain, 1e-300), more, dof)
+    variance = max(adjusted.rss - found.gain, 0.0) / dof
     return BoardShape(
         f=f,
         p=p,
-        lifts_mm=shapes @ step[len(adjusted.free) :],
-        shift=step[:size],
-        covariance=variance * inverse[:size, :size],
+        lifts_mm=shapes @ found.step[len(adjusted.free) :],
+        shift=found.step[:size],
+        covariance=variance * found.inverse[:size, :size],
     )
 
 
@@ -149,60 +151,21 @@ def stretch(adjusted: Adjusted) -> tuple[Stretch, FloatArray] | None:
     network, size = adjusted.network, len(adjusted.state.parameters)
     if not network.is_planar:
         return None
-    downward = np.broadcast_to(adjusted.state.rotations[:, None, :, 1], (*network.seen.shape, 3))
-    alone, held = (
-        _freed(adjusted, downward, network.points[..., 1:2], prior) for prior in (math.inf, STRETCH_PRIOR)
-    )
-    if alone is None or held is None or not alone[1][-1, -1] > 0:
+
+    def longer(row: int) -> FloatArray:
+        return np.asarray((_moved(adjusted, row, 1) * network.points[row][:, 1:2]).reshape(-1, 1))
+
+    alone, held = freed(adjusted, longer, 1), freed(adjusted, longer, 1, STRETCH_PRIOR)
+    if alone is None or held is None or not alone.inverse[-1, -1] > 0:
         return None
-    std = math.sqrt(alone[1][-1, -1] * adjusted.variance)
-    return Stretch(value=float(alone[0][-1]), std=std), held[0][:size]
+    std = math.sqrt(alone.inverse[-1, -1] * adjusted.variance)
+    return Stretch(value=float(alone.step[-1]), std=std), held.step[:size]
 
 
-def _freed(
-    adjusted: Adjusted, directions: FloatArray, shapes: FloatArray, prior: float
-) -> tuple[FloatArray, FloatArray, float] | None:
-    """One step of Gauss and Newton with k more parameters, that move each point along its direction by its shapes.
-
-    Args:
-        adjusted: the minimum without them.
-        directions: (V, M, 3) in the camera frame.
-        shapes: (V, M, k) mm by which a unit of each parameter moves a point.
-        prior: standard deviation of the parameters.
-
-    Returns:
-        (g + k,) the step, (g + k, g + k) the inverse of the normal matrix, and px² that it saves; None where the views
-        do not determine them.
-    """
-    linear, free, more = adjusted.linear, adjusted.free, shapes.shape[-1]
-    size = len(free) + more
-    matrix, right = np.zeros((size, size)), np.zeros(size)
-    for row in np.flatnonzero(adjusted.network.used):
-        by_place = linear.by_pose[row][:, 3:].reshape(-1, 2, 3)
-        along = np.einsum("mcx,mx->mc", by_place, directions[row])
-        columns = np.concatenate(
-            [
-                linear.by_global[row][:, free],
-                (along[..., None] * shapes[row][:, None, :]).reshape(-1, more),
-            ],
-            axis=1,
-        )
-        # Less what the view's own pose can do.
-        basis = np.linalg.qr(linear.by_pose[row])[0]
-        columns = columns - basis @ (basis.T @ columns)
-        matrix += columns.T @ columns
-        right += columns.T @ linear.residuals[row]
-    at = np.arange(len(free), size)
-    matrix[at, at] += adjusted.variance / prior**2
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not (scale > 0).all():
-        return None
-    try:
-        inverse = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
-    except np.linalg.LinAlgError:
-        return None
-    step = inverse @ right
-    return step, (inverse + inverse.T) / 2, max(float(right @ step), 0.0)
+def _moved(adjusted: Adjusted, row: int, axis: int) -> FloatArray:
+    """(M, 2) px per mm by which a view's points move along one axis of the board."""
+    by_place = adjusted.linear.by_pose[row][:, 3:].reshape(-1, 2, 3)
+    return np.asarray(by_place @ adjusted.state.rotations[row][:, axis])
 
 
 def _shapes(adjusted: Adjusted) -> FloatArray:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -17,7 +18,11 @@ from calibrary.calib.adjustment import Adjusted, reduce
 from calibrary.calibration import Covariance
 from calibrary.errors import CalibrationError
 
-__all__ = ["Identifiability", "identifiability", "lens_condition", "lens_covariance"]
+__all__ = ["MEANINGLESS", "Identifiability", "identifiability", "lens_condition", "lens_covariance"]
+
+
+MEANINGLESS: Final = 1e-100
+"""A parameter of less influence than this on all corners together has none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +53,9 @@ def lens_covariance(adjusted: Adjusted) -> Covariance:
     matrix = reduce(adjusted.linear, adjusted.free).matrix
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     values, vectors = (
-        np.linalg.eigh(matrix / np.outer(scale, scale)) if (scale > 0).all() else (np.zeros(1), matrix)
+        np.linalg.eigh(matrix / np.outer(scale, scale))
+        if (scale > MEANINGLESS).all()
+        else (np.zeros(1), matrix)
     )
     if not values[0] > 0:
         raise CalibrationError(
@@ -65,7 +72,7 @@ def lens_condition(adjusted: Adjusted) -> float:
     """Ratio of the largest to the smallest eigenvalue of the scaled normal matrix; inf where it is singular."""
     matrix = reduce(adjusted.linear, adjusted.free).matrix
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not (np.isfinite(matrix).all() and (scale > 0).all()):
+    if not (np.isfinite(matrix).all() and (scale > MEANINGLESS).all()):
         return math.inf
     values = np.linalg.eigvalsh(matrix / np.outer(scale, scale))
     return float(values[-1] / values[0]) if values[0] > 0 else math.inf
@@ -74,7 +81,7 @@ def lens_condition(adjusted: Adjusted) -> float:
 def identifiability(adjusted: Adjusted) -> Identifiability:
     """The combination of parameters that the views determine worst."""
     matrix = reduce(adjusted.linear, adjusted.free).matrix
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scale = np.maximum(np.sqrt(np.maximum(np.diag(matrix), 0.0)), MEANINGLESS)
     _, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     names = (*adjusted.state.model.parameters, "warp across", "warp down")
     shares = dict(zip(names, vectors[:, 0].tolist(), strict=False))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
@@ -16,8 +17,9 @@ from calibrary.calib.corners_file import corners_sha256
 from calibrary.calib.covariance import identifiability, lens_covariance
 from calibrary.calib.geometry import geometry
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.misfit import corner_noise, rolling_shutter
-from calibrary.calib.model_choice import WarpTest, has_sound_lens, warp_test
+from calibrary.calib.lens_series import series_shift
+from calibrary.calib.misfit import corner_noise, misfit
+from calibrary.calib.model_choice import CLEARLY, Candidate, WarpTest, sound_share, warp_test
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.projection_difference import (
@@ -84,15 +86,20 @@ def estimate(
     usable, dropped = _usable(observations)
     network = Network.of(usable)
     solution = solve(network, usable.image_size, model=chosen, guess=guess, warp=warp, gate=gate)
-    solution, shape = _before_the_real_board(solution, asked=warp)
+    solution, shape, before = _before_the_real_board(solution, asked=warp)
     adjusted = solution.adjusted
     halves = split_half(adjusted, seed=seed)
     tested, explained = _with_warp(solution, asked=warp)
     stretched = stretch(explained)
-    left_out = [shape.shift] if shape is not None and not solution.is_lifted else []
+    contradicted = halves is not None and halves.kappa2 > limits.kappa2_wanted
+    # Lifts that leave the views contradicting one another may have taken up what was no board's shape.
+    left_out = [before.shift] if before is not None and (contradicted or not solution.is_lifted) else []
     left_out += [stretched[1]] if stretched is not None else []
+    inflation = max(1.0, halves.kappa2) if halves is not None else 1.0
+    further = series_shift(adjusted, usable.image_size, inflation)
+    left_out += [further] if further is not None else []
     stated = shape.covariance if shape is not None and solution.is_lifted else None
-    covariance = _covariance(adjusted, stated, left_out, halves)
+    covariance = _covariance(adjusted, stated, left_out, inflation)
     calibration = _calibration(observations, usable, adjusted, covariance, halves)
     uncertainty = _uncertainty(calibration)
     noise = corner_noise(usable)
@@ -117,16 +124,17 @@ def estimate(
         rms_px=adjusted.rms_px,
         noise_px=noise,
         condition=weak.condition,
-        is_rational=adjusted.state.model is Solvable.RATIONAL,
+        model=adjusted.state.model,
         culprits=weak.culprits,
-        is_monotonic=has_sound_lens(adjusted, usable.image_size),
+        sound=sound_share(adjusted, usable.image_size),
+        better=_better(solution),
         edge_px=_largest(uncertainty),
         warp=tested,
         is_warped=solution.is_warped,
         shape=shape,
         is_lifted=solution.is_lifted,
         stretch=stretched[0] if stretched is not None else None,
-        shutter=rolling_shutter(explained, usable.image_size, noise),
+        misfit=misfit(explained, usable.image_size, noise),
         focus=usable.focus,
     )
     findings = judge(judged, limits)
@@ -153,23 +161,36 @@ def estimate(
     )
 
 
-def _before_the_real_board(solution: Solution, *, asked: bool) -> tuple[Solution, BoardShape | None]:
-    """The solution on the board as its corners show it, where they show that it is bent, and its shape."""
-    shape = board_shape(solution.adjusted)
-    if shape is None or not shape.is_bent or not asked:
-        return solution, shape
+def _before_the_real_board(
+    solution: Solution, *, asked: bool
+) -> tuple[Solution, BoardShape | None, BoardShape | None]:
+    """The solution on the board as its corners show it, where they show that it is bent, and its shape.
+
+    Returns:
+        The solution, the shape as it stands behind it, and the shape as the flat board's residuals show it.
+    """
+    flat = board_shape(solution.adjusted)
+    if flat is None or not flat.is_bent or not asked:
+        return solution, flat, flat
     try:
         found = laid_on(solution.adjusted, solution.everything)
     except CalibrationError:
         found = None
     if found is None:
-        return solution, shape
+        return solution, flat, flat
     adjusted, everything, shape = found
-    return replace(solution, adjusted=adjusted, everything=everything, is_lifted=True), shape
+    return replace(solution, adjusted=adjusted, everything=everything, is_lifted=True), shape, flat
+
+
+def _better(solution: Solution) -> Candidate | None:
+    """A model that the corners ask for clearly and that may not be taken, if there is one."""
+    own = next((one.criterion for one in solution.candidates if one.model is solution.state.model), math.inf)
+    others = [one for one in solution.candidates if one.refused is not None and one.criterion < own - CLEARLY]
+    return min(others, key=lambda one: one.criterion, default=None)
 
 
 def _covariance(
-    adjusted: Adjusted, stated: FloatArray | None, left_out: Sequence[FloatArray], halves: SplitHalf | None
+    adjusted: Adjusted, stated: FloatArray | None, left_out: Sequence[FloatArray], inflation: float
 ) -> Covariance:
     """What the residuals say, and what the models that were not taken would have made of the lens.
 
@@ -177,7 +198,6 @@ def _covariance(
     the models). It is no noise, so the variance factor, which multiplies everything, is taken out of it beforehand.
     """
     C = lens_covariance(adjusted)
-    inflation = max(1.0, halves.kappa2) if halves is not None else 1.0
     between = sum((np.outer(shift, shift) for shift in left_out), np.zeros_like(C.matrix))
     return Covariance.from_matrix(C.names, (C.matrix if stated is None else stated) + between / inflation)
 

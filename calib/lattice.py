@@ -48,9 +48,13 @@ BEYOND_SQUARES: Final = (-1.45, -1.0)
 """Rows between which it is looked whether a board goes on: its outermost squares are often cut narrower."""
 HALF = 0.5
 """Of the board's own contrast."""
+LEAST_STEP: Final = 0.25
+"""Of that contrast, that is taken for the step between two squares where glare leaves less."""
 
 CUBIC_FROM, QUARTIC_FROM = 30, 45
 """Corners from which on a lens's bending of the lattice is smoothed by polynomials of that order."""
+SPARE_LINES, HIGHEST_ORDER = 3, 5
+"""A strong bend takes a polynomial in each direction, of as many orders as there are lines of points to spare."""
 
 
 def smallest_spacing(lattice: Lattice) -> float:
@@ -191,27 +195,27 @@ def _relief_beyond(gray: Gray, lattice: Lattice, rows: tuple[float, float]) -> f
     NaN where more than half of the strip lies outside the image.
     """
     outer = beyond(lattice, rows)
-    if outer is None:
+    levels, inner = cell_levels(gray, outer)[0], cell_levels(gray, lattice[:2])[0]
+    signs, span = _signs((1, len(levels)))[0], contrast(gray, lattice)
+    # From each cell to the next: glare and vignetting change slowly, and take as much from the row that is known.
+    out, known = (np.diff(row) * signs[1:] * np.sign(span) for row in (levels, inner))
+    ratio = out / np.maximum(known, LEAST_STEP * abs(span))
+    if 2 * np.isfinite(ratio).sum() < len(levels) or span == 0:
         return np.nan
-    levels, span = cell_levels(gray, outer), contrast(gray, lattice)
-    signs = _signs(levels.shape) * np.sign(span)
-    known = ~np.isnan(levels)
-    dark, light = levels[known & (signs < 0)], levels[known & (signs > 0)]
-    if not dark.size or not light.size or 2 * known.sum() < levels.size or span == 0:
-        return np.nan
-    return float((np.median(light) - np.median(dark)) / abs(span))
+    return float(np.nanmedian(ratio))
 
 
-def beyond(lattice: Lattice, rows: tuple[float, ...]) -> Lattice | None:
-    """Rows of corners before the first, at ``rows`` spacings from it, were the board to go on; None where unknown."""
+def beyond(lattice: Lattice, rows: tuple[float, ...]) -> Lattice:
+    """Rows of corners before the first, at ``rows`` spacings from it, were the board to go on.
+
+    Each column goes on as it bends in its first three corners: a wide lens bends them more than any perspective does.
+    """
     near = lattice[:LINES_EXTRAPOLATED_FROM]
-    columns = lattice.shape[1]
-    H = homography(lattice_places(columns, len(near)), near.reshape(-1, 2))
-    if H is None:
-        return None
-    places = lattice_places(columns, len(rows))
-    places[:, 1] = np.repeat(rows, columns)
-    return mapped(H, places).reshape(len(rows), columns, 2)
+    at = np.arange(len(near), dtype=np.float64)
+    weights = np.array(
+        [[np.prod((t - others) / (own - others)) for own in at for others in [at[at != own]]] for t in rows]
+    )
+    return np.asarray(np.einsum("tn,ncx->tcx", weights, near))
 
 
 def lattice_places(columns: int, rows: int) -> FloatArray:
@@ -236,7 +240,9 @@ def mapped(H: FloatArray, places: FloatArray) -> FloatArray:
     return np.column_stack([x / w, y / w])
 
 
-def smoothed(places: FloatArray, seen: FloatArray, trusted: BoolArray) -> FloatArray | None:
+def smoothed(
+    places: FloatArray, seen: FloatArray, trusted: BoolArray, *, strongly: bool = False
+) -> FloatArray | None:
     """Where a plane behind a smoothly bending lens would show each point.
 
     A homography takes up the perspective, a polynomial of the board's coordinates the bending; what differs from it is
@@ -246,6 +252,7 @@ def smoothed(places: FloatArray, seen: FloatArray, trusted: BoolArray) -> FloatA
         places: (N, 2) on the board, any unit.
         seen: (N, 2) px.
         trusted: (N,) which of them say where the plane is.
+        strongly: whether the lens bends the plane so much that it takes a pliant surface, which hides more.
 
     Returns:
         (N, 2) px; None where no plane explains the points at all.
@@ -253,10 +260,18 @@ def smoothed(places: FloatArray, seen: FloatArray, trusted: BoolArray) -> FloatA
     H = homography(places[trusted], seen[trusted])
     if H is None or np.isnan(flat := mapped(H, places)).any():
         return None
-    count = int(trusted.sum())
-    order = 2 + (count >= CUBIC_FROM) + (count >= QUARTIC_FROM)
     low, high = places.min(axis=0), places.max(axis=0)
     u, v = (2 * (places - low) / (high - low) - 1).T
-    terms = np.column_stack([u**i * v**j for i in range(order + 1) for j in range(order + 1 - i)])
+    count = int(trusted.sum())
+    order = 2 + (count >= CUBIC_FROM) + (count >= QUARTIC_FROM)
+    orders = [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
+    if strongly:
+        across, down = (
+            int(np.clip(len(np.unique(np.round(places[trusted, axis], 6))) - SPARE_LINES, 1, HIGHEST_ORDER))
+            for axis in (0, 1)
+        )
+        both = [(i, j) for i in range(across + 1) for j in range(down + 1)]
+        orders = both if 2 * len(both) <= count else orders
+    terms = np.column_stack([u**i * v**j for i, j in orders])
     bending = np.linalg.lstsq(terms[trusted], (seen - flat)[trusted], rcond=None)[0]
     return np.asarray(flat + terms @ bending)

@@ -1,88 +1,202 @@
-"""What is left in the residuals, and which known fault would explain it.
+"""What is left in the residuals, and which known faults would explain it.
 
-A fault is added to the solution as further parameters, to first order, and the sum of squares it would save is held
-against what noise would save.
+Each fault is added to the solution as further parameters, to first order, and what it leaves of the sum of squares is
+held against what the others leave. Six velocities a view fit nearly anything, a changing focus and a sheet that bends
+as well as a rolling shutter: so a fault is named alone only where it beats every other clearly, and each pays for its
+parameters (Schwarz's criterion, for the question here is which model is true).
 
-A shutter that reads row after row shears and stretches each view in its own way while camera or board move. So do
-other things, a board that flexes above all; but only where motion explains the views *down to the noise of single
-corners*, which is known without any camera model, is it named as the cause.
+None of them is named at all while the residuals are no larger than the noise of single corners, which is known
+without any camera model, or where the best leaves most of the excess over it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from enum import StrEnum
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.board import Board
 from calibrary.calib.model_choice import f_test
-from calibrary.calib.network import Linear
 from calibrary.calib.observations import Observations
 from calibrary.calibration import ImageSize
-from calibrary.records import Record, replace
+from calibrary.records import Record
 
-__all__ = ["Shutter", "corner_noise", "rolling_shutter"]
+__all__ = ["Cause", "Misfit", "corner_noise", "misfit"]
 
 
 FOURTH_DIFFERENCE: Final = (1.0, -4.0, 6.0, -4.0, 1.0)
 """Of five neighbouring corners; perspective and distortion pass through it with next to nothing left."""
-SHUTTER_LEVEL: Final = 1e-4
+NORMAL_MAD: Final = 1.4826
+LEVEL: Final = 1e-4
 SMALLEST_SINGULAR: Final = 1e-5
-LEFT_BY_MOTION: Final = 1.2
-"""What is left when the cause is found is corner noise; its estimate from neighbours is this good."""
+CLEARLY: Final = 0.1
+"""A cause is named alone where the next leaves this share more of the sum of squares, its parameters paid for."""
+SUBSTANTIAL: Final = 10.0
+"""By so much Schwarz's criterion must fall before there is anything to explain (very strong, in its usual terms)."""
+EXCESS_EXPLAINED: Final = 0.5
+"""Share of the excess over noise that a cause must explain to be named."""
 
 
-class Shutter(Record):
-    """Motion of each view while its rows were read.
+class Cause(StrEnum):
+    """A fault of the camera, or of the board where that is not solved for."""
+
+    ROLLING_SHUTTER = "rolling-shutter"
+    FOCUS_CHANGES = "focus-changes"
+    TWO_CAMERAS = "two-cameras"
+    STABILISED = "stabilised"
+    BOARD_FLEXES = "board-flexes"
+    STRETCHED_PRINT = "stretched-print"
+
+
+class Rival(Record):
+    """What one fault makes of the residuals.
 
     Attributes:
-        f: of six velocities a view.
-        p: chance of such an F from noise.
-        left_px: standard deviation of a coordinate that motion leaves unexplained.
-        noise_px: the same as neighbouring corners show it, None where they do not; then nothing is named.
+        cause: which.
+        left_px: standard deviation of a coordinate that it leaves unexplained.
+        criterion: Schwarz's, against no fault at all; the lowest explains best.
+        p: chance of such a gain from noise.
     """
 
-    f: float
-    p: float
+    cause: Cause
     left_px: float
+    criterion: float
+    p: float
+
+
+class Misfit(Record):
+    """The faults, the likeliest first.
+
+    Attributes:
+        rivals: those that were tried.
+        sigma_px: standard deviation of a coordinate with none of them.
+        noise_px: the same as neighbouring corners show it, None where they do not.
+        scalars: measured coordinates.
+    """
+
+    rivals: tuple[Rival, ...]
+    sigma_px: float
     noise_px: float | None
+    scalars: int
 
     @property
-    def is_rolling(self) -> bool:
-        """Whether there is motion, and nothing but noise beside it."""
-        explained = self.noise_px is not None and self.left_px <= LEFT_BY_MOTION * self.noise_px
-        return self.p < SHUTTER_LEVEL and explained
+    def likely(self) -> tuple[Rival, ...]:
+        """One where it beats the others clearly, else two; none where nothing explains much."""
+        noise = min(self.noise_px or 0.0, self.sigma_px)
+        excess = self.sigma_px**2 - noise**2
+        able = [one for one in self.rivals if one.p < LEVEL]
+        if (
+            not able
+            or able[0].criterion > -SUBSTANTIAL
+            or self.sigma_px**2 - able[0].left_px ** 2 <= EXCESS_EXPLAINED * excess
+        ):
+            return ()
+        margin = self.scalars * math.log1p(CLEARLY)
+        alone = len(able) == 1 or able[1].criterion - able[0].criterion > margin
+        return tuple(able[:1] if alone else able[:2])
 
 
-def rolling_shutter(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) -> Shutter | None:
-    """Test for motion along the rows, whatever the print's stretch; None where there are too few corners for it.
+def misfit(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) -> Misfit | None:
+    """Let the known faults compete; None where there are too few corners for it.
 
     Args:
         adjusted: the solution.
         image_size: (width, height) px.
         noise_px: of one coordinate, as :func:`corner_noise` gives it.
     """
-    network = adjusted.network
-    linear, free = _with_stretch(adjusted) if network.is_planar else (adjusted.linear, adjusted.free)
+    network, linear = adjusted.network, adjusted.linear
     used = network.used
-    residuals, by_global = linear.residuals[used], linear.by_global[used][..., free]
-    by_pose, seen = linear.by_pose[used], network.seen[used]
+    residuals, by_pose = linear.residuals[used], linear.by_pose[used]
+    by_global = linear.by_global[used][..., adjusted.free]
+    still, rank = _unexplained(residuals, by_global, by_pose)
+    n = network.scalars
+    if n - rank < len(residuals):
+        return None
+    found = []
+    for cause, globals_too, by_view in _faults(adjusted, image_size):
+        left, more = _unexplained(residuals, globals_too, by_view)
+        dof, extra = n - more, more - rank
+        if dof < extra or extra <= 0:
+            continue
+        found.append(
+            Rival(
+                cause=cause,
+                left_px=math.sqrt(left / dof),
+                # Which view belongs to which of two cameras is chosen by the residuals too: a bit for each.
+                criterion=n * math.log(max(left, 1e-300) / still)
+                + extra * math.log(n)
+                + (2 * math.log(2) * len(residuals) if cause is Cause.TWO_CAMERAS else 0.0),
+                p=f_test(still, left, extra, dof)[1],
+            )
+        )
+    return Misfit(
+        rivals=tuple(sorted(found, key=lambda one: one.criterion)),
+        sigma_px=math.sqrt(still / (n - rank)),
+        noise_px=noise_px,
+        scalars=n,
+    )
+
+
+def _faults(adjusted: Adjusted, image_size: ImageSize) -> Iterator[tuple[Cause, FloatArray, FloatArray]]:
+    """Each fault as columns: (V, 2M, g) the same for all views, and (V, 2M, k) of each view by itself."""
+    network, linear, state = adjusted.network, adjusted.linear, adjusted.state
+    used, lens = network.used, len(state.parameters)
+    residuals, by_pose = linear.residuals[used], linear.by_pose[used]
+    everything, seen = linear.by_global[used], network.seen[used]
+    by_global = everything[..., adjusted.free]
+    zoom = everything[..., 0] * state.parameters[0] + everything[..., 1] * state.parameters[1]
+
+    def each(columns: FloatArray) -> FloatArray:
+        return np.concatenate([by_pose, columns], axis=-1)
+
     # Where the corners should be, not where they were seen: else their noise would explain itself.
     rows = np.where(seen, network.pixels[used, :, 1] - residuals[:, 1::2], 0.0)
     # Time within each view, about its own middle: else a small board's motion could not be told from its pose.
     time = np.where(seen, rows - (rows.sum(axis=1) / seen.sum(axis=1))[:, None], 0.0) / image_size[1]
-    moving = np.concatenate([by_pose, by_pose * np.repeat(time, 2, axis=1)[..., None]], axis=-1)
-    still_rss, still_rank = _unexplained(residuals, by_global, by_pose)
-    left_rss, left_rank = _unexplained(residuals, by_global, moving)
-    dof, extra = network.scalars - left_rank, left_rank - still_rank
-    if dof < extra or extra <= 0:
-        return None
-    f, p = f_test(still_rss, left_rss, extra, dof)
-    return Shutter(f=f, p=p, left_px=math.sqrt(left_rss / dof), noise_px=noise_px)
+    yield Cause.ROLLING_SHUTTER, by_global, each(by_pose * np.repeat(time, 2, axis=1)[..., None])
+    yield Cause.FOCUS_CHANGES, by_global, each(zoom[..., None])
+    yield Cause.STABILISED, by_global, each(everything[..., 2:4])
+    of_one = _two_kinds(residuals, by_pose, zoom)
+    other = everything[..., :lens] * of_one[:, None, None]
+    yield Cause.TWO_CAMERAS, np.concatenate([by_global, other], axis=-1), by_pose
+    if network.is_planar:
+        by_place = by_pose[..., 3:].reshape(*seen.shape, 2, 3)
+        by_height = np.einsum("vmcx,vx->vmc", by_place, state.rotations[used][:, :, 2])
+        down = np.einsum(
+            "vmcx,vx,vm->vmc", by_place, state.rotations[used][:, :, 1], network.points[used][..., 1]
+        )
+        yield (
+            Cause.STRETCHED_PRINT,
+            np.concatenate([by_global, down.reshape(*zoom.shape, 1)], axis=-1),
+            by_pose,
+        )
+        half = np.abs(network.points[network.seen]).max(axis=0)
+        twist = network.points[used][..., 0] * network.points[used][..., 1] / max(half[0] * half[1], 1e-12)
+        lift = np.concatenate([network.warp_shape[used], twist[..., None]], axis=-1)
+        yield (
+            Cause.BOARD_FLEXES,
+            by_global,
+            each((by_height[..., None] * lift[:, :, None, :]).reshape(*zoom.shape, 3)),
+        )
+
+
+def _two_kinds(residuals: FloatArray, by_pose: FloatArray, zoom: FloatArray) -> FloatArray:
+    """(V,) 1 for the views of the one of two focal lengths, 0 for those of the other, where the gap is widest."""
+    wanted = np.zeros(len(residuals))
+    for row, (e, A, c) in enumerate(zip(residuals, by_pose, zoom, strict=True)):
+        basis = np.linalg.qr(A)[0]
+        left = c - basis @ (basis.T @ c)
+        wanted[row] = float(left @ e) / max(float(left @ left), 1e-300)
+    order = np.sort(wanted)
+    # Two means in one dimension: the cut that leaves the least within both.
+    within = [order[:at].var() * at + order[at:].var() * (len(order) - at) for at in range(1, len(order))]
+    cut = 1 + int(np.argmin(within)) if within else 0
+    return np.asarray(wanted >= order[min(cut, len(order) - 1)], dtype=np.float64)
 
 
 def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArray) -> tuple[float, int]:
@@ -106,14 +220,16 @@ def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArr
 def corner_noise(observations: Observations) -> float | None:
     """px, standard deviation of one coordinate as neighbouring corners show it, whatever the camera model.
 
+    By the median, for a corner that is displaced is no noise.
+
     Returns:
         None where no row of five neighbouring corners was seen.
     """
     board = observations.board
     if not isinstance(board, Board) or len(board.points) != board.rows * board.columns:
         return None
-    total, count = 0.0, 0
     weights = np.array(FOURTH_DIFFERENCE)
+    found: list[FloatArray] = []
     for view in observations.views:
         corners = np.full((len(board.points), 2), np.nan)
         corners[view.ids] = view.image_points
@@ -121,18 +237,7 @@ def corner_noise(observations: Observations) -> float | None:
         for along in (grid, grid.transpose(1, 0, 2)):
             if along.shape[1] < len(weights):
                 continue
-            windows = np.lib.stride_tricks.sliding_window_view(along, len(weights), axis=1)
-            left = windows @ weights
-            whole = np.isfinite(left)
-            total += float((left[whole] ** 2).sum())
-            count += int(whole.sum())
-    return math.sqrt(total / count / float(weights @ weights)) if count else None
-
-
-def _with_stretch(adjusted: Adjusted) -> tuple[Linear, NDArray[np.intp]]:
-    """The linearised network with one more global column, of the print's length down, and what is free in it."""
-    turns, points = adjusted.state.rotations, adjusted.network.points
-    by_place = adjusted.linear.by_pose[..., 3:].reshape(*points.shape[:2], 2, 3)
-    column = np.einsum("vmcx,vx,vm->vmc", by_place, turns[:, :, 1], points[..., 1])
-    by_global = np.concatenate([adjusted.linear.by_global, column.reshape(len(turns), -1, 1)], axis=-1)
-    return replace(adjusted.linear, by_global=by_global), np.append(adjusted.free, by_global.shape[-1] - 1)
+            left = np.lib.stride_tricks.sliding_window_view(along, len(weights), axis=1) @ weights
+            found.append(np.abs(left[np.isfinite(left)]))
+    every = np.concatenate(found) if found else np.empty(0)
+    return NORMAL_MAD * float(np.median(every)) / math.sqrt(float(weights @ weights)) if len(every) else None

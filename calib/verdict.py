@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, Self
 
 from calibrary.calib.board_shape import BoardShape, Stretch
 from calibrary.calib.geometry import Geometry
-from calibrary.calib.misfit import Shutter
-from calibrary.calib.model_choice import WarpTest
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.misfit import Cause, Misfit
+from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calibration import ImageSize
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
@@ -100,16 +101,17 @@ class Evidence:
         rms_px: of the residuals.
         noise_px: of one coordinate, as neighbouring corners show it.
         condition: of the lens's normal matrix.
-        is_rational: whether the model is the rational one, whose condition says little.
+        model: of the lens; the rational one's condition says little.
         culprits: the parameters that are determined worst.
-        is_monotonic: whether the distortion is, all over the image.
+        sound: share of the frame in which the distortion is monotonic: of where corners were seen, and of all of it.
+        better: a lens model that the corners ask for and that could not be taken; None where there is none.
         edge_px: largest standard deviation in the image, the variance factor included; None where nothing is seen.
         warp: the test for a warped board.
         is_warped: whether the warp is part of the solution.
         shape: of the board but for its warp; None for points on no board.
         is_lifted: whether that shape is part of the solution.
         stretch: of the print.
-        shutter: motion during the read-out.
+        misfit: which known fault explains what the camera does not.
         focus: how the lens was focused, in words; None where nothing says it.
     """
 
@@ -127,16 +129,17 @@ class Evidence:
     rms_px: float
     noise_px: float | None
     condition: float
-    is_rational: bool
+    model: Solvable
     culprits: tuple[str, ...]
-    is_monotonic: bool
+    sound: tuple[float, float]
+    better: Candidate | None
     edge_px: float | None
     warp: WarpTest | None
     is_warped: bool
     shape: BoardShape | None
     is_lifted: bool
     stretch: Stretch | None
-    shutter: Shutter | None
+    misfit: Misfit | None
     focus: str | None
 
 
@@ -229,14 +232,24 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
         f"corners lie in {seen.fraction:.0%} of the image's cells, need {limits.cells_wanted:.0%}",
         "hold the board where it has not been yet",
     )
-    if not e.is_monotonic:
+    where_seen, everywhere = e.sound
+    if where_seen < 1:
         yield Finding(
             rule="not-monotonic",
             severity=Severity.ERROR,
-            measured=1.0,
-            limit=0.0,
-            message="the distortion is not monotonic inside the image, so part of the image has no direction",
+            measured=where_seen,
+            limit=1.0,
+            message="the distortion is not monotonic where corners were seen, so part of the image has no direction",
             remedy="hold the board into the corners, or choose a simpler model",
+        )
+    elif everywhere < 1:
+        yield Finding(
+            rule="valid-region",
+            severity=Severity.NOTE if e.model is Solvable.FISHEYE else Severity.UNPROVEN,
+            measured=everywhere,
+            limit=1.0,
+            message=f"{everywhere:.0%} of the frame have a direction; the rest, where no corner was seen, has none",
+            remedy="where the lens shows an image there: hold the board into it",
         )
     if e.edge_px is not None and e.edge_px > limits.edge_px:
         yield Finding(
@@ -258,7 +271,7 @@ def _focal_length(e: Evidence, limits: Limits) -> Iterator[Finding]:
         f"the standard deviation of fx is {spread:.2%}, need {limits.focal_std_wanted:.2%}",
         "take more views, with more tilt",
     )
-    if not e.is_rational:
+    if e.model is not Solvable.RATIONAL:
         yield from _at_most(
             "undetermined",
             e.condition,
@@ -286,7 +299,27 @@ def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
     )
 
 
+def _lens(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    del limits
+    if e.better is not None:
+        yield Finding(
+            rule="lens-model",
+            severity=Severity.UNPROVEN,
+            message=f"the corners ask for a {e.better.model.value} lens (RMS {e.better.rms_px:.3f} instead of "
+            f"{e.rms_px:.3f} px), which was not taken: {e.better.refused}",
+            remedy="take more views, with the board in the corners of the frame",
+        )
+
+
 def _halves(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    if e.edge_px is None:
+        yield Finding(
+            rule="unknown-uncertainty",
+            severity=Severity.UNPROVEN,
+            message="the standard deviation over the frame cannot be computed: the parameters are all but "
+            "interchangeable",
+            remedy="choose a simpler model, or take more views",
+        )
     if e.kappa2 is None:
         yield Finding(
             rule="no-variance-factor",
@@ -358,16 +391,56 @@ def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
         )
 
 
+_CAUSES: Final[Mapping[Cause, tuple[str, str]]] = {
+    Cause.ROLLING_SHUTTER: (
+        "motion while a rolling shutter reads the frame",
+        "put camera and board on stands, or use the mechanical shutter",
+    ),
+    Cause.FOCUS_CHANGES: (
+        "a focus that changes from frame to frame",
+        "switch autofocus off and lock the focus",
+    ),
+    Cause.TWO_CAMERAS: (
+        "two cameras or two zoom positions in one set",
+        "calibrate each by itself: sort the frames by serial number, lens and focal length",
+    ),
+    Cause.STABILISED: (
+        "electronic stabilisation, which shifts the frame",
+        "switch stabilisation (EIS) and horizon levelling off",
+    ),
+    Cause.BOARD_FLEXES: ("a board that bends in the hand", "glue the print to glass or aluminium"),
+    Cause.STRETCHED_PRINT: (
+        "a print that is longer one way",
+        "measure the print, and print it again to scale",
+    ),
+}
+
+
+def _cause(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    """One fault where it beats the others clearly, else the two that explain the residuals best."""
+    likely = e.misfit.likely if e.misfit is not None else ()
+    if e.misfit is None or not likely or [one.cause for one in likely] == [Cause.STRETCHED_PRINT]:
+        return
+    harms = e.kappa2 is None or e.kappa2 > limits.kappa2_wanted
+    certain = len(likely) == 1
+    severity = Severity.UNPROVEN if harms else Severity.NOTE
+    if certain and likely[0].cause is Cause.TWO_CAMERAS and harms:
+        # A K between two cameras is neither's, and no standard deviation makes it so.
+        severity = Severity.ERROR
+    said = ", or ".join(_CAUSES[one.cause][0] for one in likely)
+    yield Finding(
+        rule=likely[0].cause.value if certain else "unclear-cause",
+        severity=severity,
+        measured=likely[0].left_px,
+        message=f"the views differ as by {said}: that leaves {likely[0].left_px:.3f} px of "
+        f"{e.misfit.sigma_px:.3f} px by coordinate"
+        + ("" if certain else "; the residuals do not tell which"),
+        remedy="; or ".join(_CAUSES[one.cause][1] for one in likely),
+    )
+
+
 def _capture(e: Evidence, limits: Limits) -> Iterator[Finding]:
     del limits
-    if e.shutter is not None and e.shutter.is_rolling:
-        yield Finding(
-            rule="rolling-shutter",
-            severity=Severity.UNPROVEN,
-            measured=e.shutter.f,
-            message=f"each view is sheared as by motion during the rolling shutter's readout (F = {e.shutter.f:.1f})",
-            remedy="put camera and board on stands, or use the mechanical shutter",
-        )
     if e.focus is None:
         yield Finding(
             rule="focus-unknown",
@@ -391,7 +464,9 @@ _CHECKS: Final[tuple[Callable[[Evidence, Limits], Iterator[Finding]], ...]] = (
     _coverage,
     _focal_length,
     _fit,
+    _lens,
     _halves,
+    _cause,
     _board,
     _capture,
 )

@@ -139,8 +139,6 @@ def _goes_on(gray: Gray, lattice: Lattice) -> str | None:
     for name, view in (("rows", lattice), ("columns", lattice.transpose(1, 0, 2))):
         for side in (view, view[::-1]):
             outer = beyond(side, (-1.0, -1.5))
-            if outer is None or np.isnan(outer).any():
-                continue
             discs, paper = levels(outer[0]), levels((outer[1][:-1] + outer[1][1:]) / 2)
             if (
                 min(discs.size, paper.size) >= 2

@@ -19,10 +19,12 @@ FEWEST_POINTS = 6
 """Four give a plane's pose; below six nothing is left to see an error by."""
 
 JOLT_SIGMAS, SMALLEST_JOLT_PX, SMALLEST_JOLT_SHARE = 8.0, 0.35, 0.005
-MOST_NOISE = 0.05
-"""Of the spacing, that the typical point may lie beside a smoothly bent plane."""
+DOUBTFUL_NOISE, MOST_NOISE = 0.05, 0.25
+"""Of the spacing, that the typical point may lie beside a smoothly bent plane before that is remarked, and beyond which
+the points are no board's."""
 MOST_DISPLACED = 0.1
-"""Share of points that may be left out before the view is no use."""
+"""Share of points that are left out one by one. Where more lie beside the plane, the lens may bend it more than was
+allowed for: the view is kept whole, and the camera decides by its residuals."""
 
 
 def reliable(
@@ -54,19 +56,27 @@ def reliable(
             text=f"{len(ids)} of {total} points seen; expected at least {FEWEST_POINTS}, not all on a line",
         )
     off, noise, displaced, smooth = _displaced(places, points, spacing_px)
+    strongly = not displaced.mean() <= MOST_DISPLACED
+    if strongly:
+        off, noise, displaced, smooth = _displaced(places, points, spacing_px, strongly=True)
     if measure is not None and displaced.any() and displaced.mean() <= MOST_DISPLACED and smooth is not None:
         # A start far off, by a marker's frayed edge, may have led elsewhere: begin where the others say.
         points = points.copy()
         points[displaced] = measure(smooth[displaced])
-        off, noise, displaced, _ = _displaced(places, points, spacing_px)
-    if not noise <= MOST_NOISE * spacing_px or displaced.mean() > MOST_DISPLACED:
-        text = (
-            f"points lie up to {off.max():.1f} px beside a regular board, at a spacing of {spacing_px:.1f} px"
-        )
-        return NotFound(reason=Reason.UNEVEN, text=text)
+        off, noise, displaced, _ = _displaced(places, points, spacing_px, strongly=strongly)
+    beside = (
+        f"points lie up to {off.max():.1f} px beside a regular board, at a spacing of {spacing_px:.1f} px"
+    )
+    if not noise <= MOST_NOISE * spacing_px:
+        return NotFound(reason=Reason.UNEVEN, text=beside)
+    doubtful = displaced.mean() > MOST_DISPLACED or noise > DOUBTFUL_NOISE * spacing_px
+    if doubtful:
+        displaced = np.zeros_like(displaced)
     height, width = gray.shape
     cut = np.minimum(points, (width - 1, height - 1) - points).min(axis=1) < half + 1
     remarks = []
+    if doubtful:
+        remarks.append(Remark(reason=Reason.UNEVEN, text=f"{beside}; kept for the camera to decide"))
     if displaced.any():
         text = f"{displaced.sum()} of {len(ids)} points left out, up to {off.max():.1f} px beside the others"
         remarks.append(Remark(reason=Reason.DISPLACED_CORNERS, text=text))
@@ -88,7 +98,7 @@ def reliable(
 
 
 def _displaced(
-    places: FloatArray, points: FloatArray, spacing_px: float
+    places: FloatArray, points: FloatArray, spacing_px: float, *, strongly: bool = False
 ) -> tuple[FloatArray, float, BoolArray, FloatArray | None]:
     """How far each point lies beside the others, how far a typical one, which are too far, and where they should be.
 
@@ -96,7 +106,7 @@ def _displaced(
     """
     trusted = np.ones(len(points), dtype=np.bool_)
     while True:
-        smooth = smoothed(places, points, trusted)
+        smooth = smoothed(places, points, trusted, strongly=strongly)
         if smooth is None:
             return np.full(len(points), np.inf), np.inf, ~np.zeros_like(trusted), None
         off = np.hypot(*(points - smooth).T)

@@ -119,7 +119,7 @@ def test_a_person_sees_verdict_parameters_and_every_view(calibrated: Run, photog
         "variance factor",
         "board warp",
         "coverage",
-        "BIC",
+        "criterion",
     ):
         assert name in out
     assert len(re.findall(r"board_00\d\d\.jpg +0\.\d", out)) == COUNT

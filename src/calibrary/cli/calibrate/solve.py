@@ -93,7 +93,7 @@ def _add_solving_flags(parser: argparse.ArgumentParser) -> None:
         "--lens-model",
         choices=LENS_MODELS,
         default="auto",
-        help="distortion model (default: auto, chosen by its BIC)",
+        help="distortion model (default: auto, chosen by the corners)",
     )
     solving.add_argument("--no-warp", action="store_true", help="take the board for flat without asking")
     solving.add_argument(

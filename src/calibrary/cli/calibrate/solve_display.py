@@ -158,12 +158,12 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
     if result.date_origin is not None:
         yield "date", f"{result.calibration.provenance.date}, {result.date_origin}"
     if result.candidates:
-        least = min(one.bic for one in result.candidates)
+        least = min(one.criterion for one in result.candidates)
         tried = ", ".join(
-            f"{one.model.value} {one.bic - least:+.1f}" + (f" ({one.refused})" if one.refused else "")
+            f"{one.model.value} {one.criterion - least:+.1f}" + (f" ({one.refused})" if one.refused else "")
             for one in result.candidates
         )
-        yield "model", f"{result.model.value}; BIC against the best: {tried}"
+        yield "model", f"{result.model.value}; criterion against the best: {tried}"
     if quality is not None and quality.kappa2 is not None:
         limits = result.limits
         yield (

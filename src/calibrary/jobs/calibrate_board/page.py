@@ -221,14 +221,14 @@ def _held(result: CalibrationResult) -> KeyValues:
 def _models(result: CalibrationResult) -> Block:
     if not result.candidates:
         return f"The {result.model.value} model was asked for."
-    least = min(candidate.bic for candidate in result.candidates)
+    least = min(candidate.criterion for candidate in result.candidates)
     return Table(
-        caption="Models that were held against one another; parameters are added only where they lower BIC by 10",
+        caption="Models that were held against one another; each parameter must lower n·ln(rss/n) by 5.4",
         columns=(
             Column("model"),
             Column("parameters", numeric=True),
             Column("RMS (px)", numeric=True),
-            Column("BIC − best", numeric=True),
+            Column("criterion − best", numeric=True),
             Column(""),
         ),
         rows=tuple(
@@ -236,7 +236,7 @@ def _models(result: CalibrationResult) -> Block:
                 one.model.value,
                 str(len(one.model.parameters)),
                 f"{one.rms_px:.4f}",
-                f"{one.bic - least:.1f}",
+                f"{one.criterion - least:.1f}",
                 Badge("chosen", Tone.GOOD) if one.model is result.model else (one.refused or ""),
             )
             for one in result.candidates

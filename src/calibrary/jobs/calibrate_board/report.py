@@ -10,7 +10,7 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.board_shape import Stretch
 from calibrary.calib.geometry import Geometry
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.misfit import Shutter
+from calibrary.calib.misfit import Misfit
 from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calib.result import CalibrationResult, Dismissal, ViewResult
 from calibrary.calib.verdict import BoardVerdict, Limits
@@ -125,7 +125,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
         condition: of the lens's normal matrix.
         kappa2_by_split: the variance factors of the splits into halves.
         stretch: of the print.
-        shutter: motion during the read-out.
+        misfit: which known fault explains what the camera does not.
         uncertainty_px: of a direction, over the frame.
         half_difference_px: between halves of the views, over the frame.
         limits: what the calibration was judged by.
@@ -145,7 +145,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
     condition: float | None
     kappa2_by_split: tuple[float, ...]
     stretch: Stretch | None
-    shutter: Shutter | None
+    misfit: Misfit | None
     uncertainty_px: Rows | None
     half_difference_px: tuple[Rows, ...] | None
     limits: Limits
@@ -169,7 +169,7 @@ def report_of(result: CalibrationResult) -> CalibrateReport:
         condition=_finite(evidence.condition),
         kappa2_by_split=result.halves.by_split if result.halves is not None else (),
         stretch=evidence.stretch,
-        shutter=evidence.shutter,
+        misfit=evidence.misfit,
         uncertainty_px=_rows(result.uncertainty.std_px) if result.uncertainty is not None else None,
         half_difference_px=tuple(map(_rows, halves.vectors)) if halves is not None else None,
         limits=result.limits,
