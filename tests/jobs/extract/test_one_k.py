@@ -45,8 +45,20 @@ def test_k_of_a_better_grade_counts_more_than_many_images_of_one_unit() -> None:
     assert camera.spread == 0.0
 
 
-@pytest.mark.parametrize(("spread", "verdict"), [(0.0049, Verdict.VALID), (0.0051, Verdict.REJECTED)])
-@pytest.mark.parametrize("policy", [FLEET, replace(SOURCE, focal_over_width=(0.5, 1.5))])
+PAGE = replace(SOURCE, focal_over_width=(0.5, 1.5))
+
+
+@pytest.mark.parametrize(
+    ("spread", "policy", "verdict"),
+    [
+        (0.0004, FLEET, Verdict.VALID),
+        (0.0006, FLEET, Verdict.UNPROVEN),
+        (0.0049, FLEET, Verdict.UNPROVEN),
+        (0.0051, FLEET, Verdict.REJECTED),
+        (0.0049, PAGE, Verdict.VALID),
+        (0.0051, PAGE, Verdict.REJECTED),
+    ],
+)
 def test_a_spread_above_half_a_per_cent_fails(spread: float, verdict: Verdict, policy: Policy) -> None:
     states = {unit(3660.0): ["a", "b"], unit(3660.0 * (1 + spread)): ["c"]}
     [camera] = judged(states, policy=policy)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from calibrary.calibration import Grade
-from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.metadata import ImageMetadata, XmpProperty
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import slugs_of
 from calibrary.policy import FLEET, SOURCE
@@ -169,3 +169,40 @@ class TestAnEditorsName:
         [camera] = judged(images((replace(PLAIN, software=version), 1)))
         assert camera.calibration is not None
         assert camera.calibration.camera.firmware == version
+
+
+class TestGroupsThatLookAlike:
+    def test_two_calibrations_without_a_serial_are_not_one_k_for_all(self) -> None:
+        """0.4 % of fx apart, which the limit of the spread passes, is 40 cm of height at 100 m."""
+        other = replace(ORIGINAL, serial=None, xmp=tuple(moved(one) for one in ORIGINAL.xmp))
+        [camera] = judged(images((replace(ORIGINAL, serial=None), 5), (other, 5)))
+        assert camera.verdict is Verdict.UNPROVEN
+        assert "the calibration differs between" in finding(camera, "one-calibration").message
+
+    def test_images_without_the_confirming_source_are_not_said_to_lack_the_source(self) -> None:
+        nikon = {"make": "NIKON CORPORATION", "model": "NIKON D70", "focal_mm": 70.0, "has_exif": True}
+        confirmed = ImageMetadata(size=(3008, 2000), focal_35mm=105.0, **nikon)  # type: ignore[arg-type]  # tags
+        alone = replace(confirmed, focal_35mm=None)
+        first, rest = judged(images((confirmed, 3), (alone, 2)))
+        assert (first.verdict, rest.verdict) == (Verdict.VALID, Verdict.UNPROVEN)
+        assert "2 of 5 images lack a second source that confirms" in finding(rest, "one-unit").message
+
+    def test_images_that_a_viewer_turns_are_counted(self) -> None:
+        [camera] = judged(images((PLAIN, 3), (replace(PLAIN, orientation=6), 2)))
+        assert camera.verdict is Verdict.VALID
+        message = finding(camera, "orientation").message
+        assert message.startswith("2 of 5 images have another EXIF Orientation")
+
+    def test_one_image_is_told_in_the_singular(self) -> None:
+        [camera] = judged(images((PLAIN, 499), (replace(PLAIN, xmp=CROPPED), 1)))
+        assert str(camera.reason).startswith("1 of 500 images was cropped by an editor")
+
+
+def moved(item: XmpProperty) -> XmpProperty:
+    """DewarpData whose focal lengths are 0.4 % longer; other properties as they are."""
+    if item.name != "DewarpData":
+        return item
+    date, _, numbers = item.values[0].partition(";")
+    fx, fy, *rest = numbers.split(",")
+    longer = (f"{float(fx) * 1.004:.2f}", f"{float(fy) * 1.004:.2f}")
+    return replace(item, values=(f"{date};{','.join((*longer, *rest))}",))

@@ -72,7 +72,8 @@ def _apart_from(first: Camera, camera: Camera) -> Camera:
     """A camera of images that lack what others of the same key carry, with a finding that says so."""
     if camera.report is None or first.calibration is None:
         return camera
-    tag = first.calibration.provenance.tag or first.calibration.provenance.kind
+    own = camera.evidence.chosen.tag if camera.evidence.chosen is not None else None
+    tag = _lacking(first.calibration, own)
     count, images = len(camera.names), len(camera.names) + len(first.names)
     note = Finding(
         rule="one-unit",
@@ -82,6 +83,12 @@ def _apart_from(first: Camera, camera: Camera) -> Camera:
         "same unit, so they have a K by their own sources",
     )
     return replace(camera, report=replace(camera.report, findings=(*camera.report.findings, note)))
+
+
+def _lacking(carrier: Calibration, own: str | None) -> str:
+    """What images lack whose own K is of a lower grade: the source itself, or a second one that agrees with it."""
+    tag = carrier.provenance.tag or carrier.provenance.kind
+    return f"a second source that confirms {tag}" if tag == own else tag
 
 
 def _of(count: int, images: int) -> str:
@@ -217,7 +224,23 @@ def _merged(
     if spread is not None:
         findings.append(group_spread(spread, policy))
     changes = _changes(judged, policy, one_unit=one_unit)
-    return Report(policy=policy.name, findings=(*findings, *changes, *_inherited(judged)))
+    notes = (*_inherited(judged), *_turned(judged, reference))
+    return Report(policy=policy.name, findings=(*findings, *changes, *notes))
+
+
+def _turned(judged: Sequence[JudgedState], reference: JudgedState) -> Iterator[Finding]:
+    """Images that a viewer turns otherwise than those that K is written for: K is of the pixels as they are stored."""
+    stored = reference.state.metadata.orientation or 1
+    count = sum(len(one.state.names) for one in judged if (one.state.metadata.orientation or 1) != stored)
+    if count:
+        images = sum(len(one.state.names) for one in judged)
+        yield Finding(
+            rule="orientation",
+            severity=Severity.NOTE,
+            measured=float(count),
+            message=f"{count} of {images} images have another EXIF Orientation than the others: K is for the pixels as "
+            "they are stored, not as a viewer turns them",
+        )
 
 
 def _inherited(judged: Sequence[JudgedState]) -> Iterator[Finding]:
@@ -227,7 +250,8 @@ def _inherited(judged: Sequence[JudgedState]) -> Iterator[Finding]:
     carrier = next((one.calibration for one in judged if one.calibration is not None), None)
     if not lacking or carrier is None:
         return
-    tag = carrier.provenance.tag or carrier.provenance.kind
+    own = {one.evidence.chosen.tag for one in judged if one.inherits and one.evidence.chosen is not None}
+    tag = _lacking(carrier, next(iter(own)) if len(own) == 1 else None)
     proof = "their serial number proves" if carrier.camera.serial is not None else "the registry states"
     yield Finding(
         rule="one-unit",
@@ -241,7 +265,7 @@ def _inherited(judged: Sequence[JudgedState]) -> Iterator[Finding]:
 def _changes(judged: Sequence[JudgedState], policy: Policy, *, one_unit: bool) -> Iterator[Finding]:
     """Measured calibrations of one camera that differ by more than noise, as after a firmware or a repair.
 
-    Where nothing proves one unit they may be of two, which the limit of the spread is for.
+    Where nothing proves one unit they may be of two; one K is right for the images of one of them only either way.
     """
     groups: list[list[JudgedState]] = []
     for one in judged:
@@ -262,7 +286,7 @@ def _changes(judged: Sequence[JudgedState], policy: Policy, *, one_unit: bool) -
     more = f"; and {len(groups) - 2} more" if len(groups) > 2 else ""
     yield Finding(
         rule="one-calibration",
-        severity=Severity.UNPROVEN if one_unit and policy.assumed_sensor_is_unproven else Severity.WARNING,
+        severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
         measured=measured,
         limit=policy.drift_focal,
         message=f"{what} between {_called(groups[0])} and {_called(groups[1])}{more}: {measured:+.2%} of fx",
