@@ -88,7 +88,7 @@ def test_frames_that_differ_are_told_apart_in_one_line(tmp_path: Path, other: Ex
 def test_a_frame_that_an_editor_bent_is_refused(tmp_path: Path) -> None:
     applied = attributes(CRS, AlreadyApplied="True", LensProfileEnable="1")
     edited = shot(tmp_path / "a.jpg", xmp=XmpPacket(descriptions=(XmpDescription(items=applied),)))
-    with pytest.raises(InputError, match="lens profile"):
+    with pytest.raises(InputError, match="lens-corrected by an editor"):
         describe_frames([edited], as_is)
 
 
