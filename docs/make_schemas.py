@@ -29,6 +29,8 @@ PRINTED: Final[Mapping[str, str]] = {
     "undistort-1": "calibrary.jobs.undistort.report:UndistortReport",
     "inspect-1": "calibrary.jobs.inspect.report:InspectReport",
     "inspect-files-1": "calibrary.jobs.inspect.report:InspectFilesReport",
+    "convert-1": "calibrary.jobs.convert.report:ConvertReport",
+    "convert-files-1": "calibrary.jobs.convert.report:ConvertFilesReport",
     "formats-1": "calibrary.parsers.listing:FormatListing",
     "onboard-1": "calibrary.jobs.onboard.report:OnboardReport",
     "entry-listing-1": "calibrary.registry.snapshot:EntryListing",

@@ -16,6 +16,7 @@ from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
 from calibrary.interop.opencv import OPENCV_LENSES
+from calibrary.jobs.convert.report import ConvertFilesReport, ConvertReport
 from calibrary.jobs.convert.run import Converted, ConvertRequest, convert_files
 from calibrary.jobs.exchange.argument import Reading, choose
 from calibrary.jobs.inspect.report import InspectFilesReport, InspectReport
@@ -29,7 +30,7 @@ from calibrary.parsers.listing import listing as format_listing
 from calibrary.parsers.plausible import refuse_implausible
 from calibrary.progress import Progress
 from calibrary.quality import Covariance, Quality
-from calibrary.records import Json, replace
+from calibrary.records import replace
 
 __all__ = [
     "MAX_BYTES",
@@ -37,6 +38,7 @@ __all__ = [
     "Converted",
     "Reading",
     "Source",
+    "conversion_report",
     "convert",
     "convert_all",
     "format_listing",
@@ -247,18 +249,18 @@ class Conversion:
     verdict: WriteVerdict
     priors: tuple[Grade, ...] = ()
 
-    def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/convert-1.schema.json)."""
-        return {
-            "output": self.output.name,
-            "format": self.format,
-            "verdict": self.verdict.outcome.value,
-            "rms_px": self.verdict.rms_px,
-            "max_px": self.verdict.max_px,
-            "radius_px": self.verdict.radius_px,
-            "dropped": list(self.verdict.dropped),
-            "priors": [grade.value for grade in self.priors],
-        }
+    def report(self) -> ConvertReport:
+        """For machines (schemas/convert-1.schema.json)."""
+        return ConvertReport(
+            output=self.output.name,
+            format=self.format,
+            verdict=self.verdict.outcome,
+            rms_px=self.verdict.rms_px,
+            max_px=self.verdict.max_px,
+            radius_px=self.verdict.radius_px,
+            dropped=self.verdict.dropped,
+            priors=self.priors,
+        )
 
 
 def convert(
@@ -344,6 +346,11 @@ def convert_all(
         ),
         progress,
     )
+
+
+def conversion_report(files: Sequence[Converted]) -> ConvertFilesReport:
+    """What came of many files, for machines (schemas/convert-files-1.schema.json)."""
+    return ConvertFilesReport(files=tuple(one.report() for one in files))
 
 
 def inspect(

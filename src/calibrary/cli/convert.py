@@ -82,7 +82,7 @@ def _one(arguments: argparse.Namespace) -> int:
         force=arguments.force,
     )
     if arguments.json:
-        print_json(done.to_dict())
+        print_json(done.report())
     else:
         screen = out(arguments)
         screen.say(plain(f"wrote {done.output} ({done.format})"))
@@ -94,7 +94,7 @@ def _one(arguments: argparse.Namespace) -> int:
 
 
 def _many(arguments: argparse.Namespace) -> int:
-    from calibrary.api.files import convert_all
+    from calibrary.api.files import conversion_report, convert_all
     from calibrary.cli.console import note
     from calibrary.errors import InputError
 
@@ -112,7 +112,7 @@ def _many(arguments: argparse.Namespace) -> int:
             progress=bar,
         )
     if arguments.json:
-        print_json({"files": [one.to_dict() for one in done]})
+        print_json(conversion_report(done))
     else:
         _show_many(arguments, done)
     return EXIT_REFUSED if any(one.error is not None for one in done) or not done else 0

@@ -10,6 +10,7 @@ from pathlib import Path
 from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError
+from calibrary.jobs.convert.report import ConvertedFile
 from calibrary.jobs.exchange.argument import Reading, choose
 from calibrary.jobs.extract.gather import find_files
 from calibrary.parsers.discovery import format_named
@@ -17,7 +18,7 @@ from calibrary.parsers.format import Format, WriteVerdict
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.plausible import refuse_implausible
 from calibrary.progress import Progress
-from calibrary.records import Json
+from calibrary.provenance import Grade
 
 __all__ = ["ConvertRequest", "Converted", "convert_files"]
 
@@ -62,23 +63,23 @@ class Converted:
     camera: int | None = None
     output: Path | None = None
     verdict: WriteVerdict | None = None
-    priors: tuple[str, ...] = ()
+    priors: tuple[Grade, ...] = ()
     error: str | None = None
 
-    def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON."""
+    def report(self) -> ConvertedFile:
+        """For machines."""
         verdict = self.verdict
-        return {
-            "source": self.source.name,
-            "camera": self.camera,
-            "output": self.output.name if self.output is not None else None,
-            "verdict": verdict.outcome.value if verdict is not None else None,
-            "rms_px": verdict.rms_px if verdict is not None else None,
-            "max_px": verdict.max_px if verdict is not None else None,
-            "dropped": list(verdict.dropped) if verdict is not None else [],
-            "priors": list(self.priors),
-            "error": self.error,
-        }
+        return ConvertedFile(
+            source=self.source.name,
+            camera=self.camera,
+            output=self.output.name if self.output is not None else None,
+            verdict=verdict.outcome if verdict is not None else None,
+            rms_px=verdict.rms_px if verdict is not None else None,
+            max_px=verdict.max_px if verdict is not None else None,
+            dropped=verdict.dropped if verdict is not None else (),
+            priors=self.priors,
+            error=self.error,
+        )
 
 
 def convert_files(request: ConvertRequest, progress: Progress | None = None) -> tuple[Converted, ...]:
@@ -155,8 +156,8 @@ def _converted(
         yield Converted(source=path, camera=camera, output=output, verdict=verdict, priors=_priors(group))
 
 
-def _priors(cameras: Sequence[Calibration]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(item.grade.value for item in cameras if not item.grade.is_metric))
+def _priors(cameras: Sequence[Calibration]) -> tuple[Grade, ...]:
+    return tuple(dict.fromkeys(item.grade for item in cameras if not item.grade.is_metric))
 
 
 def _free(folder: Path, source: Path, record: Format, camera: int | None, taken: set[Path]) -> Path:
