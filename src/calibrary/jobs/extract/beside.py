@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, ImageSize
@@ -23,7 +23,6 @@ from calibrary.errors import (
     MissingTagError,
     UnknownFormatError,
 )
-from calibrary.jobs.diff.comparison import Comparison, compare
 from calibrary.jobs.diff.kinds import ALARMING, Kind
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.jobs.extract.cameras import Camera
@@ -31,10 +30,12 @@ from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
 from calibrary.jobs.extract.gather import find_files
 from calibrary.parsers.files import MAX_BYTES
-from calibrary.parsers.image_names import is_image
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record
 from calibrary.validation import Verdict
+
+if TYPE_CHECKING:
+    from calibrary.jobs.diff.comparison import Comparison
 
 __all__ = [
     "ALTITUDE_M",
@@ -132,11 +133,12 @@ def find_candidates(
     found: list[Candidates] = []
     unreadable: list[tuple[str, str]] = []
     paths = dict.fromkeys(
-        path for folder in folders for path in find_files(folder, recursive=recursive, unreadable=[])
+        path
+        for folder in folders
+        for path in find_files(folder, recursive=recursive, unreadable=[])
+        if path.suffix.lower() in SUFFIXES and not SEED.fullmatch(path.name)
     )
     for path in paths:
-        if is_image(path) or path.suffix.lower() not in SUFFIXES or SEED.fullmatch(path.name):
-            continue
         name = path.relative_to(root).as_posix()
         try:
             found.append(read_candidates(path, name, cameras, max_bytes=LARGEST))
@@ -256,6 +258,8 @@ def _held(
             altitude_m=altitude_m,
         )
     by = reference.provenance.tag or reference.provenance.source or reference.provenance.kind
+    from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  scipy, which few runs need
+
     try:
         comparison = compare(reference, nearest, policy)
     except (FrameError, CalibrationError, InputError) as error:
