@@ -197,7 +197,9 @@ def seed_command(seed: Calibration) -> str:
 
 
 def _reader_options(calibration: Calibration) -> str:
-    camera = colmap_camera(calibration)
+    # The source document starts a self-calibration from PINHOLE.
+    is_seed = calibration.grade is Grade.SEED
+    camera = calibration.to_colmap() if is_seed else colmap_camera(calibration)
     values = ",".join(repr(value) for value in camera.params)
     return (
         f"--ImageReader.single_camera 1 --ImageReader.camera_model {camera.model} "
