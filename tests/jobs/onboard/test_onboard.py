@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from calibrary.cli.main import main
+from calibrary.jobs.onboard.comparison import Agreement
+from calibrary.jobs.onboard.page import ROLES
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import Registry
 from tests.calib.photographs import saved
@@ -286,6 +288,12 @@ def test_entries_of_the_same_model_are_held_beside_it(
     assert camera["decision"] == "draft proposed"
     assert "differs by -0.83%, which matters on a map" in camera["reason"]
     assert fleet.exists()
+
+
+def test_the_chart_names_an_agreement_as_the_table_does() -> None:
+    assert {agreement: role.value[2] for agreement, role in ROLES.items()} == {
+        one: one.value for one in Agreement
+    }
 
 
 def test_nothing_private_is_repeated(

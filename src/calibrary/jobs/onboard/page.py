@@ -161,13 +161,20 @@ def _estimates(one: CameraDecision) -> Iterator[Block]:
     yield _chart(one, comparison)
 
 
+ROLES = {
+    Agreement.AGREES: Role.AGREES,
+    Agreement.DIFFERS: Role.DIFFERS,
+    Agreement.DISAGREES: Role.DISAGREES,
+}
+
+
 def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure:
     rows = []
     for estimate in one.estimates:
         role = Role.NO_K
         if comparison is not None:
             compared = next((v for v in comparison.others if v.estimate is estimate), None)
-            role = Role.CHOSEN if compared is None else Role.DISAGREES if compared.disagrees else Role.AGREES
+            role = Role.CHOSEN if compared is None else ROLES[compared.agreement]
         rows.append(
             Interval(
                 name=f"{estimate.kind.value}: {estimate.name}",
@@ -181,7 +188,7 @@ def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure
     return intervals(
         rows,
         axis=PX,
-        caption="fx of every estimate; bars show the range within which another estimate agrees.",
+        caption="fx of every estimate; bars show the range beyond which another estimate disagrees.",
     )
 
 

@@ -25,6 +25,7 @@ class Role(Enum):
 
     CHOSEN = ("D", Colour.ACCENT, "used")
     AGREES = ("o", Colour.GOOD, "agrees")
+    DIFFERS = ("^", Colour.CAUTION, "differs")
     DISAGREES = ("X", Colour.BAD, "disagrees")
     NO_K = ("s", Colour.MUTED, "no K")
 
