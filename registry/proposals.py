@@ -1,9 +1,9 @@
-"""Proposing entries, and changes of their status: each beside the current one, checked, and only then written."""
+"""Proposing entries: each beside the current one, checked, and only then written."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,25 +13,24 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.records import Record, replace
 from calibrary.registry.check import check
 from calibrary.registry.contradictions import CONTRADICTIONS
-from calibrary.registry.entry import Entry, Status, Validity
+from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.writing import Change, Written
-from calibrary.registry.paths import ROOT, SUFFIX, folder_of, in_use_path, proposal_path
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.paths import ROOT, SUFFIX, folder_of, proposal_path
+from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
 __all__ = [
     "ChangeReport",
+    "CurrentFiles",
     "Proposal",
     "Proposals",
-    "approving",
     "change_report",
     "checked",
     "differs_in_status_only",
-    "of_current",
     "proposal_of",
     "propose",
     "require_digests",
@@ -370,7 +369,7 @@ def _proposal(
     override_held: bool,
     edited: bool,
 ) -> Proposal:
-    here = _Standing.of(snapshot, entry.path)
+    here = CurrentFiles.of(snapshot, entry.path)
     current, warnings = here.current, [*here.warnings]
     if not override_held:
         require_not_held(current, ". --override-held replaces it")
@@ -396,7 +395,7 @@ def _proposal(
     return proposal_of(draft, before, here.proposed_oid, warnings, path=here.path, replaced=gone)
 
 
-def _approved_at_once(entry: Entry, here: _Standing, reason: str | None, warnings: list[str]) -> Proposal:
+def _approved_at_once(entry: Entry, here: CurrentFiles, reason: str | None, warnings: list[str]) -> Proposal:
     approved = replace(entry, status=Status.APPROVED, reason=reason)
     before = here.current if here.current is not None else here.proposed
     gone: tuple[tuple[str, str], ...] = ()
@@ -409,7 +408,7 @@ def _approved_at_once(entry: Entry, here: _Standing, reason: str | None, warning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Standing:
+class CurrentFiles:
     """What a registry has of one camera: what is in use, and what is proposed beside it.
 
     Attributes:
@@ -427,7 +426,8 @@ class _Standing:
     warnings: tuple[str, ...]
 
     @classmethod
-    def of(cls, snapshot: Snapshot, path: str) -> _Standing:
+    def of(cls, snapshot: Snapshot, path: str) -> CurrentFiles:
+        """What is there of the entry whose path in ``cameras/`` this is."""
         beside = proposal_path(path)
         oids = snapshot.paths.get(path), snapshot.proposed.get(beside)
         read: list[Entry | None] = []
@@ -482,129 +482,3 @@ def _provenance(entry: Entry, current: Entry, *, edited: bool) -> Provenance:
 
 def _source(made: Provenance) -> tuple[object, ...]:
     return made.kind, made.source, made.sha256, made.sources
-
-
-VERBS: Final[Mapping[Status, str]] = {
-    Status.APPROVED: "Approve",
-    Status.HELD: "Hold",
-    Status.RETIRED: "Retire",
-}
-
-
-def of_current(
-    snapshot: Snapshot, keys: Sequence[str], status: Status, reason: str | None, successor: str | None = None
-) -> Proposals:
-    """Current entries held or retired; arguments and errors as of ``Registry.propose_status``."""
-    stored = {one.path: one for one in (_current(snapshot, key) for key in keys)}
-    items = []
-    for one in stored.values():
-        if not one.is_pending:
-            items.append(_changed(one, _with_status(one.entry, status, reason)))
-        elif status is Status.RETIRED:
-            items.append(_withdrawn(one, reason))
-        else:
-            raise RegistryError(
-                f"{one.id} is only proposed, and only what is approved can be {status.value}: 'calibrary registry "
-                f"approve {one.id}' comes first"
-            )
-    if successor is not None:
-        items.append(_succeeding(_current(snapshot, successor), [*stored.values()]))
-    return checked(snapshot, items, VERBS[status])
-
-
-def approving(
-    snapshot: Snapshot,
-    source: Snapshot,
-    keys: Sequence[str],
-    reason: str | None,
-    *,
-    validity: Validity | None = None,
-    force: str | None = None,
-) -> Proposals:
-    """What is proposed, put to use.
-
-    Args:
-        snapshot: of the branch on which it is used.
-        source: of that on which it is proposed; the same, or another branch.
-        keys: of the proposals.
-        reason: why.
-        validity: the days it may be used on, in place of what the proposal states.
-        force: why to take a K that contradicts what is known of its camera.
-
-    Raises:
-        UnknownCameraError: there is no such proposal or entry.
-        RegistryError: a key means several or names a revision, or the current entry is held.
-    """
-    items: dict[str, Proposal] = {}
-    for key in keys:
-        _refuse_revision(key)
-        proposed = source.pending(key)
-        here = _Standing.of(snapshot, in_use_path(proposed.path))
-        if proposed.is_pending:
-            require_not_held(here.current)
-        entry = _with_status(proposed.entry, Status.APPROVED, reason)
-        if validity is not None:
-            entry = replace(entry, validity=validity)
-        is_here = here.proposed_oid is not None and here.proposed_oid == proposed.oid
-        if proposed.is_pending and here.current is not None and entry.reason is None:
-            same = replace(entry, reason=here.current.reason) == here.current
-            entry = here.current if same else entry
-        gone = ((proposed.path, here.proposed_oid),) if is_here and here.proposed_oid is not None else ()
-        # What nothing in use stands for is compared with itself, as proposed: only the status is new.
-        before = here.current if here.current is not None else proposed.entry if is_here else None
-        told = _told(proposal_of(entry, before, here.oid, replaced=gone))
-        items[entry.path] = replace(told, approves=proposed.oid) if proposed.is_pending else told
-    return checked(snapshot, [*items.values()], VERBS[Status.APPROVED], force=force)
-
-
-def _withdrawn(stored: StoredEntry, reason: str | None) -> Proposal:
-    """A proposal that is not wanted goes; its commits keep it."""
-    entry = replace(stored.entry, status=Status.RETIRED, reason=reason)
-    return Proposal(
-        entry=entry,
-        path=stored.path,
-        data=None,
-        current=stored.entry,
-        base=stored.oid,
-        changes=differences(stored.entry, entry),
-    )
-
-
-def _current(snapshot: Snapshot, key: str) -> StoredEntry:
-    _refuse_revision(key)
-    return snapshot.get(key)
-
-
-def _refuse_revision(key: str) -> None:
-    if "@" in key:
-        raise RegistryError(f"{key}: a past revision cannot be changed; name the entry without @REV")
-
-
-def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
-    if entry.status is status and reason is None:
-        return entry
-    return replace(entry, status=status, reason=reason)
-
-
-def _changed(stored: StoredEntry, entry: Entry) -> Proposal:
-    return _told(proposal_of(entry, stored.entry, stored.oid, path=stored.path))
-
-
-def _told(one: Proposal) -> Proposal:
-    return one if one.changes else replace(one, warnings=(f"it is already {one.entry.status.value}",))
-
-
-def _succeeding(successor: StoredEntry, retired: Sequence[StoredEntry]) -> Proposal:
-    if len(retired) != 1:
-        raise RegistryError(
-            f"an entry supersedes one other entry, found {len(retired)} to retire; retire them one by one"
-        )
-    [old] = retired
-    if successor.path == old.path:
-        raise RegistryError(f"{old.id}: an entry does not supersede itself")
-    if successor.entry.supersedes not in {None, old.id}:
-        raise RegistryError(
-            f"{successor.id} supersedes {successor.entry.supersedes} already; correct its file first with "
-            "'calibrary registry add FILE'"
-        )
-    return _changed(successor, replace(successor.entry, supersedes=old.id))

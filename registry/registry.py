@@ -12,9 +12,9 @@ from typing import Final
 
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.records import replace
+from calibrary.registry import decisions, sync
 from calibrary.registry import history as entry_history
 from calibrary.registry import proposals as proposing
-from calibrary.registry import sync
 from calibrary.registry.approvals import digest_as_proposed, unmet_with
 from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, parse_configuration
 from calibrary.registry.entry import Entry, Status, Validity
@@ -319,8 +319,8 @@ class Registry:
         """
         if status is Status.APPROVED:
             source = self.snapshot(branch) if branch is not None else self.snapshot()
-            return proposing.approving(self.snapshot(), source, keys, reason, validity=validity, force=force)
-        return proposing.of_current(self.snapshot(), keys, status, reason, successor)
+            return decisions.approving(self.snapshot(), source, keys, reason, validity=validity, force=force)
+        return decisions.of_current(self.snapshot(), keys, status, reason, successor)
 
     def history(self, key: str | None = None, *, most: int | None = None) -> tuple[EntryRevision, ...]:
         """Every revision of an entry, or of the whole registry, newest first; the entry's own if KEY is given.
