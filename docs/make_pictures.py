@@ -12,7 +12,7 @@ import os
 import shutil
 import sys
 from collections.abc import Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -184,12 +184,13 @@ def fleet_pages() -> tuple[str, str, str]:
 
 def job_pages() -> tuple[str, str]:
     """What the audit of a flight writes, and what a payload's folder does."""
-    with TemporaryDirectory() as folder:
-        flight, registry = Path(folder) / "flight", Path(folder) / "fleet"
+    # Within the folder, so that the pages name the flight as a user would and not this machine's temporary folder.
+    with TemporaryDirectory() as folder, chdir(folder):
+        flight, registry = Path("flight"), Path("fleet")
         write_flight(flight)
         write_fleet(registry)
         payload = flight / "100_0001"
-        pages = [Path(folder) / name for name in ("audit.html", "onboard.html")]
+        pages = [Path(name) for name in ("audit.html", "onboard.html")]
         named = ["--registry", str(registry), "--html"]
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             command(["registry", "audit", str(flight), *named, str(pages[0])])
