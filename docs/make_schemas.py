@@ -42,6 +42,10 @@ PRINTED: Final[Mapping[str, str]] = {
     "registry-begun-1": "calibrary.registry.init:InitReport",
     "catalogue-listing-1": "calibrary.catalogue:CatalogueListing",
     "resolution-1": "calibrary.jobs.exchange.resolve:ResolutionReport",
+    "published-1": "calibrary.registry.published.layout:PublishedRegistry",
+    "published-tree-1": "calibrary.registry.published.layout:PublishedTree",
+    "published-camera-1": "calibrary.registry.published.layout:PublishedCamera",
+    "registry-publish-1": "calibrary.registry.published.write:Publication",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its
 schema in the first, and the others refer to it there."""

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from calibrary.api.exchange import AuditResult, ExportResult, LockResult
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
+    from calibrary.registry.published.write import Publication
 
 __all__ = ["FleetView"]
 
@@ -347,6 +348,35 @@ class FleetView:
 
         check_out(Path(out))
         return build(self.place, Path(out), workers=workers, progress=labelled(progress, "pages"))
+
+    def publish(
+        self,
+        out: str | Path,
+        *,
+        key: str | Path | None = None,
+        workers: int | None = None,
+        progress: Progress | None = None,
+    ) -> Publication:
+        """Write the registry as static files, from which programs resolve cameras over HTTP.
+
+        Args:
+            out: a folder that is new, empty or an earlier publication; only what changed is written.
+            key: an ssh key to sign it with.
+            workers: processes; one for each processor when not given.
+            progress: called with (entries done, entries in all, "entries").
+
+        Raises:
+            InputError: the folder contains something else.
+            RegistryError: an entry cannot be read or may not be published.
+
+        >>> calibrary.open_registry("fleet").publish("public").entries
+        1
+        """
+        from calibrary.registry.published.write import publish
+
+        signer = Path(key) if key is not None else None
+        told = labelled(progress, "entries")
+        return publish(self.snapshot, Path(out), key=signer, workers=workers, progress=told)
 
     def server(
         self,

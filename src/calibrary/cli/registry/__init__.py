@@ -26,6 +26,7 @@ LISTED = (
     ("lock", "pin the entries that a run uses"),
     ("pull", "bring what others have written"),
     ("push", "publish what was written here"),
+    ("publish", "write the registry as files that programs read from a web server"),
     ("site", "write the registry as web pages"),
     ("serve", "show the registry in a browser on this machine"),
 )

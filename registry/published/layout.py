@@ -1,0 +1,260 @@
+"""The files of a published registry: their paths, which follow from a camera's key, and what is in them.
+
+``calibrary.json`` is the root. It has the digests of a tree of small files, whose leaves have the digests of the
+camera files; a camera file has those of its entries. So whoever trusts the root can verify every other file, and knows
+from the tree that a file does not exist. An entry's file is named by its digest and never changes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from typing import Annotated, Final, TypeAlias
+
+from calibrary.calibration import CameraKey, Grade, ImageSize
+from calibrary.records import Json, Meta, Record, to_json
+from calibrary.registry.entry import Entry, Status, Validity
+from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.git.objects import ObjectId
+from calibrary.registry.paths import match_key
+
+__all__ = [
+    "CAMERA_FOLDER",
+    "ENTRY_FOLDER",
+    "NAMESPACE",
+    "ROOT_FILE",
+    "SIGNATURE_FILE",
+    "TREE_FOLDER",
+    "UNIT_FOLDER",
+    "WIDTH",
+    "CameraName",
+    "EarlierRevision",
+    "PublishedCamera",
+    "PublishedEntry",
+    "PublishedRegistry",
+    "PublishedTree",
+    "camera_path",
+    "depth_for",
+    "document_bytes",
+    "entry_path",
+    "is_ours",
+    "sha256",
+    "tree_paths",
+]
+
+ROOT_FILE: Final = "calibrary.json"
+SIGNATURE_FILE: Final = f"{ROOT_FILE}.sig"
+NAMESPACE: Final = "calibrary-published"
+"""What an ssh signature of a root is for, so that no other signature of the same key can be taken for one."""
+
+CAMERA_FOLDER: Final = "models"
+UNIT_FOLDER: Final = "units"
+TREE_FOLDER: Final = "tree"
+ENTRY_FOLDER: Final = "entries"
+
+LONGEST_PART: Final = 120
+KEPT_OF_LONG: Final = 60
+WIDTH: Final = 2
+"""Hexadecimal digits of a path's hash by which one level of the tree branches."""
+LEAF: Final = 256
+"""Camera files that a leaf of the tree has on average at most."""
+DEEPEST: Final = 3
+
+_PLAIN = frozenset(b"abcdefghijklmnopqrstuvwxyz0123456789-.")
+_HEX64 = "[0-9a-f]{64}"
+_OURS = re.compile(
+    rf"(?:{ENTRY_FOLDER}/[0-9a-f]{{2}}/{_HEX64}|{TREE_FOLDER}/(?:[0-9a-f]{{2}}/)*[0-9a-f]{{2}}|"
+    rf"{CAMERA_FOLDER}/[a-z0-9_~.-]+/[a-z0-9_~.-]+|{UNIT_FOLDER}/(?:[a-z0-9_~.-]+/){{3}}[a-z0-9_~.-]+)\.json"
+)
+
+Sha256: TypeAlias = Annotated[str, Meta(pattern=f"^{_HEX64}$")]
+
+
+class EarlierRevision(Record):
+    """A revision of an entry that was in use before, for images of its days.
+
+    Attributes:
+        commit: of the registry, at which it was the newest.
+        validity: the days that it may be used on; every day when null.
+        sha256: of its file in entries/.
+    """
+
+    commit: ObjectId
+    validity: Validity | None
+    sha256: Sha256
+
+
+class PublishedEntry(Record):
+    """One entry of a camera: what distinguishes it from the camera's others, and the digest of its file.
+
+    Attributes:
+        path: of its file in the registry.
+        status: approved or held; retired entries are listed and not used.
+        reason: why it has this status.
+        grade: origin of the intrinsics.
+        image_size: (width, height) px.
+        sub_camera, lens, focal_mm, capture_mode: of images that it is for; any when null.
+        firmware: that it is for; any when null.
+        validity: the days of images that it may be used for; every day when null.
+        sha256: of its file in entries/, 64 hexadecimal digits.
+        earlier: revisions for images of earlier days, newest first.
+    """
+
+    path: str
+    status: Status
+    reason: str | None
+    grade: Grade
+    image_size: ImageSize
+    sub_camera: str | None
+    lens: str | None
+    focal_mm: float | None
+    capture_mode: str | None
+    firmware: FirmwareRange | None
+    validity: Validity | None
+    sha256: Sha256
+    earlier: tuple[EarlierRevision, ...] = ()
+
+    @classmethod
+    def of(
+        cls, entry: Entry, path: str, digest: str, earlier: Sequence[EarlierRevision] = ()
+    ) -> PublishedEntry:
+        """The row of an entry whose file has a digest."""
+        calibration = entry.calibration
+        camera = calibration.camera
+        return cls(
+            path=path,
+            status=entry.status,
+            reason=entry.reason,
+            grade=calibration.grade,
+            image_size=calibration.intrinsics.image_size,
+            sub_camera=camera.sub_camera,
+            lens=camera.lens,
+            focal_mm=camera.focal_mm,
+            capture_mode=camera.capture_mode,
+            firmware=entry.firmware,
+            validity=entry.validity,
+            sha256=digest,
+            earlier=tuple(earlier),
+        )
+
+
+class CameraName(Record):
+    """A make and model as EXIF writes them."""
+
+    make: str
+    model: str
+
+
+class PublishedCamera(Record, tag_field="schema", tag="calibrary/published-camera-1"):
+    """The entries of a make and model, or of one unit of it.
+
+    Attributes:
+        make, model: as EXIF writes them.
+        serial: hash of the unit's serial number; null for entries of the model.
+        entries: by path.
+        aliases: cameras of other files that images under this make and model may be of.
+    """
+
+    make: str
+    model: str
+    serial: str | None
+    entries: tuple[PublishedEntry, ...]
+    aliases: tuple[CameraName, ...]
+
+
+class PublishedTree(Record, tag_field="schema", tag="calibrary/published-tree-1"):
+    """A part of the tree of digests.
+
+    Attributes:
+        tree: the SHA-256 of files: of the next level by two more hexadecimal digits, or of camera files by path.
+    """
+
+    tree: dict[str, Sha256]
+
+
+class PublishedRegistry(Record, tag_field="schema", tag="calibrary/published-1"):
+    """The root of a published registry.
+
+    Attributes:
+        commit: of the registry that was published.
+        date: of that commit, UTC.
+        entries: how many there are, without their earlier revisions.
+        cameras: how many camera files there are.
+        depth: levels of files in tree/ between this file and the camera files.
+        tree: the SHA-256 of files: of tree/ by two hexadecimal digits, or of camera files by path where depth is 0.
+    """
+
+    commit: ObjectId
+    date: datetime
+    entries: Annotated[int, Meta(ge=0)]
+    cameras: Annotated[int, Meta(ge=0)]
+    depth: Annotated[int, Meta(ge=0, le=DEEPEST)]
+    tree: dict[str, Sha256]
+
+
+def sha256(data: bytes) -> str:
+    """64 hexadecimal digits."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def document_bytes(document: Record | dict[str, Json]) -> bytes:
+    """A document as a published file: one line of JSON, the same bytes for the same document."""
+    content = to_json(document) if isinstance(document, Record) else document
+    return (json.dumps(content, ensure_ascii=False, separators=(",", ":"), allow_nan=False) + "\n").encode()
+
+
+def camera_path(key: CameraKey) -> str:
+    """The path of the file of a make and model, or of the unit where the key has a serial number (its hash).
+
+    The key has make and model.
+    """
+    make, model = _part(key.make or ""), _part(key.model or "")
+    if key.serial is None:
+        return f"{CAMERA_FOLDER}/{make}/{model}.json"
+    unit = _part(key.serial)
+    return f"{UNIT_FOLDER}/{make}/{model}/{unit[:2]}/{unit}.json"
+
+
+def _part(text: str) -> str:
+    """A name as one part of a path, of characters that no URL escapes; different names have different parts."""
+    data = match_key(text).encode("utf-8", "surrogatepass")
+    last = len(data) - 1
+    part = "".join(
+        chr(byte)
+        if byte in _PLAIN and (at not in {0, last} or byte not in b"-.")
+        else "_"
+        if byte == 0x20
+        else f"~{byte:02x}"
+        for at, byte in enumerate(data)
+    )
+    if not part:
+        return "~"
+    return part if len(part) <= LONGEST_PART else f"{part[:KEPT_OF_LONG]}~~{sha256(data)[:32]}"
+
+
+def entry_path(digest: str) -> str:
+    """The path of the file with a digest."""
+    return f"{ENTRY_FOLDER}/{digest[:2]}/{digest}.json"
+
+
+def depth_for(cameras: int) -> int:
+    """How many levels the tree has for a number of camera files."""
+    return next((depth for depth in range(DEEPEST) if cameras <= LEAF ** (depth + 1)), DEEPEST)
+
+
+def tree_paths(path: str, depth: int) -> Iterator[tuple[str, str | None]]:
+    """From the root down to a camera file: the name in each part of the tree, and the path of the file it is of."""
+    digits, folder = sha256(path.encode()), TREE_FOLDER
+    for level in range(depth):
+        name = digits[level * WIDTH : (level + 1) * WIDTH]
+        folder = f"{folder}/{name}"
+        yield name, f"{folder}.json"
+    yield path, path
+
+
+def is_ours(path: str) -> bool:
+    """Whether a file below the root may be one that was published, by its name."""
+    return _OURS.fullmatch(path) is not None

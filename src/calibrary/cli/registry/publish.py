@@ -1,0 +1,61 @@
+"""``calibrary registry publish``: the registry as static files for programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.progress import Bar
+from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.site import worker_count
+
+if TYPE_CHECKING:
+    from calibrary.registry.published.write import Publication
+
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
+
+DESCRIPTION = (
+    "Write the registry as static files: small JSON documents that any web server or bucket gives out, and from which "
+    "calibrary and other programs find a camera's calibration over HTTP, every file verified from one root."
+)
+EXAMPLES = """\
+examples:
+  calibrary registry publish public/                    then: calibrary registry resolve … --registry https://…
+  calibrary registry publish --registry fleet/ /srv/www/cameras --sign ~/.ssh/id_ed25519
+
+Approved, held and retired entries are published, with the revisions that earlier days need; drafts are not. Only
+what changed is written, and the root file last. docs/publishing.md says how to serve and how to read it.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("out", type=Path, metavar="OUT", help="the folder: new, empty, or published before")
+    parser.add_argument("--sign", type=Path, metavar="KEY", help="an ssh key to sign the root file with")
+    parser.add_argument(
+        "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
+    )
+    add_registry_flag(parser)
+    add_json_flag(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from calibrary.cli.console import note, out, plain
+    from calibrary.records import to_json
+
+    with Bar(note(arguments), "publishing") as bar:
+        done: Publication = opened(arguments).publish(
+            arguments.out, key=arguments.sign, workers=arguments.workers, progress=bar
+        )
+    if arguments.json:
+        print_json(to_json(done))
+        return 0
+    signed = ", signed" if done.signed else ""
+    out(arguments).say(
+        f"{done.entries} entries in {done.cameras} camera files of commit {done.commit[:12]}{signed}; "
+        f"{done.written} files written, {done.removed} removed; the root is {plain(str(arguments.out))}/calibrary.json"
+    )
+    return 0

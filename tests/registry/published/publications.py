@@ -1,0 +1,78 @@
+"""Registries to publish, and what their files contain."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from datetime import date
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from calibrary.parsers.imagery import hash_serial
+from calibrary.registry.configuration import configuration_yaml
+from calibrary.registry.entry import Alias, Entry, Status, Validity
+from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.git.maintenance import create
+from calibrary.registry.git.writing import Change, write
+from calibrary.registry.published.write import Publication, publish
+from calibrary.registry.registry import open_snapshot
+from tests.registry.entries import an_entry
+from tests.registry.git.repositories import nobodys_git
+
+__all__ = ["FLEET", "UNIT", "commit", "document", "files_of", "nobodys_git", "published"]
+
+UNIT = hash_serial("DJI", "0V2LG3H0")
+
+FLEET = (
+    an_entry(focal_mm=None),
+    an_entry(focal_mm=None, size=(4864, 3648)),
+    an_entry(focal_mm=None, fx=3655.5, serial=UNIT),
+    an_entry(focal_mm=None, fx=3640.0, firmware=FirmwareRange(min="01.09")),
+    an_entry(
+        model="FC330", focal_mm=3.61, size=(4000, 3000), fx=2290.0, status=Status.RETIRED, reason="dropped"
+    ),
+    an_entry(make="Bild & Flug", model="Weiß/Kamera", aliases=(Alias(make="Other", model="P4 RTK"),)),
+    an_entry(model="DRAFT", status=Status.DRAFT),
+)
+"""A model at two sizes with a unit and a firmware, a retired one, one of two names, and a draft."""
+
+SPRING, AUTUMN = Validity(first=date(2026, 3, 1), last=date(2026, 8, 31)), Validity(first=date(2026, 9, 1))
+
+
+def commit(folder: Path, *entries: Entry, raw: Mapping[str, bytes | None] = MappingProxyType({})) -> str:
+    """Put entries and other files into a registry, which is made where there is none; the commit."""
+    if not folder.exists():
+        first = {"registry.yaml": configuration_yaml()}
+        repo = create(folder, durable=False)
+    else:
+        first = {}
+        repo = open_snapshot(folder).require_git("is needed")[0]
+    there = repo.listing(repo.tip() or "", "") if repo.tip() else {}
+    files: dict[str, bytes | None] = {**first, **{entry.path: entry_yaml(entry) for entry in entries}}
+    files |= raw
+    changes = [Change(path=path, data=data, base=there.get(path)) for path, data in files.items()]
+    return write(repo, changes, "Put it there\n").commit
+
+
+def dated(folder: Path) -> None:
+    """One camera over a year: of unknown days, of the spring, of the autumn."""
+    for fx, validity in ((3600.0, None), (3610.0, SPRING), (3620.0, AUTUMN)):
+        commit(folder, an_entry(model="DATED", fx=fx, validity=validity))
+
+
+def published(folder: Path, out: Path, key: Path | None = None) -> Publication:
+    """The registry in a folder, published as it is."""
+    return publish(open_snapshot(folder), out, key=key, workers=1)
+
+
+def document(out: Path, path: str = "calibrary.json") -> Any:
+    """What a published file contains."""
+    return json.loads((out / path).read_bytes())
+
+
+def files_of(out: Path) -> dict[str, bytes]:
+    """Every file that is given out, by path."""
+    found = {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    return {path: data for path, data in found.items() if not path.startswith(".")}
