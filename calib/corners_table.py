@@ -1,0 +1,212 @@
+"""Corners that another program found, as a table of one corner a line: mrcal's corners.vnl, or CSV with named columns.
+
+mrcal and mrgingham write vnlog: columns between blanks, named in the first line that begins with a single ``#``
+(``# filename x y level``), ``-`` for what there is none of. Every corner of the board has its line, row by row; one
+whose level is ``-`` or negative does not count, nor one of weight 0, and a frame without the board has one line of
+``-``. See mrcal, "compute_chessboard_corners", and its test-parser-corners-vnl.py.
+
+Kalibr writes no corners (ethz-asl/kalibr issues #727 and #739), and its forks and everybody's scripts write CSV of
+their own: any column order, a name for each column, a line for each corner, ``id`` where not all corners of the board
+are listed. ROS's camera_calibration keeps frames in calibrationdata.tar.gz and no corners.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath, PureWindowsPath
+from typing import Final
+
+import numpy as np
+
+from calibrary.calib.board import Board
+from calibrary.calib.observations import View
+from calibrary.errors import ParseError
+
+__all__ = ["CornersTable", "is_corners_table", "read_corners_table"]
+
+MOST_ROWS: Final = 5_000_000
+NONE: Final = "-"
+COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
+    "image": ("filename", "image", "image_name", "file", "frame", "timestamp", "timestamp_ns"),
+    "x": ("x", "u", "px", "x_px"),
+    "y": ("y", "v", "py", "y_px"),
+    "id": ("id", "corner_id", "point_id", "corner", "cid"),
+    "level": ("level",),
+    "weight": ("weight",),
+}
+NEEDED: Final = ("image", "x", "y")
+GZIP: Final = b"\x1f\x8b"
+
+
+@dataclass(slots=True)
+class _Frame:
+    """The lines of one frame."""
+
+    corners: dict[int, tuple[float, float]] = field(default_factory=dict)
+    lines: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CornersTable:
+    """What a table holds.
+
+    Attributes:
+        views: by image, as the table names it; points in px as the table counts them.
+        empty: the images in which no board was found.
+        coarse: how many corners were found in a smaller copy of their image.
+    """
+
+    views: Mapping[str, View]
+    empty: tuple[str, ...]
+    coarse: int
+
+
+def is_corners_table(content: bytes) -> bool:
+    """Whether bytes are no JSON document, which begins with a brace."""
+    return not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"["))
+
+
+def read_corners_table(content: bytes, board: Board, *, source: str) -> CornersTable:
+    """Read a table.
+
+    Args:
+        content: of the file.
+        board: whose corners they are.
+        source: what errors call it.
+
+    Raises:
+        ParseError: it is none, or does not fit the board.
+    """
+    if content.startswith(GZIP):
+        raise ParseError(
+            "is an archive; where it is calibrationdata.tar.gz of ROS's camera_calibration: that holds frames and no "
+            "corners: unpack it with tar xzf, and give calibrate the frames (left-*.png) in place of --from",
+            source=source,
+        )
+    frames: dict[str, _Frame] = {}
+    coarse, total, numbered = 0, len(board.points), False
+    for place, row in _rows(_text(content, source), source):
+        frame = frames.setdefault(row["image"], _Frame())
+        numbered = numbered or "id" in row
+        at = _whole(row["id"], source, place) if row.get("id", NONE) != NONE else frame.lines
+        frame.lines += 1
+        if not _counts(row, source, place):
+            continue
+        if not 0 <= at < total or at in frame.corners:
+            problem = "repeats" if at in frame.corners else "has"
+            raise ParseError(
+                f"{problem} corner {at} of {row['image']:.80}; {board} has the corners 0 … {total - 1}, each once",
+                source=source,
+                place=place,
+            )
+        frame.corners[at] = _number(row["x"], source, place), _number(row["y"], source, place)
+        coarse += row.get("level", NONE) != NONE and _number(row["level"], source, place) > 0
+    if not numbered:
+        _check_whole(frames, total, board, source)
+    views = {name: _view(name, frame) for name, frame in frames.items() if frame.corners}
+    if not views:
+        raise ParseError(f"has no corner of any of {len(frames)} images", source=source)
+    return CornersTable(
+        views=views, empty=tuple(name for name, frame in frames.items() if not frame.corners), coarse=coarse
+    )
+
+
+def _view(name: str, frame: _Frame) -> View:
+    ids = sorted(frame.corners)
+    return View(
+        name=PurePosixPath(PureWindowsPath(name).as_posix()).name,
+        ids=np.array(ids, dtype=np.intp),
+        image_points=np.array([frame.corners[at] for at in ids]),
+    )
+
+
+def _check_whole(frames: Mapping[str, _Frame], total: int, board: Board, source: str) -> None:
+    """Without numbers a corner is known by its line, so that all must be there."""
+    for name, frame in frames.items():
+        if frame.corners and frame.lines != total:
+            raise ParseError(
+                f"has {frame.lines} corners of {name}, {board} has {total}; give the right --board, or a column id",
+                source=source,
+            )
+
+
+def _text(content: bytes, source: str) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ParseError("is not UTF-8, expected a table of corners", source=source) from None
+
+
+def _rows(text: str, source: str) -> Iterator[tuple[str, Mapping[str, str]]]:
+    """(line, its cells by what they mean) of every corner."""
+    order: Mapping[str, int] | None = None
+    delimiter: str | None = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        stripped, place = line.strip(), f"line {number}"
+        if number > MOST_ROWS:
+            raise ParseError(f"has more than {MOST_ROWS} lines", source=source)
+        if not stripped or (stripped.startswith("#") and (order is not None or stripped.startswith("##"))):
+            continue
+        if order is None:
+            head = stripped.removeprefix("#")
+            delimiter = next((one for one in ",;\t" if one in head), None)
+            order = _order(_cells(head, delimiter), source, place)
+            continue
+        cells = _cells(stripped.partition("#")[0] if delimiter is None else stripped, delimiter)
+        if len(cells) <= max(order[name] for name in NEEDED):
+            raise ParseError(f"has {len(cells)} cells, expected {len(order)}", source=source, place=place)
+        # mrcal takes a line that ends early for one whose last columns say nothing.
+        yield place, {name: cells[at] for name, at in order.items() if at < len(cells)}
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    return [cell.strip().strip('"') for cell in line.split(delimiter)] if delimiter else line.split()
+
+
+def _order(names: Sequence[str], source: str, place: str) -> Mapping[str, int]:
+    found = {name.lower(): at for at, name in reversed(list(enumerate(names)))}
+    order = {
+        meaning: found[name]
+        for meaning, known in COLUMNS.items()
+        for name in reversed(known)
+        if name in found
+    }
+    missing = [name for name in NEEDED if name not in order]
+    if missing:
+        raise ParseError(
+            f"has no column {', '.join(missing)}; expected mrcal's '# filename x y level', or a first line that names "
+            "image, x, y and, where not every corner of the board is listed, id",
+            source=source,
+            place=place,
+        )
+    return order
+
+
+def _counts(row: Mapping[str, str], source: str, place: str) -> bool:
+    """Whether a line's corner was found: with coordinates, and with a level or weight that lets it count."""
+    if NONE in (row["x"], row["y"]):
+        return False
+    for name in ("level", "weight"):
+        said = row.get(name)
+        if said == NONE or (said is not None and _number(said, source, place) < 0):
+            return False
+    return "weight" not in row or _number(row["weight"], source, place) > 0
+
+
+def _number(text: str, source: str, place: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ParseError(f"{text!r:.40} is not a finite number", source=source, place=place)
+    return value
+
+
+def _whole(text: str, source: str, place: str) -> int:
+    value = _number(text, source, place)
+    if value != int(value):
+        raise ParseError(f"{text!r:.40} is not a corner's number", source=source, place=place)
+    return int(value)
