@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.board import Board, Pattern
-from calibrary.errors import InputError
 
 __all__ = ["Artwork", "Box", "Cells", "Discs", "artwork", "paper", "paper_rim"]
 
@@ -135,9 +134,7 @@ def _fraction(lines: FloatArray, at: FloatArray) -> _Fractions:
 def artwork(board: Board) -> Artwork:
     """What is printed for a board."""
     if board.pattern is Pattern.CIRCLES:
-        return Discs(
-            columns=board.columns, rows=board.rows, pitch_mm=board.square_mm, radius_mm=_marker(board) / 2
-        )
+        return Discs(columns=board.columns, rows=board.rows, pitch_mm=board.pitch, radius_mm=board.marker / 2)
     if board.pattern is Pattern.APRILGRID:
         return _april_grid(board)
     return _squares(board)
@@ -145,7 +142,7 @@ def artwork(board: Board) -> Artwork:
 
 def _squares(board: Board) -> Cells:
     """Squares about the inner corners, the first one dark; a ChArUco board has markers in the white ones."""
-    side = board.square_mm
+    side = board.pitch
     columns, rows = board.columns + 1, board.rows + 1
     row, column = np.mgrid[:rows, :columns]
     dark = (row + column) % 2 == 0
@@ -153,8 +150,8 @@ def _squares(board: Board) -> Cells:
         return Cells.of(side * np.arange(-1.0, columns), side * np.arange(-1.0, rows), dark)
     modules = _modules(board, border=1)
     n = modules.shape[1]
-    edge = (side - _marker(board)) / 2
-    steps = np.concatenate([[0.0], edge + _marker(board) * np.arange(n + 1) / n])
+    edge = (side - board.marker) / 2
+    steps = np.concatenate([[0.0], edge + board.marker * np.arange(n + 1) / n])
     tile = np.ones((rows, columns, n + 2, n + 2), dtype=np.bool_) & dark[..., None, None]
     white = np.flatnonzero(~dark)
     tile.reshape(-1, n + 2, n + 2)[white, 1:-1, 1:-1] = modules[: len(white)]
@@ -167,11 +164,11 @@ def _april_grid(board: Board) -> Cells:
     Their border is two modules wide, a dark square stands where the gaps cross, and they are upside down to
     OpenCV's drawing of the same tag.
     """
-    pitch = board.square_mm
+    pitch = board.pitch
     modules = np.rot90(_modules(board, border=2), 2, axes=(1, 2))
     n = modules.shape[1]
-    gap = pitch - _marker(board)
-    steps = np.concatenate([[0.0], gap + _marker(board) * np.arange(n) / n])
+    gap = pitch - board.marker
+    steps = np.concatenate([[0.0], gap + board.marker * np.arange(n) / n])
     tile = np.zeros((board.rows + 1, board.columns + 1, n + 1, n + 1), dtype=np.bool_)
     tile[:, :, 0, 0] = True
     upwards = modules[: board.markers].reshape(board.rows, board.columns, n, n)
@@ -206,16 +203,10 @@ def _modules(board: Board, *, border: int) -> BoolArray:
     return np.asarray(np.stack(drawn) < 128)
 
 
-def _marker(board: Board) -> float:
-    if board.marker_mm is None:
-        raise InputError(f"{board} has no markers")
-    return board.marker_mm
-
-
 def paper(board: Board) -> Box:
     """The white sheet: at least a square's width more than the print on every side."""
     left, top, right, bottom = artwork(board).extent_mm
-    margin = board.square_mm
+    margin = board.pitch
     return left - margin, top - margin, right + margin, bottom + margin
 
 

@@ -54,11 +54,12 @@ class Board(Record):
         pattern: what is printed.
         columns, rows: points along each side; of a checkerboard or ChArUco board its inner corners; of an
             AprilGrid its tags, each of which has a point on every corner.
-        square_mm: distance between neighbouring points; of an AprilGrid from one tag to the next.
+        square_mm: distance between neighbouring points; of an AprilGrid from one tag to the next. None where it
+            is not known: every length is then counted in squares.
         dictionary: of the markers, for patterns that have them, by OpenCV's name: "4x4_50". None takes the
             smallest 4x4 that has enough, or for AprilGrid apriltag_36h11.
         marker_mm: side of a marker, diameter of a disc. None takes 3/4 of a ChArUco square, Kalibr's 1/1.3 of
-            an AprilGrid's, half of the distance between discs.
+            an AprilGrid's, half of the distance between discs; it stays None where the square is not known.
 
     Raises:
         InputError: a side has fewer than 2 or more than 200 points, a length is not positive or a marker
@@ -68,7 +69,7 @@ class Board(Record):
     pattern: Pattern = Pattern.CHECKERBOARD
     columns: Side
     rows: Side
-    square_mm: Length
+    square_mm: Length | None
     dictionary: Annotated[str, Meta(max_length=100)] | None = None
     marker_mm: Length | None = None
 
@@ -77,11 +78,16 @@ class Board(Record):
             raise InputError(
                 f"a board of {self.columns}×{self.rows} points: expected 2 to {LARGEST} along each side"
             )
-        if not (0 < self.square_mm < float("inf")):
+        if self.square_mm is not None and not (0 < self.square_mm < float("inf")):
             raise InputError(f"squares of {self.square_mm:g} mm: expected a positive length")
         force_setattr(self, "dictionary", self._dictionary())
         share = _MARKER_SHARE.get(self.pattern)
-        if self.marker_mm is None:
+        if self.square_mm is None:
+            if self.marker_mm is not None:
+                raise InputError(
+                    f"{self}: a marker of {self.marker_mm:g} mm on squares of unknown size; say --square-mm MM too"
+                )
+        elif self.marker_mm is None:
             force_setattr(self, "marker_mm", self.square_mm * share if share is not None else None)
         elif share is None or not (0 < self.marker_mm < self.square_mm):
             raise InputError(
@@ -91,6 +97,41 @@ class Board(Record):
 
     def __str__(self) -> str:
         return f"{self.pattern.value}:{self.columns}x{self.rows}"
+
+    @property
+    def unit(self) -> str:
+        """What lengths on the board are counted in."""
+        return "mm" if self.square_mm is not None else "squares"
+
+    @property
+    def pitch(self) -> float:
+        """:attr:`square_mm`, or 1 where lengths are counted in squares."""
+        return self.square_mm if self.square_mm is not None else 1.0
+
+    @property
+    def marker(self) -> float:
+        """Side of a marker or diameter of a disc, in :attr:`unit`; 0 for a pattern that has none."""
+        return (
+            self.marker_mm
+            if self.marker_mm is not None
+            else self.pitch * _MARKER_SHARE.get(self.pattern, 0.0)
+        )
+
+    @property
+    def described(self) -> str:
+        """Name and size of its squares."""
+        size = f"{self.square_mm:g} mm" if self.square_mm is not None else "squares of unknown size"
+        return f"{self} of {size}"
+
+    def scale_mm(self, purpose: str) -> float:
+        """Side of a square, for what cannot do without.
+
+        Raises:
+            InputError: it is not known.
+        """
+        if self.square_mm is None:
+            raise InputError(f"{purpose} needs the board's scale: say --square-mm MM, the side of a square")
+        return self.square_mm
 
     @property
     def has_markers(self) -> bool:
@@ -106,18 +147,18 @@ class Board(Record):
 
     @property
     def points(self) -> FloatArray:
-        """(N, 3) mm, row by row from the first point; the board lies in z = 0, z away from the viewer."""
+        """(N, 3) in :attr:`unit`, row by row from the first point; the board lies in z = 0, z away from the viewer."""
         columns, rows = self.lattice
         y, x = np.mgrid[:rows, :columns]
         flat = np.zeros(x.size)
-        if self.pattern is not Pattern.APRILGRID or self.marker_mm is None:
-            return np.column_stack([x.ravel(), y.ravel(), flat]) * self.square_mm
-        across, down = ((at // 2) * self.square_mm + (at % 2) * self.marker_mm for at in (x, y))
+        if self.pattern is not Pattern.APRILGRID:
+            return np.column_stack([x.ravel(), y.ravel(), flat]) * self.pitch
+        across, down = ((at // 2) * self.pitch + (at % 2) * self.marker for at in (x, y))
         return np.column_stack([across.ravel(), down.ravel(), flat])
 
     @property
-    def extent_mm(self) -> tuple[float, float]:
-        """Distance between the outermost points, (across, down)."""
+    def extent(self) -> tuple[float, float]:
+        """Distance between the outermost points, (across, down), in :attr:`unit`."""
         across, down, _ = self.points[-1]
         return float(across), float(down)
 
@@ -173,7 +214,7 @@ class Board(Record):
         return name
 
 
-def parse_board(text: str, square_mm: float, marker_mm: float | None = None) -> Board:
+def parse_board(text: str, square_mm: float | None, marker_mm: float | None = None) -> Board:
     """A board by its name on the command line: "checkerboard:11x8" (inner corners), "charuco:8x6:5x5_100".
 
     Raises:

@@ -85,4 +85,4 @@ def _proposed(image: Gray) -> Iterator[tuple[int, int]]:
 
 
 def _fits(image: Gray, size: tuple[int, int]) -> bool:
-    return isinstance(find_checkerboard(image, Board(columns=size[0], rows=size[1], square_mm=1.0)), Found)
+    return isinstance(find_checkerboard(image, Board(columns=size[0], rows=size[1], square_mm=None)), Found)

@@ -86,7 +86,7 @@ class _Looked:
 
 def collect(
     frames: Sequence[Path],
-    board: Board | float,
+    board: Board | float | None,
     *,
     setting: Setting | None = None,
     workers: int = 0,
@@ -96,7 +96,8 @@ def collect(
 
     Args:
         frames: files, of one camera at one focus.
-        board: what to look for, or only the side of its squares in mm: the corners are then counted by trying.
+        board: what to look for, or only the side of its squares in mm, None where that is not known: the corners are
+            then counted by trying.
         setting: what the frames' metadata says, alike for all; see
             :func:`calibrary.calib.frames.the_one_setting`. None where there is no metadata.
         workers: processes; 0 takes as many as there are cores once it is worth it.
@@ -166,12 +167,12 @@ def _files(frames: Sequence[Path], observations: Observations) -> dict[str, Path
     }
 
 
-def try_board_sizes(frames: Sequence[Path], square_mm: float) -> Board:
+def try_board_sizes(frames: Sequence[Path], square_mm: float | None) -> Board:
     """The checkerboard that frames show, its corners counted by trying.
 
     Args:
         frames: files; no more are read than are needed.
-        square_mm: side of a square.
+        square_mm: side of a square; None where it is not known.
 
     Raises:
         CalibrationError: none is found, or the frames do not agree.

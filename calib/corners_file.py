@@ -20,7 +20,8 @@ from calibrary.calib.board import Board
 from calibrary.calib.observations import ControlPoints, Days, Observations, View
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, ParseError
-from calibrary.records import Json, Meta, Record, from_json, to_json
+from calibrary.provenance import SourceFile
+from calibrary.records import Json, Meta, Record, from_json, replace, to_json
 
 __all__ = [
     "corners_sha256",
@@ -78,6 +79,7 @@ class CornersFile(Record, tag_field="schema", tag="corners-1"):
         control_points_mm: [x, y, z] of points that are on no board; then board is None.
         taken: the first and the last day of the frames by the camera's clock; None where they state none.
         views: in the order of the frames.
+        source: the file of another program that the corners were read from.
     """
 
     pixel_origin: Literal["corner"]
@@ -89,6 +91,7 @@ class CornersFile(Record, tag_field="schema", tag="corners-1"):
     control_points_mm: Annotated[tuple[tuple[float, float, float], ...], Meta(max_length=MAX_POINTS)] | None
     taken: Days | None
     views: Annotated[tuple[ViewCorners, ...], Meta(max_length=20_000)]
+    source: SourceFile | None = None
 
     @classmethod
     def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
@@ -118,7 +121,12 @@ def read_corners(path: Path) -> Observations:
         InputError: it is not a regular file, or cannot be read.
         ParseError: it is broken, longer than 64 MB, or contradicts itself.
     """
-    return decode_corners(read_table(path), source=path.name)
+    content = read_table(path)
+    seen = decode_corners(content, source=path.name)
+    if seen.source is None and all(view.sha256 is None for view in seen.views):
+        # Without frames behind it, the document is all that the corners can be traced to.
+        return replace(seen, source=SourceFile(name=path.name, sha256=hashlib.sha256(content).hexdigest()))
+    return seen
 
 
 def read_table(path: Path) -> bytes:
@@ -154,6 +162,7 @@ def encode_corners(observations: Observations) -> bytes:
             board=board if isinstance(board, Board) else None,
             control_points_mm=board.points.tolist() if isinstance(board, ControlPoints) else None,
             taken=observations.taken,
+            source=observations.source,
             views=tuple(map(_corners_of, observations.views)),
         )
     )
@@ -189,6 +198,7 @@ def decode_corners(content: bytes, *, source: str | None = None) -> Observations
             focus=document.focus,
             firmware=document.firmware,
             taken=document.taken,
+            source=document.source,
         )
     except InputError as error:
         raise ParseError(error.message, source=source, place=error.place) from None

@@ -136,6 +136,7 @@ def estimate(
         stretch=stretched[0] if stretched is not None else None,
         misfit=misfit(explained, usable.image_size, noise),
         focus=usable.focus,
+        unit=usable.board.unit,
     )
     findings = judge(judged, limits)
     refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
@@ -287,11 +288,12 @@ def _calibration(
     provenance = Provenance(
         kind="board" if network.is_planar else "control-points",
         source=str(usable.board),
-        tag=f"{board} of {board.square_mm:g} mm" if isinstance(board, Board) else str(board),
+        tag=board.described if isinstance(board, Board) else str(board),
         # Of everything that was seen, as corners.json keeps it; the solve may have left out views.
         sha256=corners_sha256(observations),
-        sources=tuple(
-            SourceFile(name=view.name, sha256=view.sha256) for view in usable.views if view.sha256 is not None
+        sources=(
+            *((usable.source,) if usable.source is not None else ()),
+            *(SourceFile(name=view.name, sha256=view.sha256) for view in usable.views if view.sha256),
         ),
         tool=f"calibrary {versions['calibrary']}, OpenCV {versions['opencv']}",
         firmware=usable.firmware,

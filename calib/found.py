@@ -14,6 +14,7 @@ class Reason(StrEnum):
     """What is wrong with a frame or its view of the board; stable, for programs."""
 
     UNREADABLE = "unreadable"
+    OTHER_SIZE = "other-size"
     NO_BOARD = "no-board"
     LARGER_BOARD = "larger-board"
     UNEVEN = "uneven"

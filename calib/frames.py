@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import mmap
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -22,7 +23,16 @@ from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError, ParseError
 from calibrary.records import replace
 
-__all__ = ["Frame", "Gray", "Setting", "frame_size", "group_frames", "read_frame", "the_one_setting"]
+__all__ = [
+    "Frame",
+    "Gray",
+    "Setting",
+    "frame_size",
+    "group_frames",
+    "of_most_common_size",
+    "read_frame",
+    "the_one_setting",
+]
 
 Gray: TypeAlias = NDArray[np.uint8]
 Samples: TypeAlias = NDArray[Any]
@@ -183,6 +193,33 @@ def _is_mosaic(pixels: Samples) -> bool:
     return False
 
 
+def of_most_common_size(
+    frames: Iterable[Path],
+) -> tuple[ImageSize | None, tuple[Path, ...], dict[Path, ImageSize]]:
+    """The frames without those of another size than most of them have.
+
+    Returns:
+        (width, height) px of most frames, None where none can be read; the frames of that size and those that cannot
+        be read; the others with their size.
+
+    Raises:
+        InputError: two sizes have as many frames, and more than any other.
+    """
+    sizes: dict[Path, ImageSize] = {}
+    every = tuple(frames)
+    for path in every:
+        with suppress(InputError):
+            sizes[path] = frame_size(path)
+    first, second = (*Counter(sizes.values()).most_common(2), (None, 0), (None, 0))[:2]
+    if first[1] == second[1] and first[0] is not None and second[0] is not None:
+        two = " and of ".join("{}×{} px".format(*size) for size in (first[0], second[0]))
+        raise InputError(
+            f"{first[1]} frames each are of {two}, so neither is the size of most; calibrate one size at a time"
+        )
+    others = {path: size for path, size in sizes.items() if size != first[0]}
+    return first[0], tuple(path for path in every if path not in others), others
+
+
 def group_frames(
     frames: Iterable[Path], setting: Callable[[Path], Setting] | Mapping[Path, Setting]
 ) -> dict[Setting, tuple[Path, ...]]:
@@ -218,7 +255,13 @@ def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
     if len(cameras) > 1:
         raise InputError(_differing("cameras", _named(cameras), "calibrate one camera at a time"))
     if len(sizes) > 1:
-        raise InputError(_differing("sizes", sizes, "calibrate one size at a time"))
+        raise InputError(
+            _differing(
+                "sizes",
+                sizes,
+                "calibrate one size at a time, or leave out those of another size than most with --skip-other-sizes",
+            )
+        )
     if len(focuses) > 1:
         remedy = "each focus has a focal length of its own: lock it, and calibrate one at a time"
         raise InputError(_differing("focus settings", focuses, remedy))

@@ -12,6 +12,7 @@ from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.board import Board
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError
+from calibrary.provenance import SourceFile
 
 __all__ = ["ControlPoints", "Days", "Observations", "View"]
 
@@ -42,6 +43,11 @@ class ControlPoints:
 
     def __str__(self) -> str:
         return f"{len(self.points)} control points"
+
+    @property
+    def unit(self) -> str:
+        """What lengths are counted in."""
+        return "mm"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,6 +83,7 @@ class Observations:
         focus: how the lens was focused, in words, where the frames say it.
         firmware: as the frames say it.
         taken: the first and the last day of the frames, by the camera's clock, where they state one.
+        source: the file that the corners were read from, where they were not found in frames here.
     """
 
     board: Board | ControlPoints
@@ -86,6 +93,7 @@ class Observations:
     focus: str | None = None
     firmware: str | None = None
     taken: Days | None = None
+    source: SourceFile | None = None
 
     def object_points(self, view: View) -> FloatArray:
         """(N, 3) mm on the board, for a view's image points."""

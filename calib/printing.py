@@ -98,14 +98,14 @@ def lay_out(board: Board, size_mm: tuple[float, float] | None = None) -> Page:
         InputError: the paper is too small.
     """
     left, top, right, bottom = artwork(board).extent_mm
-    quiet = min(board.square_mm, QUIET_MM)
+    quiet = min(board.scale_mm("a print"), QUIET_MM)
     need = right - left + 2 * (quiet + RIM_MM), bottom - top + 2 * quiet + RIM_MM + STRIP_MM + RIM_MM
     need = max(need[0], 2 * RIM_MM + 90.0), need[1]
     if size_mm is not None:
         page = _turned(size_mm, need)
         if page is None:
             raise InputError(
-                f"{board} of {board.square_mm:g} mm squares needs {need[0]:.0f}×{need[1]:.0f} mm with its margins; "
+                f"{board.described} squares needs {need[0]:.0f}×{need[1]:.0f} mm with its margins; "
                 f"the page has {size_mm[0]:g}×{size_mm[1]:g} mm; choose a larger page or smaller squares"
             )
     else:
@@ -117,7 +117,7 @@ def lay_out(board: Board, size_mm: tuple[float, float] | None = None) -> Page:
     width, height = page
     if max(page) > LARGEST_MM:
         raise InputError(
-            f"{board} of {board.square_mm:g} mm squares needs a page of {width:g}×{height:g} mm; "
+            f"{board.described} squares needs a page of {width:g}×{height:g} mm; "
             f"expected at most {LARGEST_MM:g} mm along a side"
         )
     strip_top = height - RIM_MM - STRIP_MM
@@ -230,9 +230,9 @@ def _texts(board: Board, page: Page) -> Iterator[tuple[float, float, str]]:
 def describe(board: Board) -> str:
     """What was printed, in the words that ``calibrate`` wants to hear."""
     said = f"--board {board}" + (f":{board.dictionary}" if board.dictionary else "")
-    said += f" --square-mm {board.square_mm:g}"
+    said += f" --square-mm {board.pitch:g}"
     if board.pattern is not Pattern.CHECKERBOARD:
-        said += f" --marker-mm {board.marker_mm:.6g}"
+        said += f" --marker-mm {board.marker:.6g}"
     return said
 
 

@@ -113,6 +113,7 @@ class Evidence:
         stretch: of the print.
         misfit: which known fault explains what the camera does not.
         focus: how the lens was focused, in words; None where nothing says it.
+        unit: that lengths are counted in: mm, or squares of the board where their side is not known.
     """
 
     image_size: ImageSize
@@ -141,6 +142,11 @@ class Evidence:
     stretch: Stretch | None
     misfit: Misfit | None
     focus: str | None
+    unit: str = "mm"
+
+    def length(self, value: float, sign: str = "") -> str:
+        """A length on the board, with its unit."""
+        return f"{value:{sign}.{2 if self.unit == 'mm' else 4}f} {self.unit}"
 
 
 def judge(evidence: Evidence, limits: Limits = LIMITS) -> tuple[Finding, ...]:
@@ -348,7 +354,8 @@ def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
             rule="board-warp",
             severity=Severity.NOTE if e.is_warped else Severity.UNPROVEN,
             measured=max(abs(w0), abs(w1)),
-            message=f"the board is warped by {w0:+.2f} mm across and {w1:+.2f} mm down (F = {e.warp.f:.0f}); "
+            message=f"the board is warped by {e.length(w0, '+')} across and {e.length(w1, '+')} down "
+            f"(F = {e.warp.f:.0f}); "
             + ("this was solved for" if e.is_warped else "if it is ignored fx is wrong: 0.2 mm make 0.14 %"),
             remedy=None if e.is_warped else "solve for the board's warp",
         )
@@ -357,7 +364,7 @@ def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
             rule="board-shape",
             severity=Severity.NOTE if e.is_lifted else Severity.UNPROVEN,
             measured=e.shape.largest_mm,
-            message=f"the board is bent by up to {e.shape.largest_mm:.2f} mm elsewhere than a smooth arch bends it "
+            message=f"the board is bent by up to {e.length(e.shape.largest_mm)} elsewhere than a smooth arch bends it "
             f"(F = {e.shape.f:.1f}); "
             + ("this was solved for" if e.is_lifted else "the standard deviations allow for it"),
             remedy="glue the print to glass or aluminium",
@@ -379,7 +386,7 @@ def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
             remedy="measure the print along both sides, and print it again to scale",
         )
     distance = e.geometry.distance_mm
-    if e.is_board and not limits.nearest_mm <= distance <= limits.farthest_mm:
+    if e.is_board and e.unit == "mm" and not limits.nearest_mm <= distance <= limits.farthest_mm:
         yield Finding(
             rule="wrong-square",
             severity=Severity.UNPROVEN,

@@ -58,7 +58,7 @@ def find_circles(gray: Gray, board: Board) -> Found | NotFound:
         return NotFound(reason=Reason.LARGER_BOARD, text=text)
     bias = _perspective_bias(board, lattice)
     points = lattice.reshape(-1, 2) - bias
-    radius = (board.marker_mm or 0) / 2 / board.square_mm * smallest_spacing(lattice)
+    radius = board.marker / 2 / board.pitch * smallest_spacing(lattice)
     ids = np.arange(len(points))
     found_points = reliable(
         gray, board, ids, points, half=int(np.ceil(radius)), spacing_px=smallest_spacing(lattice)
@@ -111,7 +111,7 @@ def _perspective_bias(board: Board, lattice: Lattice) -> FloatArray:
     if H is None:
         return np.zeros_like(places)
     angle = np.linspace(0, 2 * np.pi, RIM_POINTS, endpoint=False)
-    rim = np.column_stack([np.cos(angle), np.sin(angle)]) * (board.marker_mm or 0) / 2
+    rim = np.column_stack([np.cos(angle), np.sin(angle)]) * board.marker / 2
     seen = mapped(H, (places[:, None] + rim).reshape(-1, 2)).reshape(len(places), -1, 2)
     return _area_centres(seen) - mapped(H, places)
 

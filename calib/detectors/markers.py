@@ -69,7 +69,7 @@ def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
 
     check_charuco()
     dictionary = _dictionary(board)
-    sides = float(board.square_mm), float(board.marker_mm or 0)
+    sides = board.pitch, board.marker
     charuco = cv2.aruco.CharucoBoard((board.columns + 1, board.rows + 1), *sides, dictionary)
     detector = cv2.aruco.CharucoDetector(charuco)
 
@@ -82,7 +82,7 @@ def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
         order = np.argsort(ids)
         return ids[order].astype(np.intp), corners[order].astype(np.float64)
 
-    free = (board.square_mm - (board.marker_mm or 0)) / 2 / board.square_mm
+    free = (board.pitch - board.marker) / 2 / board.pitch
     return _measured(gray, board, look, FREE_USED * free)
 
 
@@ -114,10 +114,10 @@ def find_aprilgrid(gray: Gray, board: Board) -> Found | NotFound:
         ids = np.array(sorted(seen), dtype=np.intp)
         return ids, np.array([seen[i] for i in ids], dtype=np.float64).reshape(-1, 2)
 
-    tag = board.marker_mm or board.square_mm
+    tag = board.marker
     # The code begins behind the dark border, the next tag behind the gap.
     border = tag * TAG_BORDER / (dictionary.markerSize + 2 * TAG_BORDER)
-    free = min(board.square_mm - tag, border) / board.square_mm
+    free = min(board.pitch - tag, border) / board.pitch
     return _measured(gray, board, look, FREE_USED * free)
 
 
@@ -179,4 +179,4 @@ def _square_px(board: Board, ids: IntArray, points: FloatArray) -> tuple[float, 
     known = ~np.isnan(px)
     if not known.any():
         return 0.0, 0.0
-    return float(px[known].min()), float((px / mm)[known].min() * board.square_mm)
+    return float(px[known].min()), float((px / mm)[known].min() * board.pitch)

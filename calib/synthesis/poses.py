@@ -93,7 +93,7 @@ def _pose(
             return Pose(rotation=_vector(turn), translation_mm=(float(tx), float(ty), float(tz)))
         share *= SHRINK
     raise InputError(
-        f"{board} of {board.square_mm:g} mm squares fits nowhere into a {K.image_size[0]}×{K.image_size[1]} frame; "
+        f"{board.described} squares fits nowhere into a {K.image_size[0]}×{K.image_size[1]} frame; "
         "expected a smaller fill, less tilt or more reach"
     )
 

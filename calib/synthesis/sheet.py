@@ -58,7 +58,7 @@ class Sheet:
     @classmethod
     def bowed(cls, board: Board, bow_mm: float, stretch: tuple[float, float] = (1.0, 1.0)) -> Sheet:
         """A paraboloid whose middle stands ``bow_mm`` behind the ends of the board's longer side."""
-        across, down = board.extent_mm
+        across, down = board.extent
         longer = max(across, down)
         return cls(warp_mm=(bow_mm * (across / longer) ** 2, bow_mm * (down / longer) ** 2), stretch=stretch)
 
@@ -76,7 +76,7 @@ class Sheet:
 
     def unit_axes(self, board: Board) -> tuple[tuple[float, float], tuple[float, float]]:
         """(middle, half extent) of the printed points, across and down, mm."""
-        (across, down), (sx, sy) = board.extent_mm, self.stretch
+        (across, down), (sx, sy) = board.extent, self.stretch
         return (across * sx / 2, across * sx / 2), (down * sy / 2, down * sy / 2)
 
 

@@ -96,8 +96,9 @@ def test_frames_corners_and_points_exclude_one_another(given: dict[str, Any]) ->
 
 
 def test_what_frames_and_points_need_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="square_mm"):
-        calibrary.calibrate(tmp_path)
+    (tmp_path / "corners.csv").write_text("image,x,y")
+    with pytest.raises(InputError, match="--board"):
+        calibrary.calibrate(corners=tmp_path / "corners.csv")
     with pytest.raises(InputError, match="image_size"):
         calibrary.calibrate(points=tmp_path / "gcp.csv")
 

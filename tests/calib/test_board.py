@@ -37,9 +37,9 @@ def test_points_run_row_by_row_from_the_first() -> None:
 
 
 def test_extent_is_that_of_the_outermost_points() -> None:
-    assert Board(columns=11, rows=8, square_mm=40).extent_mm == (400, 280)
+    assert Board(columns=11, rows=8, square_mm=40).extent == (400, 280)
     tags = parse_board("aprilgrid:6x5", 130.0)
-    assert tags.extent_mm == (5 * 130 + 100, 4 * 130 + 100)
+    assert tags.extent == (5 * 130 + 100, 4 * 130 + 100)
 
 
 def test_a_charuco_board_has_opencvs_corners_and_markers() -> None:

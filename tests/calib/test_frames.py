@@ -13,7 +13,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image, TiffImagePlugin
 
-from calibrary.calib.frames import Setting, frame_size, group_frames, read_frame, the_one_setting
+from calibrary.calib.frames import (
+    Setting,
+    frame_size,
+    group_frames,
+    of_most_common_size,
+    read_frame,
+    the_one_setting,
+)
 from calibrary.calib.image_head import check_complete, read_head
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, ParseError, UnknownFormatError
@@ -209,3 +216,17 @@ class TestSettings:
     def test_no_frames_have_none(self) -> None:
         with pytest.raises(InputError, match="no frames"):
             the_one_setting({})
+
+
+def test_the_most_common_size_wins_and_a_tie_is_a_question(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{number}.png" for number in range(4)]
+    for path, size in zip(paths, [(400, 300), (200, 150), (400, 300)], strict=False):
+        Image.new("L", size).save(path)
+    paths[3].write_bytes(b"no image")
+    most, kept, others = of_most_common_size(paths)
+    assert most == (400, 300)
+    # What cannot be read is left for the search to tell of.
+    assert kept == (paths[0], paths[2], paths[3])
+    assert others == {paths[1]: (200, 150)}
+    with pytest.raises(InputError, match="neither is the size of most"):
+        of_most_common_size(paths[:2])

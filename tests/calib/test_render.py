@@ -276,7 +276,7 @@ def _found(frame: NDArray[np.uint8], board: Board, exact: FloatArray) -> FloatAr
     if board.pattern == "charuco":
         assert board.marker_mm is not None
         layout = cv2.aruco.CharucoBoard(
-            (board.columns + 1, board.rows + 1), board.square_mm, board.marker_mm, dictionary
+            (board.columns + 1, board.rows + 1), board.pitch, board.marker, dictionary
         )
         corners, ids, _, _ = cv2.aruco.CharucoDetector(layout).detectBoard(frame)
         return np.asarray(corners.reshape(-1, 2) + 0.5 - exact[ids.ravel()], dtype=np.float64)

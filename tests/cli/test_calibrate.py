@@ -30,6 +30,7 @@ from calibrary.registry.registry import Registry
 from calibrary.schemas import require
 from tests.calib.photographs import CAMERA, SIZE, encoded, photograph
 from tests.calib.solving import Session, camera
+from tests.imagery import write_jpeg
 from tests.jobs.calibrate_board.boards import (
     FIRMWARE,
     MAKE,
@@ -328,12 +329,117 @@ def test_a_camera_without_a_name_is_asked_for_before_the_work(
     assert [*fleet.snapshot().entries(), *fleet.snapshot().proposals()] == []
 
 
-def test_corners_without_frames_become_no_entry(calibrated: Run, tmp_path: Path, fleet: Registry) -> None:
+def test_corners_without_frames_become_an_entry_that_names_their_file(
+    calibrated: Run, tmp_path: Path, fleet: Registry
+) -> None:
     kept = corners(tmp_path / "kept.json", hashed=False)
-    code, _, err = calibrated("--from", kept, "--registry", "fleet", "--yes")
+    code, _, err = calibrated("--from", kept, "--registry", "fleet", "--approve", "--yes")
+    assert (code, err) == (0, "")
+    [source] = the_entry(fleet).calibration.provenance.sources
+    assert (source.name, source.sha256) == ("kept.json", hashlib.sha256(kept.read_bytes()).hexdigest())
+    assert the_entry(fleet).status is Status.APPROVED
+
+
+def vnl_of(kept: Path, path: Path) -> Path:
+    """The same corners as mrcal writes them: counted from the middle of the first pixel, the level behind."""
+    seen = read_corners(kept)
+    lines = ["## produced by a test", "# filename x y level"]
+    for view in seen.views:
+        assert len(view.ids) == len(seen.board.points)
+        lines += [f"{view.name} {x - 0.5!r} {y - 0.5!r} 0" for x, y in view.image_points.tolist()]
+    path.write_text("\n".join([*lines, "nothing.jpg - - -", ""]), encoding="utf-8")
+    return path
+
+
+def test_corners_of_mrcal_are_solved_approved_and_kept(
+    calibrated: Run, tmp_path: Path, fleet: Registry
+) -> None:
+    kept = corners(tmp_path / "kept.json", how=Session(views=18), hashed=False)
+    table = vnl_of(kept, tmp_path / "corners.vnl")
+    own = json.loads(calibrated("--from", kept, "--json")[1])
+    size = "{}x{}".format(*read_corners(kept).image_size)
+    flags = ("--board", str(read_corners(kept).board), "--image-size", size, "--corners", "again.json")
+    named = ("--make", "Example", "--model", "Solved")
+    code, out, err = calibrated(
+        "--from", table, *flags, *named, "--registry", "fleet", "--approve", "--yes", "--json"
+    )
+    assert code == 0, err
+    theirs = json.loads(out)
+    assert theirs["calibration"]["K"] == pytest.approx(np.array(own["calibration"]["K"]), rel=1e-7)
+    # The table does not state the side of a square, and K does not need it.
+    assert theirs["length_unit"] == "squares"
+    provenance = the_entry(fleet).calibration.provenance
+    [source] = provenance.sources
+    assert source.sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
+    again = json.loads(calibrated("--from", "again.json", "--json")[1])
+    assert again["calibration"]["provenance"]["sources"] == [{"name": source.name, "sha256": source.sha256}]
+    assert again["calibration"]["K"] == theirs["calibration"]["K"]
+
+
+def test_what_a_table_of_corners_does_not_say_is_asked_for(calibrated: Run, tmp_path: Path) -> None:
+    kept = corners(tmp_path / "kept.json", how=Session(views=4))
+    table = vnl_of(kept, tmp_path / "corners.vnl")
+    board = ("--board", str(read_corners(kept).board))
+    assert "--board" in calibrated("--from", table)[2]
+    assert "--image-size" in calibrated("--from", table, *board)[2]
+    code, _, err = calibrated("--from", table, "--board", "checkerboard:7x5", "--image-size", "640x480")
     assert code == 3
-    assert "calibrate from the frames" in err
-    assert [*fleet.snapshot().entries(), *fleet.snapshot().proposals()] == []
+    assert "checkerboard:7x5" in err
+
+
+def test_frames_beside_a_table_of_corners_say_what_they_say_of_their_camera(
+    calibrated: Run, tmp_path: Path, fleet: Registry
+) -> None:
+    shots = frames(tmp_path / "shots", 8)
+    calibrated(*shots, *BOARD, "--corners", "kept.json")
+    seen = read_corners(tmp_path / "kept.json")
+    lines = ["image,id,x,y"]
+    for view in seen.views:
+        lines += [
+            f"{view.name},{at},{x - 0.5!r},{y - 0.5!r}"
+            for at, (x, y) in zip(view.ids, view.image_points.tolist(), strict=True)
+        ]
+    table = tmp_path / "shots" / "found.csv"
+    table.write_text("\n".join(lines), encoding="utf-8")
+    code, _, err = calibrated("--from", table, *BOARD, "--registry", "fleet", "--yes")
+    assert (code, err) == (1, "")
+    made = the_entry(fleet).calibration
+    assert (made.camera.make, made.camera.model, made.provenance.firmware) == (MAKE, MODEL, FIRMWARE)
+    assert {source.name for source in made.provenance.sources} == {
+        "found.csv",
+        *(shot.name for shot in shots),
+    }
+
+
+def test_without_the_side_of_a_square_k_is_the_same_and_lengths_are_in_squares(
+    calibrated: Run, photographed: Path
+) -> None:
+    metric = json.loads(calibrated(photographed, *BOARD, "--json")[1])
+    flags = ("--board", "checkerboard:9x6")
+    bare = json.loads(calibrated(photographed, *flags, "--json")[1])
+    assert bare["calibration"]["K"] == pytest.approx(np.array(metric["calibration"]["K"]), rel=1e-6)
+    assert (metric["length_unit"], bare["length_unit"]) == ("mm", "squares")
+    assert 40 * bare["geometry"]["distance"] == pytest.approx(metric["geometry"]["distance"], rel=1e-6)
+    assert "wrong-square" not in [finding["rule"] for finding in bare["findings"]]
+    _, out, _ = calibrated(photographed, *flags, "--report", "page.html")
+    assert "scale" in out
+    assert "unknown" in out
+    assert "scale unknown" in Path("page.html").read_text(encoding="utf-8")
+
+
+def test_a_stray_frame_of_another_size_is_left_out_on_request_and_named(
+    calibrated: Run, tmp_path: Path
+) -> None:
+    folder = tmp_path / "shots"
+    frames(folder, 8)
+    write_jpeg(folder / "stray.jpg", (320, 240), exif=exif())
+    code, _, err = calibrated(folder, *BOARD)
+    assert code == 3
+    assert "--skip-other-sizes" in err
+    code, out, err = calibrated(folder, *BOARD, "--skip-other-sizes")
+    assert code == 1
+    assert "1 of 9 frames are of another size than 640×480 px" in err
+    assert re.search(r"stray\.jpg +– +other-size", out)
 
 
 def test_a_key_that_nobody_has_is_told_of(calibrated: Run, tmp_path: Path, fleet: Registry) -> None:
@@ -498,7 +604,7 @@ def test_a_place_that_cannot_be_written_is_named_before_the_work(
     "argv",
     [
         (),
-        ("frames", "--board", "checkerboard:9x6"),
+        ("frames", "--board", "charuco:8x5", "--marker-mm", "30"),
         ("frames", "--square-mm", "40", "--from", "c.json"),
         ("--from", "c.json", "--board", "checkerboard:9x6"),
         ("--points", "p.csv"),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from calibrary.api.fleet import Fleet
 from calibrary.api.stated import CameraLike, overlay
@@ -21,11 +21,17 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.conventions import Origin
 from calibrary.errors import InputError
+from calibrary.jobs.calibrate_board.corners_in import corners_of_file
 from calibrary.jobs.calibrate_board.entry import camera_named, entry_of, require_key
-from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
+from calibrary.jobs.calibrate_board.frame_metadata import (
+    SkippedSizes,
+    describe_frames,
+    find_frames,
+    without_other_sizes,
+)
 from calibrary.jobs.calibrate_board.outputs import Files, Places
 from calibrary.jobs.calibrate_board.report import report_of
-from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe, read_seed, saved_corners
+from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe, read_seed
 from calibrary.progress import Progress, counted, log, stage
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
@@ -34,6 +40,7 @@ from calibrary.validation import Finding
 __all__ = ["CalibrateResult", "Places", "calibrate", "camera_of_entry", "write_board"]
 
 Frames: TypeAlias = str | Path | Sequence[str | Path]
+_ORIGINS: Final = {"corner": Origin.CORNER, "centre": Origin.PIXEL_CENTRE}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +116,7 @@ def calibrate(
     corners: str | Path | None = None,
     points: str | Path | None = None,
     image_size: ImageSize | None = None,
-    pixel_origin: Literal["corner", "centre"] = "corner",
+    pixel_origin: Literal["corner", "centre"] | None = None,
     lens_model: str = "auto",
     warp: bool = True,
     seed_k: str | Path | None = None,
@@ -119,6 +126,7 @@ def calibrate(
     camera: CameraLike | None = None,
     corners_name: str | None = None,
     for_registry: bool = False,
+    skip_other_sizes: bool = False,
     workers: int = 0,
     progress: Progress | None = None,
 ) -> CalibrateResult:
@@ -126,14 +134,18 @@ def calibrate(
 
     Args:
         frames: a folder, a file, a pattern, or a list of these; of one camera at one focus.
-        square_mm: side of a square; of circles the distance of their centres. Needed with frames.
+        square_mm: side of a square; of circles the distance of their centres. K does not depend on it: without it
+            poses and the board's warp are in squares.
         board: which one, in inner corners, such as "checkerboard:11x8"; a checkerboard whose size is found by
             trying when not given.
         marker_mm: side of a marker, diameter of a circle.
-        corners: in place of frames, the corners.json of an earlier calibration.
+        corners: in place of frames, the corners.json of an earlier calibration, or what another detector found: a
+            corners.vnl of mrcal, or a CSV with the columns image, x, y and id; these need ``board``, and
+            ``image_size`` where their frames are not beside them.
         points: in place of frames, a table of control points: X,Y,Z,u,v,image in metres and px; needs ``image_size``.
         image_size: (width, height) px of the images of ``points``; of others it is checked.
-        pixel_origin: whether u and v of ``points`` count from the first pixel's outer corner or from its centre.
+        pixel_origin: whether a table counts from the first pixel's outer corner, as ``points`` do unless said
+            otherwise, or from its centre, as tables of ``corners`` do.
         lens_model: "auto", or the name of one lens model, such as "brown" or "fisheye".
         warp: whether the board's warp may be solved for.
         seed_k: a file with a K to start from.
@@ -143,6 +155,7 @@ def calibrate(
         camera: what the frames do not say of the camera, or say wrong; None fields leave it to them.
         corners_name: of the file that keeps the corners, for the provenance; ``corners`` when not given.
         for_registry: refuse a camera without make and model before the frames are searched.
+        skip_other_sizes: leave out frames of another size than most, which are an error otherwise.
         workers: processes that look for the board; 0 decides by itself.
         progress: called with (frames done, frames in all, "frames").
 
@@ -161,26 +174,33 @@ def calibrate(
     if [frames, corners, points].count(None) != 2:
         raise InputError("expected frames, corners or points, and one of them only")
     stated = overlay(camera)
+    named = parse_board(board, square_mm, marker_mm) if board is not None else None
     if frames is not None:
-        if square_mm is None:
-            raise InputError("frames need square_mm, the side of the board's squares")
-        pattern = parse_board(board, square_mm, marker_mm) if board is not None else float(square_mm)
         collected = _searched(
             frames,
-            pattern,
+            named or square_mm,
             stated,
             focus,
             image_size,
             for_registry=for_registry,
+            skip_other_sizes=skip_other_sizes,
             workers=workers,
             progress=progress,
         )
     else:
         if corners is not None:
-            collected = saved_corners(Path(corners), stated, focus)
+            collected = corners_of_file(
+                Path(corners),
+                stated,
+                focus,
+                board=named,
+                image_size=image_size,
+                origin=_ORIGINS[pixel_origin] if pixel_origin is not None else None,
+            )
             _check_size(collected.observations.image_size, image_size, "its corners", Path(corners).name)
         else:
-            collected = _control_points(Path(points or ""), image_size, stated, pixel_origin, focus)
+            origin = _ORIGINS[pixel_origin or "corner"]
+            collected = _control_points(Path(points or ""), image_size, stated, origin, focus)
         if for_registry:
             require_key(collected.observations.camera)
     size = collected.observations.image_size
@@ -199,16 +219,20 @@ def calibrate(
 
 def _searched(
     frames: Frames,
-    pattern: Board | float,
+    pattern: Board | float | None,
     stated: Callable[[CameraKey], CameraKey],
     focus: str | None,
     image_size: ImageSize | None,
     *,
     for_registry: bool,
+    skip_other_sizes: bool,
     workers: int,
     progress: Progress | None,
 ) -> Collected:
     paths = find_frames([str(one) for one in ([frames] if isinstance(frames, str | Path) else frames)])
+    skipped = SkippedSizes()
+    if skip_other_sizes:
+        paths, skipped = without_other_sizes(paths)
     metadata = describe_frames(paths, stated, focus)
     if for_registry:
         require_key(metadata.setting.camera if metadata.setting is not None else stated(CameraKey()))
@@ -218,6 +242,7 @@ def _searched(
         found = observe(
             paths, metadata, pattern, workers=workers, progress=counted(progress, len(paths), "frames")
         )
+    found = replace(found, rejected=(*found.rejected, *skipped.remarks), notes=(*found.notes, *skipped.notes))
     for one in found.rejected:
         log.info("skipped %s: %s", one.name, one.remark.text)
     return found
@@ -227,12 +252,11 @@ def _control_points(
     points: Path,
     image_size: ImageSize | None,
     stated: Callable[[CameraKey], CameraKey],
-    pixel_origin: str,
+    origin: Origin,
     focus: str | None,
 ) -> Collected:
     if image_size is None:
         raise InputError("points need image_size, the size of their images", source=points.name)
-    origin = Origin.PIXEL_CENTRE if pixel_origin == "centre" else Origin.CORNER
     camera = stated(CameraKey(image_size=image_size))
     return Collected(observations=read_control_points(points, image_size, camera, origin, focus))
 

@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     screen = out(arguments)
     screen.say(
-        f"wrote {plain(str(arguments.out))}: {plain(str(board))} of {board.square_mm:g} mm squares on "
+        f"wrote {plain(str(arguments.out))}: {plain(board.described)} squares on "
         f"{page.width_mm:g}×{page.height_mm:g} mm"
     )
     screen.say(f"print at 100 % and check that the ruler measures {page.ruler_mm:g} mm")

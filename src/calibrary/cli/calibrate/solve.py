@@ -37,6 +37,7 @@ examples:
   calibrary calibrate 'frames/*.JPG' --square-mm 40 --out camera.xml --to agisoft_xml
   calibrary calibrate frames/ --board charuco:8x5 --square-mm 30 --corners corners.json --registry ../fleet
   calibrary calibrate --from corners.json --lens-model rational --json
+  calibrary calibrate --from corners.vnl --board checkerboard:10x10 --image-size 6000x3376
   calibrary calibrate --points gcp.csv --image-size 5472x3648 --seed-k K_matrix_seed.npy --report camera.html
 
 exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or the registry's check objects; 3 unreadable input
@@ -58,14 +59,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--square-mm",
         type=number(0.01, 10_000),
         metavar="MM",
-        help="side of a square; K does not depend on it, poses and the board's warp do",
+        help="side of a square; K does not depend on it: without it poses and the board's warp are in squares",
     )
     board.add_argument(
         "--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker, diameter of a circle"
     )
+    parser.add_argument(
+        "--skip-other-sizes",
+        action="store_true",
+        help="leave out frames of another size than most have (default: such a frame ends the run)",
+    )
     others = parser.add_argument_group("in place of frames")
     others.add_argument(
-        "--from", dest="corners_in", type=Path, metavar="CORNERS", help="the corners.json of an earlier run"
+        "--from",
+        dest="corners_in",
+        type=Path,
+        metavar="CORNERS",
+        help="the corners.json of an earlier run, or what another detector found: corners.vnl of mrcal and mrgingham, "
+        "or a CSV with the columns image, x, y and id; these need --board, and --image-size where the frames that "
+        "they name are not beside them",
     )
     others.add_argument(
         "--points",
@@ -76,9 +88,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     others.add_argument(
         "--pixel-origin",
         choices=("corner", "centre"),
-        default="corner",
-        help="where u and v count from in the first pixel: its outer corner, or its centre as OpenCV does "
-        "(default: corner)",
+        help="where a table counts from in the first pixel: its outer corner (default of --points), or its centre as "
+        "OpenCV and mrcal do (default of --from)",
     )
     _add_output_flags(parser)
     _add_provenance_flags(parser)
@@ -187,6 +198,7 @@ def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> Calibrate
             camera=_camera(arguments, fleet),
             corners_name=given.corners.name if given.corners is not None else None,
             for_registry=fleet is not None,
+            skip_other_sizes=given.skip_other_sizes,
             workers=given.workers,
             progress=bar,
         )
@@ -208,12 +220,14 @@ def _check_usage(arguments: argparse.Namespace) -> None:
     given = [bool(arguments.frames), arguments.corners_in is not None, arguments.points is not None]
     if sum(given) != 1:
         parser.error("expected frames, --from CORNERS or --points CSV, and one of them only")
-    if arguments.frames and arguments.square_mm is None:
-        parser.error("the side of a square is not known: say --square-mm MM")
-    if not arguments.frames and (arguments.board or arguments.square_mm or arguments.marker_mm):
+    table = arguments.corners_in is not None and arguments.corners_in.suffix.lower() != ".json"
+    if not (arguments.frames or table) and (arguments.board or arguments.square_mm or arguments.marker_mm):
         parser.error(
-            "--board, --square-mm and --marker-mm are of frames; what --from and --points hold is known"
+            "--board, --square-mm and --marker-mm are of frames and of other detectors' corners; what a corners.json "
+            "and --points hold is known"
         )
+    if arguments.marker_mm is not None and arguments.square_mm is None:
+        parser.error("--marker-mm needs the size of the squares too: say --square-mm MM")
     if arguments.points is not None and arguments.image_size is None:
         parser.error("--points needs the size of the images: say --image-size WxH")
     if arguments.to is not None and arguments.out is None:

@@ -155,6 +155,11 @@ def _correlations(quality: Quality, width: int) -> list[Text]:
 def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
     """What the verdict was judged by, a line each."""
     evidence, seen, quality = result.evidence, result.evidence.geometry, result.calibration.quality
+    if evidence.unit != "mm":
+        yield (
+            "scale",
+            "unknown: the side of a square was not stated, so lengths are in squares (K does not need it)",
+        )
     if result.date_origin is not None:
         yield "date", f"{result.calibration.provenance.date}, {result.date_origin}"
     if result.candidates:
@@ -174,7 +179,10 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
     if result.warp is not None:
         w0, w1 = result.warp.warp_mm
         found = "solved for" if evidence.is_warped else "not taken"
-        yield "board warp", f"{w0:+.3f} mm across, {w1:+.3f} mm down (F = {result.warp.f:.1f}), {found}"
+        yield (
+            "board warp",
+            f"{evidence.length(w0, '+')} across, {evidence.length(w1, '+')} down (F = {result.warp.f:.1f}), {found}",
+        )
     yield (
         "tilt",
         f"normals spread {seen.tilt_spread_deg:.0f}°, farthest ÷ nearest corner {seen.depth_ratio:.2f}",

@@ -84,7 +84,7 @@ def _block(result: CalibrationResult, request: SolveRequest) -> dict[str, YamlVa
             "guess_fx": request.guess.fx if request.guess is not None else None,
         },
         "model": result.model.value,
-        "warp_mm": list(result.warp.warp_mm) if result.warp is not None and evidence.is_warped else None,
+        f"warp_{evidence.unit}": list(result.warp.warp_mm) if result.warp and evidence.is_warped else None,
         "noise_px": evidence.noise_px,
         "tilt_spread_deg": seen.tilt_spread_deg,
         "depth_ratio": seen.depth_ratio,

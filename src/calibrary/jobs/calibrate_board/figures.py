@@ -96,7 +96,7 @@ def _around(corners: FloatArray, size: ImageSize) -> tuple[int, int, int, int]:
 
 def board_warp(board: Board, test: WarpTest, *, caption: str) -> Figure:
     """How far the board stands off its plane, along its middle row and column."""
-    across, down = (side / 2 for side in board.extent_mm)
+    across, down = (side / 2 for side in board.extent)
     share = np.linspace(-1.0, 1.0, 61)
     w0, w1 = test.warp_mm
     lines = (
@@ -117,9 +117,12 @@ def board_warp(board: Board, test: WarpTest, *, caption: str) -> Figure:
             )
         axes.axhline(0, color=Colour.MUTED.light, linewidth=0.8)
         axes.grid()
-        axes.set_xlabel("from the middle of the board (mm)")
-        axes.set_ylabel("away from the camera (mm)")
+        axes.set_xlabel(f"from the middle of the board ({board.unit})")
+        axes.set_ylabel(f"away from the camera ({board.unit})")
         axes.margins(y=0.15)
 
-    alt = f"Bend of the board along its middle row, {number(w0)} mm, and its middle column, {number(w1)} mm."
+    alt = (
+        f"Bend of the board along its middle row, {number(w0)} {board.unit}, and its middle column, {number(w1)} "
+        f"{board.unit}."
+    )
     return Figure(svg=draw(paint, width=520, height=320), alt=alt, caption=caption)

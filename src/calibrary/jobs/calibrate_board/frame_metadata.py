@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-from calibrary.calib.frames import Setting, group_frames, the_one_setting
+from calibrary.calib.collect import NamedRemark
+from calibrary.calib.found import Reason, Remark
+from calibrary.calib.frames import Setting, group_frames, of_most_common_size, the_one_setting
 from calibrary.calib.observations import Days
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import load_catalogue, match_image
@@ -23,7 +25,7 @@ from calibrary.parsers.imagery.focus import focus_of
 from calibrary.parsers.imagery.taken import taken_on
 from calibrary.records import replace
 
-__all__ = ["FrameMetadata", "describe_frames", "find_frames"]
+__all__ = ["FrameMetadata", "SkippedSizes", "describe_frames", "find_frames", "without_other_sizes"]
 
 MOST_FRAMES = 5_000
 """Some hundred are plenty; a folder of more is a flight."""
@@ -75,6 +77,44 @@ def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
     if len(found) > MOST_FRAMES:
         raise InputError(f"{len(found)} frames; expected at most {MOST_FRAMES}, some 15 to 60 are best")
     return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkippedSizes:
+    """The frames that were left out for their size.
+
+    Attributes:
+        remarks: one for each.
+        notes: on all of them.
+    """
+
+    remarks: tuple[NamedRemark, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def without_other_sizes(frames: Sequence[Path]) -> tuple[tuple[Path, ...], SkippedSizes]:
+    """The frames of the size that most have, and what was left out.
+
+    Raises:
+        InputError: two sizes are as frequent.
+    """
+    size, kept, others = of_most_common_size(frames)
+    if size is None or not others:
+        return kept, SkippedSizes()
+    wanted = "{}×{} px".format(*size)
+    remarks = tuple(
+        NamedRemark(
+            name=path.name,
+            remark=Remark(
+                reason=Reason.OTHER_SIZE,
+                text="is {}×{} px, most frames are {}: skipped".format(*other, wanted),
+                rejects=True,
+            ),
+        )
+        for path, other in others.items()
+    )
+    note = f"{len(others)} of {len(frames)} frames are of another size than {wanted}, which most have, and were skipped"
+    return kept, SkippedSizes(remarks=remarks, notes=(note,))
 
 
 def describe_frames(

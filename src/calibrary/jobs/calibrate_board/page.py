@@ -208,7 +208,7 @@ def _held(result: CalibrationResult) -> KeyValues:
             ("normals spread", f"{seen.tilt_spread_deg:.1f}°, expected {limits.tilt_wanted_deg:g}°"),
             ("roll spread", f"{seen.roll_spread_deg:.0f}°"),
             ("farthest ÷ nearest corner", f"{seen.depth_ratio:.2f}, expected {limits.depth_wanted:g}"),
-            ("median distance", f"{seen.distance_mm / 1000:.3g} m"),
+            ("median distance", _distance(result)),
             ("cells with a corner", f"{seen.coverage.fraction:.0%}, expected {limits.cells_wanted:.0%}"),
             (
                 "reach towards the frame's corners",
@@ -216,6 +216,11 @@ def _held(result: CalibrationResult) -> KeyValues:
             ),
         )
     )
+
+
+def _distance(result: CalibrationResult) -> str:
+    distance, unit = result.evidence.geometry.distance_mm, result.evidence.unit
+    return f"{distance / 1000:.3g} m" if unit == "mm" else f"{distance:.3g} {unit} (scale unknown)"
 
 
 def _models(result: CalibrationResult) -> Block:
@@ -255,7 +260,7 @@ def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
         "firmware": made.firmware,
         "date": f"{made.date}, {result.date_origin}",
         "focus": made.focus or "not said by the frames",
-        "board": f"{board}, {board.square_mm:g} mm" if isinstance(board, Board) else str(board),
+        "board": board.described if isinstance(board, Board) else str(board),
         "corner noise": f"{noise:.3f} px by coordinate, from neighbours alone" if noise is not None else None,
         "corners' SHA-256": made.sha256,
         "operator": made.operator,

@@ -92,11 +92,12 @@ def board_plots(result: CalibrationResult) -> Iterator[Block]:
     )
     posed = [view for view in result.views if view.without is None and view.rotation is not None]
     normals = np.array([view.rotation[:, 2] for view in posed if view.rotation is not None])
+    metric = result.evidence.unit == "mm"
     away = [float(np.linalg.norm(v.translation_mm)) for v in posed if v.translation_mm is not None]
     held = poses(
         normals,
-        np.array(away) / 1000,
-        axis=Axis("distance", "m"),
+        np.array(away) / (1000 if metric else 1),
+        axis=Axis("distance", "m" if metric else result.evidence.unit),
         caption="To which side the board was tilted, as seen from the camera; larger marks are nearer. "
         "All around and out to 30° is best.",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board_shape import Stretch
@@ -29,13 +29,13 @@ class Warp(Record):
     """The test for a warped board.
 
     Attributes:
-        mm: lift of the board's middle, across and down.
+        lift: of the board's middle, across and down.
         f: the statistic; None where it is larger than every double.
         p: chance of such an F without a warp.
         kept: whether the warp is part of the solution.
     """
 
-    mm: tuple[float, float]
+    lift: tuple[float, float]
     f: float | None
     p: float
     kept: bool
@@ -62,7 +62,7 @@ class ViewReport(Record):
         without: why the view does not count; None where it does.
         corners_out: the corners that were rejected.
         rotation: 3 × 3, board to camera; None where the view has no pose, as the next two.
-        translation_mm: the middle of the board in the camera frame.
+        translation: the middle of the board in the camera frame.
         residuals_px: observed − projected, in the order of the view's corners.
     """
 
@@ -71,7 +71,7 @@ class ViewReport(Record):
     without: Dismissal | None
     corners_out: tuple[RejectedCorner, ...]
     rotation: Rows | None
-    translation_mm: Numbers | None
+    translation: Numbers | None
     residuals_px: Rows | None
 
 
@@ -98,14 +98,14 @@ class ViewGeometry(Record):
         tilt_spread_deg: angle between the boards' normals that nine of ten pairs of views stay below.
         roll_spread_deg: largest angle between two boards' rows as seen along the axis.
         depth_ratio: farthest over nearest corner.
-        distance_mm: median distance of the boards.
+        distance: median distance of the boards.
         coverage: of the frame.
     """
 
     tilt_spread_deg: float
     roll_spread_deg: float
     depth_ratio: float | None
-    distance_mm: float
+    distance: float
     coverage: FrameCoverage
 
 
@@ -121,6 +121,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
         warp: None where there was no test.
         views: every view that was given.
         geometry: how the board was held.
+        length_unit: of lift, translation and distance: mm, or squares where the side of a square is not known.
         noise_px: of one coordinate, as neighbouring corners show it.
         condition: of the lens's normal matrix.
         kappa2_by_split: the variance factors of the splits into halves.
@@ -141,6 +142,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
     warp: Warp | None
     views: tuple[ViewReport, ...]
     geometry: ViewGeometry
+    length_unit: Literal["mm", "squares"]
     noise_px: float | None
     condition: float | None
     kappa2_by_split: tuple[float, ...]
@@ -165,6 +167,7 @@ def report_of(result: CalibrationResult) -> CalibrateReport:
         warp=_warp(result.warp, kept=evidence.is_warped) if result.warp is not None else None,
         views=tuple(map(_view, result.views)),
         geometry=_geometry(evidence.geometry),
+        length_unit="mm" if evidence.unit == "mm" else "squares",
         noise_px=evidence.noise_px,
         condition=_finite(evidence.condition),
         kappa2_by_split=result.halves.by_split if result.halves is not None else (),
@@ -179,7 +182,7 @@ def report_of(result: CalibrationResult) -> CalibrateReport:
 
 
 def _warp(warp: WarpTest, *, kept: bool) -> Warp:
-    return Warp(mm=warp.warp_mm, f=_finite(warp.f), p=warp.p, kept=kept)
+    return Warp(lift=warp.warp_mm, f=_finite(warp.f), p=warp.p, kept=kept)
 
 
 def _view(view: ViewResult) -> ViewReport:
@@ -189,7 +192,7 @@ def _view(view: ViewResult) -> ViewReport:
         without=view.without,
         corners_out=tuple(RejectedCorner(id=at, px=px) for at, px in view.corners_out),
         rotation=_rows(view.rotation) if view.rotation is not None else None,
-        translation_mm=_numbers(view.translation_mm) if view.translation_mm is not None else None,
+        translation=_numbers(view.translation_mm) if view.translation_mm is not None else None,
         residuals_px=_rows(view.residuals_px) if view.residuals_px is not None else None,
     )
 
@@ -199,7 +202,7 @@ def _geometry(seen: Geometry) -> ViewGeometry:
         tilt_spread_deg=seen.tilt_spread_deg,
         roll_spread_deg=seen.roll_spread_deg,
         depth_ratio=_finite(seen.depth_ratio),
-        distance_mm=seen.distance_mm,
+        distance=seen.distance_mm,
         coverage=FrameCoverage(
             cells=tuple(tuple(map(bool, row)) for row in seen.coverage.cells),
             fraction=seen.coverage.fraction,

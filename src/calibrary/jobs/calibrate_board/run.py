@@ -10,16 +10,15 @@ from pathlib import Path
 from calibrary import parsers
 from calibrary.calib.board import Board
 from calibrary.calib.collect import Collected, collect
-from calibrary.calib.corners_file import read_corners
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Days
 from calibrary.calib.result import CalibrationResult
-from calibrary.calibration import CameraKey, ImageSize, Intrinsics
+from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import FrameError, InputError, MissingTagError
 from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata
 from calibrary.records import replace
 
-__all__ = ["SolveRequest", "calibrate_from", "calibration_date", "observe", "read_seed", "saved_corners"]
+__all__ = ["SolveRequest", "calibrate_from", "calibration_date", "observe", "read_seed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +45,7 @@ class SolveRequest:
 def observe(
     frames: Sequence[Path],
     metadata: FrameMetadata,
-    board: Board | float,
+    board: Board | float | None,
     *,
     workers: int = 0,
     progress: Callable[[int], None] | None = None,
@@ -56,7 +55,8 @@ def observe(
     Args:
         frames: files.
         metadata: what they state.
-        board: what to look for, or only the side of its squares in mm: the corners are then counted by trying.
+        board: what to look for, or only the side of its squares in mm, None where that is not known: the corners are
+            then counted by trying.
         workers: processes; 0 takes as many as there are cores once it is worth it.
         progress: called with the number of frames done since the last call.
 
@@ -69,30 +69,6 @@ def observe(
         found,
         observations=replace(found.observations, taken=metadata.taken),
         notes=(*metadata.notes, *found.notes),
-    )
-
-
-def saved_corners(path: Path, said: Callable[[CameraKey], CameraKey], focus: str | None = None) -> Collected:
-    """The observations that an earlier run wrote.
-
-    Args:
-        path: a corners.json.
-        said: replaces what the file states of the camera by what the user states.
-        focus: how the lens was focused, in place of what the file states.
-
-    Raises:
-        InputError: it cannot be read.
-        ParseError: it is broken.
-    """
-    kept = read_corners(path)
-    camera = replace(said(replace(kept.camera, firmware=kept.firmware)), image_size=kept.image_size)
-    return Collected(
-        observations=replace(
-            kept,
-            camera=camera,
-            firmware=camera.firmware,
-            focus=focus if focus is not None else kept.focus,
-        )
     )
 
 

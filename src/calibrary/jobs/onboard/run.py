@@ -144,7 +144,7 @@ def _square_mm(cameras: Sequence[PayloadCamera], request: Request) -> float:
     """Asked once, however many cameras photographed the board; 0 where none did."""
     frames = sum(len(camera.frames) for camera in cameras)
     if request.board is not None:
-        return request.board.square_mm
+        return request.board.pitch
     return request.questions.square_mm(frames) if frames else 0.0
 
 

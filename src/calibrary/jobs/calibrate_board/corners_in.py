@@ -1,0 +1,151 @@
+"""Corners in place of frames: those that an earlier run wrote, and those that another program found."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+from calibrary.calib.board import Board, Pattern
+from calibrary.calib.collect import Collected, NamedRemark
+from calibrary.calib.corners_file import read_corners, read_table
+from calibrary.calib.corners_table import CornersTable, is_corners_table, read_corners_table
+from calibrary.calib.found import Reason, Remark
+from calibrary.calib.observations import Observations
+from calibrary.calibration import CameraKey, ImageSize
+from calibrary.conventions import Origin, canonical_from_file
+from calibrary.errors import InputError
+from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata, describe_frames
+from calibrary.provenance import SourceFile
+from calibrary.records import replace
+
+__all__ = ["corners_of_file"]
+
+Said = Callable[[CameraKey], CameraKey]
+
+
+def corners_of_file(
+    path: Path,
+    said: Said,
+    focus: str | None = None,
+    *,
+    board: Board | None = None,
+    image_size: ImageSize | None = None,
+    origin: Origin | None = None,
+) -> Collected:
+    """The observations of a corners.json, a corners.vnl of mrcal, or a CSV of corners.
+
+    A table names its frames; where these lie beside it, they tell the image size and what they state of the camera.
+
+    Args:
+        path: the file.
+        said: replaces what the file states of the camera by what the user states.
+        focus: how the lens was focused, in place of what the file states.
+        board: whose corners they are, which a corners.json says itself and a table does not.
+        image_size: (width, height) px of the frames, where they are not at hand.
+        origin: where a table counts pixels from; None for the middle of the first, as detectors do.
+
+    Raises:
+        InputError: it cannot be read, or what it does not say was not given.
+        ParseError: it is broken.
+    """
+    content = read_table(path)
+    if not is_corners_table(content):
+        if board is not None or origin is not None:
+            raise InputError(
+                "a corners.json states its board and its pixel origin; leave --board and --pixel-origin out",
+                source=path.name,
+            )
+        return _of_json(path, said, focus)
+    if board is None:
+        raise InputError(
+            "a table of corners does not name the board; say --board, such as --board checkerboard:10x10",
+            source=path.name,
+        )
+    if board.pattern is Pattern.APRILGRID:
+        raise InputError(
+            "the corners of an AprilGrid are numbered differently by every program; calibrate from the frames",
+            source=path.name,
+        )
+    table = read_corners_table(content, board, source=path.name)
+    frames = _frames_beside(path, table)
+    metadata = describe_frames(list(frames.values()), said, focus) if frames else FrameMetadata(setting=None)
+    size = metadata.setting.image_size if metadata.setting is not None else image_size
+    if size is None:
+        raise InputError(
+            f"its frames, such as {next(iter(table.views))}, are not beside it, and it states no image size; say "
+            "--image-size WxH",
+            source=path.name,
+        )
+    shift = canonical_from_file((0.0, 0.0), origin or Origin.PIXEL_CENTRE, size)
+    camera = metadata.setting.camera if metadata.setting is not None else said(CameraKey(image_size=size))
+    observations = Observations(
+        board=board,
+        image_size=size,
+        views=tuple(
+            replace(view, image_points=view.image_points + shift, sha256=_sha256(frames.get(name)))
+            for name, view in table.views.items()
+        ),
+        camera=replace(camera, image_size=size),
+        focus=metadata.setting.focus if metadata.setting is not None else focus,
+        firmware=camera.firmware,
+        taken=metadata.taken,
+        source=SourceFile(name=path.name, sha256=hashlib.sha256(content).hexdigest()),
+    )
+    return Collected(
+        observations=observations,
+        rejected=tuple(_empty(path, name) for name in table.empty),
+        notes=(*metadata.notes, *_notes(path, table)),
+        files={
+            view.sha256: frames[name]
+            for name, view in zip(table.views, observations.views, strict=True)
+            if view.sha256 is not None
+        },
+    )
+
+
+def _of_json(path: Path, said: Said, focus: str | None) -> Collected:
+    kept = read_corners(path)
+    camera = replace(said(replace(kept.camera, firmware=kept.firmware)), image_size=kept.image_size)
+    return Collected(
+        observations=replace(
+            kept,
+            camera=camera,
+            firmware=camera.firmware,
+            focus=focus if focus is not None else kept.focus,
+        )
+    )
+
+
+def _frames_beside(path: Path, table: CornersTable) -> dict[str, Path]:
+    """The frames that a table names, by the name, where all of them are there."""
+    found: dict[str, Path] = {}
+    for name, view in table.views.items():
+        places = (path.parent / name, path.parent / view.name)
+        frame = next((place for place in places if place.is_file()), None)
+        if frame is None:
+            return {}
+        found[name] = frame
+    return found
+
+
+def _sha256(path: Path | None) -> str | None:
+    if path is None:
+        return None
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _empty(path: Path, name: str) -> NamedRemark:
+    text = f"{path.name} has no corners of it"
+    return NamedRemark(name=name, remark=Remark(reason=Reason.NO_BOARD, text=text, rejects=True))
+
+
+def _notes(path: Path, table: CornersTable) -> list[str]:
+    if not table.coarse:
+        return []
+    total = sum(len(view.ids) for view in table.views.values())
+    return [
+        f"{table.coarse} of {total} corners of {path.name} were measured in a smaller copy of their frame (level > 0); "
+        "they count as much as the others"
+    ]
