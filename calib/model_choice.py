@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.special import fdtrc
 
 from calibrary.calib.adjustment import Adjusted, adjust, reduce
 from calibrary.calib.covariance import MEANINGLESS, lens_condition
@@ -25,6 +24,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import State, linearise
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError
+from calibrary.probability import f_tail
 from calibrary.records import Record, replace
 
 __all__ = ["CLEARLY", "Candidate", "WarpTest", "as_model", "best_model", "f_test", "sound_share", "warp_test"]
@@ -145,7 +145,7 @@ def f_test(rss: float, rss_with: float, extra: int, dof_with: int) -> tuple[floa
     if dof_with <= 0 or extra <= 0:
         return 0.0, 1.0
     f = max(rss - rss_with, 0.0) / extra / max(rss_with / dof_with, 1e-300)
-    return f, float(fdtrc(extra, dof_with, f))
+    return f, f_tail(extra, dof_with, f)
 
 
 def as_model(state: State, model: Solvable) -> State:

@@ -22,11 +22,11 @@ from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtrc
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import Calibration, Covariance, ImageSize
 from calibrary.errors import CalibrationError, InputError
+from calibrary.probability import chi_square_tail
 from calibrary.records import replace
 
 __all__ = [
@@ -356,7 +356,7 @@ def _chance(vectors: FloatArray, propagated: FloatArray) -> float | None:
     if not (mean > 0 and variance > 0):
         return None
     dof = 2 * mean**2 / variance
-    return float(chdtrc(dof, float((vectors**2).sum() / len(vectors)) * dof / mean))
+    return chi_square_tail(dof, float((vectors**2).sum() / len(vectors)) * dof / mean)
 
 
 def _weights(weights: ArrayLike, shape: tuple[int, ...]) -> FloatArray:

@@ -18,13 +18,13 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
-from scipy.special import chdtrc, ndtr
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.projection_difference import ProjectionDifference
 from calibrary.calibration import Calibration, Covariance, Grade
 from calibrary.jobs.diff.origin import Common, has_other_source
 from calibrary.jobs.diff.priors import Spread
+from calibrary.probability import normal_tails
 
 __all__ = ["Basis", "Scale", "Significance", "basis_of", "covariances_of", "image_scale", "significance"]
 
@@ -163,7 +163,7 @@ def significance(
 def _two_sided(scale: Scale) -> float:
     if scale.std is None or scale.change == 0:
         return 1.0
-    return 2 * float(ndtr(-abs(scale.change) / scale.std)) if scale.std > 0 else 0.0
+    return normal_tails(scale.change / scale.std) if scale.std > 0 else 0.0
 
 
 def _whitening(noise: FloatArray) -> FloatArray:
@@ -191,7 +191,7 @@ def _tail(difference: ProjectionDifference, whitening: FloatArray) -> float:
 
 def _rayleigh(z: float) -> float:
     """Chance that the length of a two-dimensional standard normal vector exceeds z."""
-    return float(chdtrc(2, z**2)) if math.isfinite(z) else 0.0
+    return math.exp(-z * z / 2) if math.isfinite(z) else 0.0
 
 
 def _times(covariance: Covariance, factor: float) -> Covariance:

@@ -258,7 +258,7 @@ def _held(
             altitude_m=altitude_m,
         )
     by = reference.provenance.tag or reference.provenance.source or reference.provenance.kind
-    from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  scipy, which few runs need
+    from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  what few runs need
 
     try:
         comparison = compare(reference, nearest, policy)
