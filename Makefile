@@ -90,7 +90,7 @@ dist: $(INSTALLED) ## Build sdist and wheel into dist/ and check what is in them
 
 lock: ## Resolve requirements-dev.lock anew with uv (ARGS=--upgrade takes the newest)
 	@$(if $(UV),:,echo "make lock needs uv" >&2; exit 1)
-	$(UV) pip compile --quiet --universal --python-version 3.11 --group dev --generate-hashes \
+	$(UV) pip compile --quiet --universal --python-version 3.11 --all-extras --group dev --generate-hashes \
 		--custom-compile-command "make lock" $(ARGS) --output-file requirements-dev.lock pyproject.toml
 
 clean: ## Remove everything that was made, but for .venv

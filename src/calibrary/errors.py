@@ -16,7 +16,8 @@
     ├── RegistryError
     │   ├── UnknownCameraError (KeyError)
     │   └── ConflictError                the entry has changed since it was read
-    └── CalibrationError                 a calibration could not be computed
+    ├── CalibrationError                 a calibration could not be computed
+    └── MissingExtraError (ImportError)  a library that the job needs is not installed
 
 A message states what was found, what was expected and what to do; ``source`` and ``place`` say where.
 """
@@ -34,6 +35,7 @@ __all__ = [
     "ConflictError",
     "FrameError",
     "InputError",
+    "MissingExtraError",
     "MissingSizeError",
     "MissingTagError",
     "ParseError",
@@ -152,3 +154,7 @@ class ConflictError(RegistryError):
 
 class CalibrationError(CalibraryError):
     """A calibration could not be computed from what was given."""
+
+
+class MissingExtraError(CalibraryError, ImportError):
+    """A library that only some jobs need is not installed; the message names the command that installs it."""

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import re
 import tomllib
+from importlib.metadata import packages_distributions
 
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from calibrary.extras import LIBRARIES
 from tests.house.project import ROOT
 
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+EXTRAS: dict[str, list[str]] = PYPROJECT["project"]["optional-dependencies"]
 WANTED = [
     Requirement(line)
     for line in (
         *PYPROJECT["build-system"]["requires"],
         *PYPROJECT["project"]["dependencies"],
         *PYPROJECT["dependency-groups"]["dev"],
+        *(line for lines in EXTRAS.values() for line in lines if not line.startswith("calibrary[")),
     )
 ]
 LOCK = (ROOT / "requirements-dev.lock").read_text()
@@ -66,6 +70,28 @@ def test_the_lock_file_gives_each_python_what_pyproject_wants(python: str) -> No
 def test_the_lock_file_names_no_package_index() -> None:
     assert "://" not in LOCK
     assert re.findall(r"(?m)^-", LOCK) == []
+
+
+def test_the_extra_all_brings_every_other_extra() -> None:
+    (everything,) = (Requirement(line) for line in EXTRAS["all"])
+    assert everything.extras == EXTRAS.keys() - {"all"}
+
+
+def test_no_extra_but_opencv_brings_an_opencv() -> None:
+    """Pip would put it over the variant that a user has."""
+    naming = {extra for extra, lines in EXTRAS.items() if any("opencv" in Requirement(x).name for x in lines)}
+    assert naming == {"opencv"}
+
+
+@pytest.mark.parametrize("module", LIBRARIES)
+def test_each_optional_library_is_in_the_extras_that_its_message_names(module: str) -> None:
+    brought = {
+        canonicalize_name(Requirement(line).name)
+        for extra in LIBRARIES[module].extras
+        for line in EXTRAS[extra]
+    }
+    distributions = {canonicalize_name(name) for name in packages_distributions()[module]}
+    assert brought & distributions
 
 
 def test_every_pin_carries_a_hash() -> None:

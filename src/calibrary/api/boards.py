@@ -21,6 +21,7 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.conventions import Origin
 from calibrary.errors import InputError
+from calibrary.extras import CALIBRATE, require
 from calibrary.jobs.calibrate_board.corners_in import corners_of_file
 from calibrary.jobs.calibrate_board.entry import camera_named, entry_of, require_key
 from calibrary.jobs.calibrate_board.frame_metadata import (
@@ -162,6 +163,7 @@ def calibrate(
     Raises:
         InputError: there are no frames, they are of several cameras, or an argument is out of range.
         CalibrationError: no frame shows the board, or the corners do not determine a camera.
+        MissingExtraError: OpenCV is not installed.
 
     >>> result = calibrary.calibrate("frames", board="checkerboard:9x6", square_mm=40)
     >>> result.verdict, result.calibration.camera.model
@@ -169,6 +171,7 @@ def calibrate(
     >>> result.findings[0].rule
     'few-views'
     """
+    require(CALIBRATE, "a calibration")
     if lens_model != "auto" and lens_model not in list(Solvable):
         raise InputError(f"no lens model {lens_model!r:.40}; expected auto, {', '.join(Solvable)}")
     if [frames, corners, points].count(None) != 2:
@@ -297,12 +300,14 @@ def write_board(
 
     Raises:
         InputError: there is no such board or page, the board is too large, or the file cannot be written.
+        MissingExtraError: OpenCV is not installed.
 
     >>> from calibrary.api.boards import write_board
     >>> board, page = write_board("checkerboard:9x6", "board.svg", square_mm=25)
     >>> page.width_mm, page.height_mm
     (420.0, 297.0)
     """
+    require(CALIBRATE, "a board")
     write = {".pdf": to_pdf, ".svg": to_svg}.get(Path(out).suffix.lower())
     if write is None:
         raise InputError("expected a file that ends in .pdf or .svg", source=str(out))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from calibrary.errors import InputError
+from calibrary.extras import require
 from calibrary.jobs.demo.flight import DemoImage, write_flight
 
 __all__ = ["write_demo"]
@@ -19,7 +20,9 @@ def write_demo(folder: str | Path, *, seed: int = 7) -> list[DemoImage]:
 
     Raises:
         InputError: it cannot be written.
+        MissingExtraError: Pillow, which writes its images, is not installed.
     """
+    require(["PIL"], "the demo")
     try:
         return write_flight(Path(folder), seed=seed)
     except OSError as error:

@@ -14,6 +14,7 @@ from calibrary.api.registry_results import Blame, CheckResult, EntryListing, Fle
 from calibrary.api.stated import CameraLike, overlay
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, RegistryError
+from calibrary.extras import PAGES, require
 from calibrary.jobs.exchange.resolve import Question, answer, asked
 from calibrary.progress import Progress, labelled
 from calibrary.registry.approvals import approvals_of
@@ -342,7 +343,9 @@ class FleetView:
 
         Raises:
             InputError: the folder holds something else.
+            MissingExtraError: what draws pages is not installed.
         """
+        require(PAGES, "a site")
         from calibrary.jobs.site.building import build
         from calibrary.jobs.site.place import check_out
 
@@ -396,7 +399,9 @@ class FleetView:
 
         Raises:
             InputError: the port is taken.
+            MissingExtraError: what draws pages is not installed.
         """
+        require(PAGES, "a site")
         from calibrary.jobs.site.server import Server
 
         return Server(self.place, port=port, workers=workers, progress=labelled(progress, "pages"), told=told)

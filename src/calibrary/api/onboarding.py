@@ -12,6 +12,7 @@ from calibrary.api.stated import CameraLike, overlay
 from calibrary.calib.board import parse_board
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
+from calibrary.extras import CALIBRATE, PAGES, require
 from calibrary.jobs.exchange.add import Stated
 from calibrary.jobs.onboard.estimates import Kind
 from calibrary.jobs.onboard.proposal import Serves
@@ -111,7 +112,9 @@ def onboard(
     Raises:
         InputError: the folder cannot be read, there is nothing of a camera in it, or an answer is missing.
         RegistryError: the registry cannot be read.
+        MissingExtraError: what finds boards or draws the page is not installed.
     """
+    require([*CALIBRATE, *PAGES], "onboard")
     if board is not None and not isinstance(square_mm, int | float):
         raise InputError("a board needs square_mm, the side of its squares")
     request = Request(

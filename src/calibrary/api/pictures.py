@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+from calibrary.extras import CALIBRATE, require
 from calibrary.jobs.exchange.argument import Reading, choose
 from calibrary.jobs.undistort.run import ALPHAS, Size, Undistortion, UndistortRequest
 from calibrary.jobs.undistort.run import undistort as run
@@ -53,11 +54,13 @@ def undistort(
     Raises:
         InputError: the calibration cannot be used, there is no image, or a file would be overwritten; nothing was
             written. An image that cannot be read is one of the result.
+        MissingExtraError: OpenCV is not installed.
 
     >>> from calibrary.api.pictures import undistort
     >>> undistort("survey", "camera.xml").is_good
     True
     """
+    require(CALIBRATE, "undistort")
     source = Path(calibration)
     reading = reading or Reading()
     camera = choose(reading.read(source), reading.camera, source=source.name)

@@ -11,6 +11,7 @@ from calibrary.calib.synthesis import Settings, Sheet, Shutter, Truth, poses
 from calibrary.calib.synthesis.cameras import example_camera, head, unit_of
 from calibrary.calib.synthesis.files import check_empty, write_frames
 from calibrary.calibration import Calibration
+from calibrary.extras import CALIBRATE, require
 from calibrary.jobs.exchange.argument import Reading, choose
 from calibrary.known_camera import KnownCamera
 from calibrary.progress import Progress
@@ -67,7 +68,9 @@ def render_frames(
 
     Raises:
         InputError: the folder is not empty, or there is no such board or camera.
+        MissingExtraError: OpenCV is not installed.
     """
+    require(CALIBRATE, "rendering frames")
     out = Path(out)
     check_empty(out)
     made = parse_board(board, square_mm, marker_mm)

@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING
 from calibrary.cli.commands import Command, add_commands
 from calibrary.cli.parser import Parser
 from calibrary.cli.signals import exit_code
-from calibrary.errors import CalibraryError, CalibrationError, RegistryError, ValidationError
+from calibrary.errors import (
+    CalibraryError,
+    CalibrationError,
+    MissingExtraError,
+    RegistryError,
+    ValidationError,
+)
 
 if TYPE_CHECKING:
     import logging
@@ -97,7 +103,7 @@ EPILOG = """\
 exit codes:
   0  good
   1  a policy was broken, a K is not proven or not right, or an image cannot be read
-  2  the command was not understood
+  2  the command was not understood, or needs a library that is not installed
   3  an input cannot be read
   4  the registry cannot be read or written
 
@@ -188,6 +194,8 @@ def _printable(error: Exception) -> str:
 def _exit_code(error: CalibraryError) -> int:
     if isinstance(error, ValidationError | CalibrationError):
         return EXIT_POLICY
+    if isinstance(error, MissingExtraError):
+        return EXIT_USAGE
     return EXIT_REGISTRY if isinstance(error, RegistryError) else EXIT_INPUT
 
 

@@ -7,18 +7,11 @@ import hashlib
 from functools import cache
 from importlib import resources
 
-from jinja2 import Environment, StrictUndefined, Template
-from markupsafe import Markup
-
-from calibrary.pages.content import Figure, Page, Section
+from calibrary.extras import PAGES, require
+from calibrary.pages.content import Page
 from calibrary.pages.palette import style_rules
-from calibrary.pages.svg import inline_svg
-from calibrary.pages.text import visible
 
 __all__ = ["render_page"]
-
-MOST_LINES = 1_000
-LONGEST_ALT = 2_000
 
 
 def render_page(page: Page, *, script: str | None = None) -> str:
@@ -33,28 +26,18 @@ def render_page(page: Page, *, script: str | None = None) -> str:
 
     Raises:
         InputError: a figure's drawing is no SVG.
+        MissingExtraError: what fills and draws pages is not installed.
     """
+    require(PAGES, "a page")
+    from calibrary.pages.template import fill  # noqa: PLC0415  Jinja2, which a plain install leaves out
+
     style = _style()
     scripts = f" script-src {_digest(script)};" if script is not None else ""
     security = (
         f"default-src 'none'; style-src {_digest(style)};{scripts} img-src data:; base-uri 'none'; "
         "form-action 'none'"
     )
-    names = _Names()
-
-    def drawing(figure: Figure) -> Markup:
-        alt = visible(figure.alt, LONGEST_ALT)
-        # The drawing is rebuilt element by element from a list of harmless ones.
-        return Markup(inline_svg(figure.svg, alt=alt, prefix=names.next("plot")))  # noqa: S704
-
-    return _template().render(
-        page=page,
-        anchors=names,
-        drawing=drawing,
-        security=security,
-        style=Markup(style),  # noqa: S704  our own file
-        script=Markup(script) if script is not None else None,  # noqa: S704  our own file
-    )
+    return fill(page, security=security, style=style, script=script)
 
 
 def _digest(text: str) -> str:
@@ -62,61 +45,7 @@ def _digest(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-class _Names:
-    """Names that occur once in a page."""
-
-    def __init__(self) -> None:
-        self._counts: dict[str, int] = {}
-        self._anchors: dict[int, str] = {}
-        self._taken: set[str] = {"content"}
-
-    def of(self, section: Section) -> str:
-        """The section's anchor; the same one each time it is asked for."""
-        if id(section) not in self._anchors:
-            wanted = "".join(c if c.isalnum() and c.isascii() else "-" for c in (section.anchor or ""))[:80]
-            while not wanted or wanted in self._taken:
-                wanted = self.next("section")
-            self._taken.add(wanted)
-            self._anchors[id(section)] = wanted
-        return self._anchors[id(section)]
-
-    def next(self, stem: str) -> str:
-        """A name with the next number."""
-        self._counts[stem] = self._counts.get(stem, 0) + 1
-        return f"{stem}-{self._counts[stem]}"
-
-    def unique(self, label: str) -> str:
-        """The label; numbered where the page has it already, since regions are told apart by theirs."""
-        self._counts[label] = self._counts.get(label, 0) + 1
-        return label if self._counts[label] == 1 else f"{label} ({self._counts[label]})"
-
-
 @cache
 def _style() -> str:
     own = resources.files("calibrary.pages").joinpath("style.css").read_text(encoding="utf-8")
     return style_rules() + "\n" + own
-
-
-@cache
-def _template() -> Template:
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, finalize=_finalize, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["bounded"] = visible
-    environment.filters["lines"] = _lines
-    source = resources.files("calibrary.pages").joinpath("page.html.j2").read_text(encoding="utf-8")
-    return environment.from_string(source)
-
-
-def _finalize(value: object) -> object:
-    """What every expression of the template passes through before it is escaped."""
-    return value if hasattr(value, "__html__") else visible(str(value))
-
-
-def _lines(text: str) -> Markup:
-    """Text whose line breaks are meant."""
-    lines = text.split("\n")
-    shown = [visible(line.rstrip("\r")) for line in lines[:MOST_LINES]]
-    if len(lines) > MOST_LINES:
-        shown.append(f"… {len(lines) - MOST_LINES} more lines")
-    return Markup("\n").join(shown)

@@ -13,6 +13,7 @@ from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError
+from calibrary.extras import PAGES, require
 from calibrary.jobs.calibrate_board.page import calibration_page
 from calibrary.pages import render_page
 
@@ -55,7 +56,10 @@ class Places:
 
         Raises:
             InputError: a folder may not be written to, a name is of another kind of file, or two are the same.
+            MissingExtraError: a report is wanted, and what draws pages is not installed.
         """
+        if self.report is not None:
+            require(PAGES, "a report")
         wanted = [*self._named()]
         for flag, path, suffixes in wanted:
             if suffixes and path.suffix.lower() not in suffixes:

@@ -15,6 +15,7 @@ import numpy as np
 from calibrary.atomic import check_folder
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.extras import PAGES, require
 from calibrary.jobs.extract.colmap_cameras import RESTORE, DatabaseCamera, DatabaseChange, plan_database
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import (
@@ -191,7 +192,9 @@ def check_page_place(path: Path) -> None:
 
     Raises:
         InputError: the name is no .html, or its folder may not be written to.
+        MissingExtraError: what draws pages is not installed.
     """
+    require(PAGES, "a page")
     if path.suffix.lower() not in {".html", ".htm"}:
         raise InputError("expected a name that ends in .html", source=str(path), place="--html")
     check_folder(path, place="--html")
