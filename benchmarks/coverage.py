@@ -24,7 +24,8 @@ if not TYPE_CHECKING:
     # A program's own folder is where Python looks first.
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from calibrary.calib.estimation import MAP_SHAPE, estimate
+from calibrary.calib.assessment import MAP_SHAPE
+from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import projection_difference
 from calibrary.calib.result import CalibrationResult

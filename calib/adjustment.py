@@ -1,4 +1,4 @@
-"""Least squares over a camera, the board's warp and all poses at once, by Levenberg–Marquardt.
+"""Least squares over a camera or a rig of them, the board's warp and all poses at once, by Levenberg–Marquardt.
 
 Each pose is tied to its own view only, so the poses are eliminated view by view (Schur complement) and what is
 left to solve has the size of the lens model: a step costs the same per corner however many views there are.
@@ -9,11 +9,12 @@ Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Generic
 
 import numpy as np
 
 from calibrary.arrays import FloatArray, IntArray
-from calibrary.calib.network import Linear, Network, State, linearise, turned
+from calibrary.calib.network import LensT, Linear, Network, State, linearise, turned
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
@@ -58,7 +59,7 @@ class Reduced:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Adjusted:
+class Adjusted(Generic[LensT]):
     """Where a search ended.
 
     Attributes:
@@ -69,7 +70,7 @@ class Adjusted:
     """
 
     network: Network
-    state: State
+    state: State[LensT]
     linear: Linear
     free: IntArray
 
@@ -95,8 +96,13 @@ class Adjusted:
 
 
 def adjust(
-    network: Network, start: State, *, warp: bool = False, poses_only: bool = False, damping: float = 0.0
-) -> Adjusted:
+    network: Network,
+    start: State[LensT],
+    *,
+    warp: bool = False,
+    poses_only: bool = False,
+    damping: float = 0.0,
+) -> Adjusted[LensT]:
     """The nearest minimum of the sum of squares.
 
     Args:
@@ -203,11 +209,11 @@ def _step(linear: Linear, free: IntArray, damping: float) -> _Step | None:
     return _Step(of_globals=by, of_poses=poses, decrease=decrease)
 
 
-def _moved(state: State, free: IntArray, step: _Step) -> State | None:
+def _moved(state: State[LensT], free: IntArray, step: _Step) -> State[LensT] | None:
     values = np.concatenate([state.parameters, state.warp])
     values[free] += step.of_globals
     size = len(state.parameters)
-    if len(free) and not (values[:2] > 0).all():
+    if len(free) and not state.model.is_possible(values[:size]):
         return None
     return replace(
         state,

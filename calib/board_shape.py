@@ -21,7 +21,7 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.freed import freed
 from calibrary.calib.model_choice import f_test
-from calibrary.calib.network import Network
+from calibrary.calib.network import LensT, Network
 from calibrary.records import Record, replace
 
 __all__ = ["BoardShape", "Stretch", "board_shape", "laid_on", "stretch"]
@@ -83,7 +83,7 @@ class BoardShape:
         return float(np.abs(self.lifts_mm).max())
 
 
-def board_shape(adjusted: Adjusted) -> BoardShape | None:
+def board_shape(adjusted: Adjusted[LensT]) -> BoardShape | None:
     """Let the board's points leave its plane; None for points that are no board, or too few views for it."""
     network, size = adjusted.network, len(adjusted.state.parameters)
     if not network.is_planar:
@@ -112,7 +112,9 @@ def board_shape(adjusted: Adjusted) -> BoardShape | None:
     )
 
 
-def laid_on(adjusted: Adjusted, everything: Network) -> tuple[Adjusted, Network, BoardShape] | None:
+def laid_on(
+    adjusted: Adjusted[LensT], everything: Network
+) -> tuple[Adjusted[LensT], Network, BoardShape] | None:
     """The camera before the board as it is bent.
 
     Args:
@@ -142,7 +144,7 @@ def laid_on(adjusted: Adjusted, everything: Network) -> tuple[Adjusted, Network,
     return adjusted, replace(everything, points=adjusted.network.points), final
 
 
-def stretch(adjusted: Adjusted) -> tuple[Stretch, FloatArray] | None:
+def stretch(adjusted: Adjusted[LensT]) -> tuple[Stretch, FloatArray] | None:
     """One length of the print against the other, and (n,) by which the lens moves when it is free.
 
     Without the prior in the value, for it is a measurement; with it in the shift, for a board that was never rolled
@@ -162,13 +164,13 @@ def stretch(adjusted: Adjusted) -> tuple[Stretch, FloatArray] | None:
     return Stretch(value=float(alone.step[-1]), std=std), held.step[:size]
 
 
-def _moved(adjusted: Adjusted, row: int, axis: int) -> FloatArray:
+def _moved(adjusted: Adjusted[LensT], row: int, axis: int) -> FloatArray:
     """(M, 2) px per mm by which a view's points move along one axis of the board."""
     by_place = adjusted.linear.by_pose[row][:, 3:].reshape(-1, 2, 3)
     return np.asarray(by_place @ adjusted.state.rotations[row][:, axis])
 
 
-def _shapes(adjusted: Adjusted) -> FloatArray:
+def _shapes(adjusted: Adjusted[LensT]) -> FloatArray:
     """(V, M, k) by how much each of k shapes lifts each point; none of them is a plane or an arch solved for."""
     network = adjusted.network
     xy = network.points[..., :2]

@@ -9,6 +9,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted
+from calibrary.calib.network import LensT
 
 __all__ = ["Freed", "freed"]
 
@@ -29,7 +30,7 @@ class Freed:
 
 
 def freed(
-    adjusted: Adjusted, columns: Callable[[int], FloatArray], more: int, prior: float = np.inf
+    adjusted: Adjusted[LensT], columns: Callable[[int], FloatArray], more: int, prior: float = np.inf
 ) -> Freed | None:
     """Let k further parameters free that are the same in every view.
 

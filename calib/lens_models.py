@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, Rational
 from calibrary.errors import InputError
@@ -83,6 +83,16 @@ class Solvable(StrEnum):
         if self is Solvable.FISHEYE:
             return _fisheye(parameters, points)
         return _perspective(parameters, points, self.coefficients)
+
+    def faces(self, parameters: FloatArray, points: FloatArray) -> BoolArray:
+        """(…,) which of (…, 3) points are where it can see: in front of a perspective lens, anywhere for a fisheye."""
+        del parameters
+        everywhere = self is Solvable.FISHEYE
+        return np.asarray((points[..., 2] > 0) | everywhere)
+
+    def is_possible(self, parameters: FloatArray) -> bool:
+        """Whether both focal lengths are positive."""
+        return bool((parameters[:2] > 0).all())
 
 
 _COEFFICIENTS: Final[Mapping[Solvable, tuple[str, ...]]] = {

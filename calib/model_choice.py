@@ -21,7 +21,7 @@ import numpy as np
 from calibrary.calib.adjustment import Adjusted, adjust, reduce
 from calibrary.calib.covariance import MEANINGLESS, lens_condition
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.network import State, linearise
+from calibrary.calib.network import LensT, State, linearise
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError
 from calibrary.probability import f_tail
@@ -124,7 +124,7 @@ def best_model(
     return min(allowed, key=lambda pair: pair[0].criterion)[1], candidates
 
 
-def warp_test(near: Adjusted) -> tuple[WarpTest, Adjusted, Adjusted]:
+def warp_test(near: Adjusted[LensT]) -> tuple[WarpTest, Adjusted[LensT], Adjusted[LensT]]:
     """Solve without and with the board's warp, and compare.
 
     Returns:

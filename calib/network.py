@@ -3,22 +3,54 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.board import Board
-from calibrary.calib.lens_models import Solvable
+from calibrary.calib.lens_models import Projected, Solvable
 from calibrary.calib.observations import ControlPoints, Observations
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = ["Linear", "Network", "State", "linearise", "turned"]
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar
+else:
+    from typing import TypeVar as _TypeVar
+
+    def TypeVar(name, *, bound, default):  # noqa: N802  PEP 696's default is for type checkers only
+        """As typing's own of Python 3.13."""
+        del default
+        return _TypeVar(name, bound=bound)
+
+
+__all__ = ["Lens", "LensT", "Linear", "Network", "State", "linearise", "turned"]
 
 
 MAX_CELLS = 1_000_000
 """Views × corners of the fullest view; 200 views of a 40 × 30 board are a quarter of it."""
+
+
+class Lens(Protocol):
+    """What maps points to pixels: the lens of one camera, or the lenses of a rig with the places they have in it."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of what is solved for, in the order of every vector and matrix about it."""
+
+    def project(self, parameters: FloatArray, points: FloatArray) -> Projected:
+        """Pixels of (V, M, 3) points in the frame of the poses, with their derivatives."""
+
+    def faces(self, parameters: FloatArray, points: FloatArray) -> BoolArray:
+        """(V, M) which points are where it can see at all."""
+
+    def is_possible(self, parameters: FloatArray) -> bool:
+        """Whether a search may go there: a focal length is positive."""
+
+
+LensT = TypeVar("LensT", bound=Lens, default=Solvable)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -104,24 +136,24 @@ def _bend(board: Board | ControlPoints) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class State:
+class State(Generic[LensT]):
     """What is solved for.
 
     Attributes:
-        model: the lens model that the parameters are of.
+        model: the lens model that the parameters are of, or a rig's.
         parameters: (n,) in the model's order.
         warp: (2,) mm, the lift of the board's middle over the middles of its edges, along u and along v.
         rotations: (V, 3, 3) board to camera.
         translations: (V, 3) mm, the board's middle in the camera frame.
     """
 
-    model: Solvable
+    model: LensT
     parameters: FloatArray
     warp: FloatArray
     rotations: FloatArray
     translations: FloatArray
 
-    def views(self, rows: NDArray[np.intp]) -> State:
+    def views(self, rows: NDArray[np.intp]) -> State[LensT]:
         """The same camera with some of the poses."""
         return replace(self, rotations=self.rotations[rows], translations=self.translations[rows])
 
@@ -146,7 +178,7 @@ class Linear:
         return float(np.vdot(self.residuals, self.residuals))
 
 
-def linearise(network: Network, state: State) -> Linear | None:
+def linearise(network: Network, state: State[LensT]) -> Linear | None:
     """Residuals and derivatives; None where a point is behind a perspective camera or a number overflows."""
     views, corners = network.seen.shape
     lifted = network.points
@@ -155,7 +187,7 @@ def linearise(network: Network, state: State) -> Linear | None:
         lifted[..., 2] += network.warp_shape @ state.warp
     arms = lifted @ state.rotations.transpose(0, 2, 1)
     inside = arms + state.translations[:, None, :]
-    if state.model is not Solvable.FISHEYE and (inside[..., 2] <= 0)[network.seen].any():
+    if not state.model.faces(state.parameters, inside)[network.seen].all():
         return None
     with np.errstate(all="ignore"):
         pixels, by_parameter, by_point = state.model.project(state.parameters, inside)

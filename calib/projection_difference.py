@@ -28,6 +28,7 @@ from calibrary.calibration import Calibration, Covariance, ImageSize
 from calibrary.errors import CalibrationError, InputError
 from calibrary.probability import chi_square_tail
 from calibrary.records import replace
+from calibrary.rotations import rotation_matrix, rotation_vector
 
 __all__ = [
     "ProjectionDifference",
@@ -185,7 +186,7 @@ def projection_difference(
     return ProjectionDifference(
         pixels=pixels,
         vectors=vectors.reshape(pixels.shape),
-        rotation_rad=_vector(R),
+        rotation_rad=rotation_vector(R),
         std_px=None if std is None else std.reshape(grid),
         p=None if propagated is None else _chance(vectors[region], propagated[region]),
         image_size=size,
@@ -245,7 +246,7 @@ def _fitted(
         length = float(np.linalg.norm(step))
         if length > 0.2:
             step *= 0.2 / length
-        R = _rotation(step) @ R
+        R = rotation_matrix(step) @ R
         if length < SETTLED_RAD:
             return R, seen
     return R, seen
@@ -255,7 +256,7 @@ def _by_turn(camera: Calibration, rays: FloatArray) -> FloatArray:
     """(N, 2, 3) px per rad: ∂project(turned ray)/∂turn at no turn, by central differences."""
     J = np.empty((len(rays), 2, 3))
     for axis in range(3):
-        turn = _rotation(STEP_RAD * np.eye(3)[axis])
+        turn = rotation_matrix(STEP_RAD * np.eye(3)[axis])
         J[:, :, axis] = (camera.project(rays @ turn.T) - camera.project(rays @ turn)) / (2 * STEP_RAD)
     return J
 
@@ -381,19 +382,3 @@ def _focus(pixels: FloatArray, image_size: ImageSize) -> FloatArray:
 
 def _rms(lengths: FloatArray) -> float:
     return float(np.sqrt(np.mean(lengths**2))) if len(lengths) else 0.0
-
-
-def _rotation(vector: FloatArray) -> FloatArray:
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    first, second = np.sinc(angle / math.pi), 0.5 * np.sinc(angle / (2 * math.pi)) ** 2
-    return np.asarray(np.eye(3) + first * cross + second * (cross @ cross))
-
-
-def _vector(R: FloatArray) -> FloatArray:
-    """Axis times angle of a rotation by less than half a turn."""
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    sine = float(np.linalg.norm(axis))
-    angle = math.atan2(sine, (float(np.trace(R)) - 1) / 2)
-    return axis if sine < 1e-9 else axis * (angle / sine)

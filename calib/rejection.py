@@ -9,7 +9,7 @@ import numpy as np
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust
-from calibrary.calib.network import Network, linearise
+from calibrary.calib.network import LensT, Network, linearise
 from calibrary.records import replace
 
 __all__ = ["Gate", "residual_lengths", "screened", "view_rms"]
@@ -45,13 +45,13 @@ class Gate:
     most_corners: float = 0.1
 
 
-def residual_lengths(adjusted: Adjusted) -> FloatArray:
+def residual_lengths(adjusted: Adjusted[LensT]) -> FloatArray:
     """(V, M) px, how far each corner is from where it is projected."""
     shape = adjusted.network.seen.shape
     return np.asarray(np.linalg.norm(adjusted.linear.residuals.reshape(*shape, 2), axis=-1))
 
 
-def view_rms(adjusted: Adjusted) -> FloatArray:
+def view_rms(adjusted: Adjusted[LensT]) -> FloatArray:
     """(V,) px, the root mean square length of each view's residuals; NaN where no corner counts."""
     lengths, seen = residual_lengths(adjusted), adjusted.network.seen
     counts = seen.sum(axis=1)

@@ -25,7 +25,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, reduce
-from calibrary.calib.network import Linear
+from calibrary.calib.network import LensT, Linear
 from calibrary.errors import CalibrationError
 
 __all__ = ["SplitHalf", "chi_square", "split_half"]
@@ -43,7 +43,7 @@ class SplitHalf:
     Attributes:
         kappa2: median over the splits of χ² / n.
         by_split: the values that it is the median of, in the order of the splits.
-        halves: (2, n) lens parameters of the two halves in the median split.
+        halves: (2, n) the parameters that were compared, of the two halves in the median split.
     """
 
     kappa2: float
@@ -51,11 +51,14 @@ class SplitHalf:
     halves: FloatArray
 
 
-def split_half(adjusted: Adjusted, *, splits: int = SPLITS, seed: int = 0) -> SplitHalf | None:
+def split_half(
+    adjusted: Adjusted[LensT], *, of: slice | None = None, splits: int = SPLITS, seed: int = 0
+) -> SplitHalf | None:
     """Solve halves of the views, several times over.
 
     Args:
         adjusted: the solution from all views; the halves keep its model, and its warp free.
+        of: the parameters that are compared; None for all but the warp.
         splits: how many times; an odd number has a split for its median.
         seed: of the dealing.
 
@@ -66,15 +69,16 @@ def split_half(adjusted: Adjusted, *, splits: int = SPLITS, seed: int = 0) -> Sp
     if len(rows) < FEWEST_VIEWS:
         return None
     views, random = [_view(adjusted, row) for row in rows.tolist()], np.random.default_rng(seed)
-    size, lens = len(adjusted.free), len(adjusted.state.parameters)
+    size, of = len(adjusted.free), of or slice(len(adjusted.state.parameters))
     found: list[tuple[float, FloatArray]] = []
     for _ in range(splits):
         dealt = random.permutation(len(rows))
         with suppress(CalibrationError):
             a, C_a = _half([views[at] for at in dealt[::2]], size)
             b, C_b = _half([views[at] for at in dealt[1::2]], size)
-            ratio = chi_square((a - b)[:lens], (C_a + C_b)[:lens, :lens]) / lens
-            found.append((ratio, adjusted.state.parameters + np.stack([a, b])[:, :lens]))
+            gap = (a - b)[of]
+            ratio = chi_square(gap, (C_a + C_b)[of, of]) / len(gap)
+            found.append((ratio, adjusted.state.parameters[of] + np.stack([a, b])[:, of]))
     if 2 * len(found) <= splits:
         return None
     ratios = [ratio for ratio, _ in found]
@@ -116,7 +120,7 @@ class _View:
     scalars: int
 
 
-def _view(adjusted: Adjusted, row: int) -> _View:
+def _view(adjusted: Adjusted[LensT], row: int) -> _View:
     of, only = adjusted.linear, slice(row, row + 1)
     linear = Linear(residuals=of.residuals[only], by_global=of.by_global[only], by_pose=of.by_pose[only])
     reduced = reduce(linear, adjusted.free)

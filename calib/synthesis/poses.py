@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from calibrary.arrays import FloatArray
 from calibrary.calib.artwork import paper_rim
 from calibrary.calib.board import Board
-from calibrary.calib.synthesis.sheet import Pose, rotation_matrix
+from calibrary.calib.synthesis.sheet import Pose
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
+from calibrary.rotations import rotation_matrix, rotation_vector
 
 __all__ = ["poses"]
 
@@ -90,7 +91,8 @@ def _pose(
         if len(fitting):
             turn, place = turns[fitting[0]], places[fitting[0]]
             tx, ty, tz = place - turn @ middle
-            return Pose(rotation=_vector(turn), translation_mm=(float(tx), float(ty), float(tz)))
+            rx, ry, rz = rotation_vector(turn).tolist()
+            return Pose(rotation=(rx, ry, rz), translation_mm=(float(tx), float(ty), float(tz)))
         share *= SHRINK
     raise InputError(
         f"{board.described} squares fits nowhere into a {K.image_size[0]}×{K.image_size[1]} frame; "
@@ -117,22 +119,3 @@ def _towards(rays: FloatArray) -> FloatArray:
     sine = np.hypot(x, y)
     angle = np.arctan2(sine, z) / np.maximum(sine, 1e-12)
     return rotation_matrix(np.column_stack([-y * angle, x * angle, 0 * z]))
-
-
-def _vector(rotation: FloatArray) -> tuple[float, float, float]:
-    """Axis times angle of a rotation, by the quaternion whose largest part is taken from the diagonal."""
-    (a, b, c), trace = np.diag(rotation), float(np.trace(rotation))
-    parts = np.array([trace, a, b, c])
-    # Rows of 4 q qᵀ; the one of the largest part has no small divisor.
-    skew = rotation - rotation.T
-    w = np.array([1 + trace, skew[2, 1], skew[0, 2], skew[1, 0]])
-    both = rotation + rotation.T
-    x = np.array([skew[2, 1], 1 + 2 * a - trace, both[0, 1], both[0, 2]])
-    y = np.array([skew[0, 2], both[0, 1], 1 + 2 * b - trace, both[1, 2]])
-    z = np.array([skew[1, 0], both[0, 2], both[1, 2], 1 + 2 * c - trace])
-    row = (w, x, y, z)[int(np.argmax(parts))]
-    quaternion = row / np.linalg.norm(row) * (1.0 if row[0] >= 0 else -1.0)
-    sine = float(np.linalg.norm(quaternion[1:]))
-    scale = 2.0 if sine < 1e-12 else 2 * math.atan2(sine, float(quaternion[0])) / sine
-    rx, ry, rz = quaternion[1:] * scale
-    return float(rx), float(ry), float(rz)

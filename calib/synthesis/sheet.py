@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -11,8 +10,9 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calibration import Calibration
+from calibrary.rotations import rotation_matrix
 
-__all__ = ["Pose", "Sheet", "Shutter", "rotation_matrix", "seen_corners", "seen_points"]
+__all__ = ["Pose", "Sheet", "Shutter", "seen_corners", "seen_points"]
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -129,14 +129,3 @@ def seen_points(points_mm: FloatArray, calibration: Calibration, shutter: Shutte
         # The transpose turns the point into the camera of the row that sees it.
         pixels = calibration.project(np.einsum("nji,nj->ni", turns, points_mm))
     return pixels
-
-
-def rotation_matrix(vector: FloatArray) -> FloatArray:
-    """Rodrigues' formula: (…, 3) axis times angle in rad to (…, 3, 3)."""
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    x, y, z = np.moveaxis(vector, -1, 0)
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*vector.shape[:-1], 3, 3)
-    # sin(a)/a and (1 − cos a)/a², which have no trouble at 0 in this form.
-    first, second = np.sinc(angle / math.pi), 0.5 * np.sinc(angle / (2 * math.pi)) ** 2
-    return np.asarray(np.eye(3) + first * cross + second * (cross @ cross))

@@ -1,0 +1,369 @@
+"""How far to trust a solution: its covariance, the halves of its views, and every finding."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Final
+
+import numpy as np
+
+from calibrary.arrays import FloatArray
+from calibrary.calib.adjustment import Adjusted
+from calibrary.calib.board import Board
+from calibrary.calib.board_shape import BoardShape, stretch
+from calibrary.calib.corners_file import corners_sha256
+from calibrary.calib.covariance import identifiability, lens_covariance
+from calibrary.calib.geometry import geometry
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.lens_series import series_shift
+from calibrary.calib.misfit import corner_noise, misfit
+from calibrary.calib.model_choice import CLEARLY, Candidate, WarpTest, sound_share, warp_test
+from calibrary.calib.observations import Observations, View
+from calibrary.calib.projection_difference import (
+    ProjectionDifference,
+    Uncertainty,
+    projection_difference,
+    projection_uncertainty,
+)
+from calibrary.calib.rejection import residual_lengths, view_rms
+from calibrary.calib.result import CalibrationResult, Dismissal, DismissalReason, ViewResult
+from calibrary.calib.solve import Solution
+from calibrary.calib.variance_factor import SplitHalf, split_half
+from calibrary.calib.verdict import LIMITS, BoardVerdict, Evidence, Limits, judge
+from calibrary.calibration import (
+    Calibration,
+    Covariance,
+    Grade,
+    Provenance,
+    Quality,
+    SourceFile,
+)
+from calibrary.errors import CalibrationError, InputError
+from calibrary.records import replace
+from calibrary.validation import Finding, Severity
+
+__all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "programs"]
+
+
+MAP_SHAPE: Final = (17, 13)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Joint:
+    """What a camera's uncertainty is when it was solved together with others.
+
+    Attributes:
+        covariance: of its lens.
+        halves: of the views, its lens against itself.
+    """
+
+    covariance: Covariance
+    halves: SplitHalf | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solved:
+    """A camera that was found, and not yet judged.
+
+    Attributes:
+        observations: what it was found from.
+        usable: the views of these that can have a pose; the solution's rows.
+        dropped: why the others cannot, by their index.
+        solution: lens, warp and poses.
+        asked_warp: whether the board's warp was to be solved for.
+        shape: of the board behind the solution; None for points on no board.
+        flat_shape: the same, as the residuals of a flat board show it.
+        joint: where it was solved together with other cameras.
+    """
+
+    observations: Observations
+    usable: Observations
+    dropped: Mapping[int, Dismissal]
+    solution: Solution
+    asked_warp: bool
+    shape: BoardShape | None
+    flat_shape: BoardShape | None
+    joint: Joint | None = None
+
+
+def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> CalibrationResult:
+    """The calibration with its uncertainty and its verdict.
+
+    Args:
+        solved: the solution.
+        limits: of the verdict.
+        seed: of dealing the views into halves.
+
+    Raises:
+        CalibrationError: the corners do not determine a camera.
+    """
+    observations, usable, solution = solved.observations, solved.usable, solved.solution
+    dropped, shape = solved.dropped, solved.shape
+    adjusted, network = solution.adjusted, solution.adjusted.network
+    halves = solved.joint.halves if solved.joint is not None else split_half(adjusted, seed=seed)
+    tested, explained = _with_warp(solution, asked=solved.asked_warp)
+    stretched = stretch(explained)
+    if solved.joint is not None:
+        covariance = solved.joint.covariance
+    else:
+        covariance = _own_covariance(solved, halves, stretched[1] if stretched is not None else None, limits)
+    calibration = _calibration(observations, usable, adjusted, covariance, halves)
+    uncertainty = _uncertainty(calibration)
+    noise = corner_noise(usable)
+    views = _views(observations, usable, solution, dropped)
+    quality = calibration.quality or Quality()
+    seen = geometry(adjusted, usable.image_size)
+    weak = identifiability(adjusted)
+    judged = Evidence(
+        image_size=usable.image_size,
+        is_board=network.is_planar,
+        views=quality.views or 0,
+        views_shown=len(observations.views),
+        repeats=len(solution.repeats),
+        views_out=sum(
+            view.without is not None and view.without.reason is DismissalReason.MISFIT for view in views
+        ),
+        corners_out=sum(len(view.corners_out) for view in views),
+        geometry=seen,
+        fx=calibration.intrinsics.fx,
+        fx_std=quality.std["fx"],
+        kappa2=quality.kappa2,
+        rms_px=adjusted.rms_px,
+        noise_px=noise,
+        condition=weak.condition,
+        model=adjusted.state.model,
+        culprits=weak.culprits,
+        sound=sound_share(adjusted, usable.image_size),
+        better=_better(solution),
+        edge_px=_largest(uncertainty),
+        warp=tested,
+        is_warped=solution.is_warped,
+        shape=shape,
+        is_lifted=solution.is_lifted,
+        stretch=stretched[0] if stretched is not None else None,
+        misfit=misfit(explained, usable.image_size, noise),
+        focus=usable.focus,
+        unit=usable.board.unit,
+    )
+    findings = judge(judged, limits)
+    refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
+    return CalibrationResult(
+        # What was refused is worth no more than any other number to start a search from.
+        calibration=replace(
+            calibration,
+            notes=tuple(_notes(findings)),
+            grade=Grade.SEED if refused else Grade.CALIBRATED,
+        ),
+        findings=findings,
+        evidence=judged,
+        limits=limits,
+        model=adjusted.state.model,
+        candidates=solution.candidates,
+        warp=tested,
+        views=views,
+        halves=halves,
+        half_difference=_between_halves(calibration, adjusted.state.model, halves),
+        uncertainty=uncertainty,
+        observations=observations,
+        versions=programs(),
+    )
+
+
+def _own_covariance(
+    solved: Solved, halves: SplitHalf | None, stretched: FloatArray | None, limits: Limits
+) -> Covariance:
+    """Of one camera solved alone, with what the models that were not taken would have changed."""
+    solution, before, shape = solved.solution, solved.flat_shape, solved.shape
+    contradicted = halves is not None and halves.kappa2 > limits.kappa2_wanted
+    # Lifts that leave the views contradicting one another may have taken up what was no board's shape.
+    left_out = [before.shift] if before is not None and (contradicted or not solution.is_lifted) else []
+    left_out += [stretched] if stretched is not None else []
+    inflation = max(1.0, halves.kappa2) if halves is not None else 1.0
+    further = series_shift(solution.adjusted, solved.usable.image_size, inflation)
+    left_out += [further] if further is not None else []
+    stated = shape.covariance if shape is not None and solution.is_lifted else None
+    return _covariance(solution.adjusted, stated, left_out, inflation)
+
+
+def _better(solution: Solution) -> Candidate | None:
+    """A model that the corners ask for clearly and that may not be taken, if there is one."""
+    own = next((one.criterion for one in solution.candidates if one.model is solution.state.model), math.inf)
+    others = [one for one in solution.candidates if one.refused is not None and one.criterion < own - CLEARLY]
+    return min(others, key=lambda one: one.criterion, default=None)
+
+
+def _covariance(
+    adjusted: Adjusted, stated: FloatArray | None, left_out: Sequence[FloatArray], inflation: float
+) -> Covariance:
+    """What the residuals say, and what the models that were not taken would have made of the lens.
+
+    The shift d to a larger model adds d·dᵀ: as much as the two models differ by (model averaging's variance between
+    the models). It is no noise, so the variance factor, which multiplies everything, is taken out of it beforehand.
+    """
+    C = lens_covariance(adjusted)
+    between = sum((np.outer(shift, shift) for shift in left_out), np.zeros_like(C.matrix))
+    return Covariance.from_matrix(C.names, (C.matrix if stated is None else stated) + between / inflation)
+
+
+def _calibration(
+    observations: Observations,
+    usable: Observations,
+    adjusted: Adjusted,
+    covariance: Covariance,
+    halves: SplitHalf | None,
+) -> Calibration:
+    state, network = adjusted.state, adjusted.network
+    values = dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
+    seen = geometry(adjusted, usable.image_size)
+    quality = Quality(
+        rms_px=adjusted.rms_px,
+        points=int(network.seen.sum()),
+        views=int(network.used.sum()),
+        std=covariance.std,
+        covariance=covariance,
+        kappa2=halves.kappa2 if halves is not None else None,
+        coverage=seen.coverage.fraction,
+    )
+    versions, board = programs(), observations.board
+    provenance = Provenance(
+        kind="board" if network.is_planar else "control-points",
+        source=str(usable.board),
+        tag=board.described if isinstance(board, Board) else str(board),
+        # Of everything that was seen, as corners.json keeps it; the solve may have left out views.
+        sha256=corners_sha256(observations),
+        sources=(
+            *((usable.source,) if usable.source is not None else ()),
+            *(SourceFile(name=view.name, sha256=view.sha256) for view in usable.views if view.sha256),
+        ),
+        tool=f"calibrary {versions['calibrary']}, OpenCV {versions['opencv']}",
+        firmware=usable.firmware,
+        focus=usable.focus,
+    )
+    return Calibration(
+        camera=replace(usable.camera, image_size=usable.image_size),
+        intrinsics=state.model.intrinsics(values, usable.image_size),
+        distortion=state.model.distortion(values),
+        grade=Grade.CALIBRATED,
+        quality=quality,
+        provenance=provenance,
+    )
+
+
+def _notes(findings: Sequence[Finding]) -> Iterator[str]:
+    """What a user of the K should know."""
+    verdict = BoardVerdict.of(findings)
+    if verdict is not BoardVerdict.PASS:
+        yield f"{verdict.value}: not good enough to be approved"
+    yield from (str(finding) for finding in findings if finding.severity is not Severity.NOTE)
+
+
+def _views(
+    observations: Observations, usable: Observations, solution: Solution, dropped: Mapping[int, Dismissal]
+) -> tuple[ViewResult, ...]:
+    """Every view that was given, in its order."""
+    rows = iter(range(len(usable.views)))
+    return tuple(
+        ViewResult(name=view.name, without=dropped[index])
+        if index in dropped
+        else _view(view, next(rows), usable, solution)
+        for index, view in enumerate(observations.views)
+    )
+
+
+def _view(view: View, row: int, usable: Observations, solution: Solution) -> ViewResult:
+    adjusted, state = solution.adjusted, solution.state
+    seen = adjusted.network.seen[row, : len(view.ids)]
+    repeated = dict(solution.repeats).get(row)
+    if repeated is not None:
+        of = usable.views[repeated].name
+        return ViewResult(
+            name=view.name,
+            without=Dismissal(reason=DismissalReason.DUPLICATE, message=f"shows the pose of {of}"),
+        )
+    # A view rejected still has the pose it was judged by; what it misses by says why.
+    alone = solution.at_its_pose(row)
+    residuals = alone.linear.residuals.reshape(-1, 2)[: len(view.ids)]
+    lengths = residual_lengths(alone)[0, : len(view.ids)]
+    pose = (alone.state.rotations[0], alone.state.translations[0])
+    if not seen.any():
+        rms = float(view_rms(alone)[0])
+        message = f"rms {rms:.2f} px, the others {float(np.nanmedian(view_rms(adjusted))):.2f} px"
+        return ViewResult(
+            name=view.name, rms_px=rms, without=Dismissal(reason=DismissalReason.MISFIT, message=message),
+            rotation=pose[0], translation_mm=pose[1], residuals_px=residuals,
+        )  # fmt: skip
+    return ViewResult(
+        name=view.name,
+        rms_px=float(view_rms(adjusted)[row]),
+        corners_out=tuple((int(view.ids[at]), float(lengths[at])) for at in np.flatnonzero(~seen)),
+        rotation=state.rotations[row],
+        translation_mm=state.translations[row],
+        residuals_px=residuals,
+    )
+
+
+def _with_warp(solution: Solution, *, asked: bool) -> tuple[WarpTest | None, Adjusted]:
+    """The test for a warped board, and the solution with all of the warp that it found.
+
+    Where the warp was not to be solved for it is still looked at: other faults are told by what it leaves over.
+    """
+    adjusted = solution.adjusted
+    if asked or not adjusted.network.is_planar:
+        return solution.warp, adjusted
+    try:
+        tested, _, warped = warp_test(adjusted)
+    except CalibrationError:
+        return None, adjusted
+    return tested, warped if tested.keeps_warp else adjusted
+
+
+def _uncertainty(calibration: Calibration) -> Uncertainty | None:
+    quality = calibration.quality
+    if quality is None or quality.covariance is None:
+        return None
+    C = quality.covariance
+    inflated = Covariance.from_matrix(C.names, C.matrix * quality.inflation)
+    try:
+        return projection_uncertainty(calibration, inflated, shape=MAP_SHAPE)
+    except CalibrationError:
+        return None
+
+
+def _largest(uncertainty: Uncertainty | None) -> float | None:
+    if uncertainty is None or not np.isfinite(uncertainty.std_px).any():
+        return None
+    return float(np.nanmax(uncertainty.std_px))
+
+
+def _between_halves(
+    calibration: Calibration, model: Solvable, halves: SplitHalf | None
+) -> ProjectionDifference | None:
+    """What the halves of the median split disagree about, over the frame."""
+    if halves is None:
+        return None
+    cameras = []
+    try:
+        for parameters in halves.halves:
+            values = dict(zip(model.parameters, parameters.tolist(), strict=True))
+            K = model.intrinsics(values, calibration.intrinsics.image_size)
+            cameras.append(
+                replace(calibration, intrinsics=K, distortion=model.distortion(values), quality=None)
+            )
+        return projection_difference(cameras[0], cameras[1], shape=MAP_SHAPE)
+    except (CalibrationError, InputError):
+        # Halves of views that determine nothing may be no cameras at all, or see nothing in common.
+        return None
+
+
+def programs() -> dict[str, str]:
+    """The versions of the programs that took part."""
+    import cv2
+
+    try:
+        ours = version("calibrary")
+    except PackageNotFoundError:
+        ours = "unknown"
+    return {"calibrary": ours, "opencv": cv2.__version__, "numpy": np.__version__}
