@@ -37,9 +37,10 @@ from calibrary.evidence.collect import collect
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Sensor, group_cameras
-from calibrary.jobs.extract.gather import gather
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.images.accumulator import undated
+from calibrary.jobs.images.reading import gather
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.reader import read_source
 from calibrary.parsers.imagery.source import open_source
@@ -132,7 +133,7 @@ def as_the_gate(paths: Sequence[Path], folder: Path, knowledge: Knowledge) -> No
     """The same by the gate's own way, which hears images that say the same only once."""
     gathered = gather(paths, folder, workers=1)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
-    for key, states in group_cameras(gathered.states, knowledge).items():
+    for key, states in group_cameras(undated(gathered.states), knowledge).items():
         [camera] = judge(key, states, policy=FLEET, sensor=sensor)
         assert camera.calibration is not None
 

@@ -20,7 +20,7 @@ from calibrary.parsers.imagery.directory import Directory, Tiff
 from calibrary.parsers.imagery.exif import EXIF_POINTER
 from calibrary.parsers.imagery.source import Block, Source, open_source
 
-__all__ = ["exif_block", "taken_on"]
+__all__ = ["day_of", "exif_block", "taken_on"]
 
 ORIGINAL: Final = 0x9003
 DIGITIZED: Final = 0x9004
@@ -41,7 +41,13 @@ def taken_on(path: str | os.PathLike[str], *, by_shutter: bool = False) -> date 
     Raises:
         InputError: the file cannot be opened or read.
     """
-    with open_source(path) as source, suppress(InputError):
+    with open_source(path) as source:
+        return day_of(source, by_shutter=by_shutter)
+
+
+def day_of(source: Source, *, by_shutter: bool = False) -> date | None:
+    """The same of a file that is open."""
+    with suppress(InputError):
         block = exif_block(source)
         if block is None:
             return None

@@ -11,11 +11,11 @@ from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.atomic import write_files
 from calibrary.jobs.extract.colmap_cameras import write_database
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
-from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.hand_off import Solver, seed_command
 from calibrary.jobs.extract.outputs import STALE, Outputs, check_place, plan
 from calibrary.jobs.extract.report import encode, report_of
 from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.images.folders import SkippedFile
 from calibrary.policy import FLEET
 from calibrary.progress import Progress
 from calibrary.records import Json, replace, to_json
@@ -82,7 +82,8 @@ class ExtractResult:
             database: a COLMAP database that has the images, to write their cameras into.
 
         Raises:
-            InputError: ``matrix`` is not a .npy, or a file that may not be replaced is in the way.
+            InputError: ``matrix`` is not a .npy, a file that may not be replaced is in the way, or a solver is to get
+                more images than are named.
         """
         place = Path(database) if database is not None else None
         found = plan(self.extraction, Path(matrix), Solver(hand_off), database=place)
@@ -121,6 +122,7 @@ def extract(
     recursive: bool = False,
     workers: int = 0,
     strict_validation: bool = False,
+    list_images: bool = False,
     progress: Progress | None = None,
 ) -> ExtractResult:
     """Derive and validate one K per camera from what images say of themselves; no pixel is decoded.
@@ -135,6 +137,7 @@ def extract(
         recursive: go into sub-folders.
         workers: processes that read images; 0 decides by itself.
         strict_validation: raise at the first breach.
+        list_images: name every image of however many; else of more than 10 000 only the first few that say the same.
         progress: called with (images read, images in all, "images").
 
     Raises:
@@ -162,6 +165,7 @@ def extract(
                 recursive=recursive,
                 workers=workers,
                 strict=strict_validation,
+                list_images=list_images,
                 progress=progress,
             )
         )

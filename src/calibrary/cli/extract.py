@@ -23,7 +23,8 @@ examples:
   calibrary extract flight/ --registry ../fleet-registry --hand-off colmap
   calibrary extract flight/ --html flight.html   the same as a page to show
 
-exit code 0: every image has a valid K; 1: at least one has not, cannot be read, or nothing could be handed off.
+exit code 0: every image has a valid K; 1: at least one has not, cannot be read, or nothing could be handed off;
+3: some were not read, because the processes that did were killed; the report has the others.
 Pictures that no camera took, such as a preview or a map, are skipped with a line and do not count.
 """
 
@@ -157,6 +158,12 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     written.add_argument(
         "--html", type=Path, metavar="FILE", help="also write the report as a page, to look at and to hand on"
     )
+    written.add_argument(
+        "--list-images",
+        action="store_true",
+        help="name every image in the report; of more than 10 000 it names only a few otherwise, unless a solver "
+        "is to get them all",
+    )
     written.add_argument("--dry-run", action="store_true", help="judge everything, write nothing")
 
 
@@ -186,6 +193,7 @@ def run(arguments: argparse.Namespace) -> int:
             recursive=arguments.recursive,
             workers=arguments.workers,
             strict_validation=arguments.strict_validation,
+            list_images=arguments.list_images or arguments.hand_off != "none",
             progress=display.progress,
         )
     outputs = result.outputs(

@@ -26,9 +26,9 @@ from calibrary.validation import UNPROVEN_LEGEND, Verdict
 if TYPE_CHECKING:
     from calibrary.jobs.extract.extraction import CameraReport, Extraction
     from calibrary.jobs.extract.fallback import Step
-    from calibrary.jobs.extract.gather import SkippedFile
     from calibrary.jobs.extract.outputs import Outputs
     from calibrary.jobs.extract.states import StateDocument
+    from calibrary.jobs.images.folders import SkippedFile
 
 __all__ = ["Display", "judgement", "verdict"]
 
@@ -156,9 +156,9 @@ def judgement(outcome: Extraction, *, width: int) -> RenderableType:
     if any(camera.verdict is Verdict.UNPROVEN for camera in outcome.cameras):
         parts.append(Text(UNPROVEN_LEGEND, "dim"))
     if outcome.rejected:
-        parts.append(_skipped(outcome.rejected, "cannot be read"))
+        parts.append(_skipped(outcome.rejected, outcome.more_rejected, "cannot be read"))
     if outcome.skipped:
-        parts.append(_skipped(outcome.skipped, "skipped"))
+        parts.append(_skipped(outcome.skipped, outcome.more_skipped, "skipped"))
     return Constrain(Group(*parts), width)
 
 
@@ -194,7 +194,7 @@ def _camera(camera: CameraReport, name_width: int) -> RenderableType:
         [
             Text(camera.verdict.value, STYLES[camera.verdict]),
             Text(printable(str(camera.camera.key)), "bold"),
-            Text(str(len(camera.camera.names))),
+            Text(str(camera.camera.count)),
             Text(over_width),
             Text(grade),
         ],
@@ -220,8 +220,8 @@ def _below(camera: CameraReport) -> Iterator[Text]:
     """K, where it is from, whose it is and why it is not valid, what to do, and what was heard beside it."""
     yield from _k(camera)
     if camera.verdict is not Verdict.VALID:
-        first, *more = camera.camera.names
-        yield Text(printable(f"images: {first} and {len(more)} more" if more else f"image: {first}"), "dim")
+        first, more = camera.camera.names[0], camera.camera.count - 1
+        yield Text(printable(f"images: {first} and {more} more" if more else f"image: {first}"), "dim")
     yield from _states(camera)
     reason = camera.reason or ""
     if reason:
@@ -233,7 +233,7 @@ def _below(camera: CameraReport) -> Iterator[Text]:
         if conflict.other.tag not in reason:
             found = f"{conflict.other.tag} disagrees by {conflict.difference:+.1%}: {conflict.cause.value}"
             yield Text(printable(found), "yellow")
-    images = len(camera.camera.names)
+    images = camera.camera.count
     for dropped, count in camera.camera.dropped:
         if dropped.tag not in reason:
             of = "" if count == images else f" of {count} of {images} images"
@@ -259,7 +259,7 @@ def _states(camera: CameraReport) -> Iterator[Text]:
     """How many images are in which state, where there are several, and what was found of the group."""
     states = camera.states
     if len(states) > 1:
-        counts = [f"{len(state.images)} {_told(state)}" for state in states[:MOST_STATES]]
+        counts = [f"{state.count} {_told(state)}" for state in states[:MOST_STATES]]
         if len(states) > MOST_STATES:
             counts.append(f"{len(states) - MOST_STATES} more states in the report")
         yield Text(printable(f"states: {'; '.join(counts)}"), "dim")
@@ -279,16 +279,18 @@ def _told(state: StateDocument) -> str:
     return ", ".join([*words, *state.edits])
 
 
-def _skipped(rejected: tuple[SkippedFile, ...], what: str) -> RenderableType:
+def _skipped(rejected: tuple[SkippedFile, ...], unlisted: int, what: str) -> RenderableType:
     folders = sum(item.name.endswith("/") for item in rejected)
-    counts = [_count(len(rejected) - folders, "image")] if len(rejected) > folders else []
+    images = len(rejected) + unlisted - folders
+    counts = [_count(images, "image")] if images else []
     counts += [_count(folders, "folder")] if folders else []
     lines: list[RenderableType] = [Text(f"{' and '.join(counts)} {what}", "bold")]
     for item in rejected[:MOST_REJECTED]:
         lines.append(Padding(Text(printable(item.name)), (0, 0, 0, GAP)))
         lines.append(Padding(Text(printable(item.reason)), (0, 0, 0, 2 * GAP)))
-    if len(rejected) > MOST_REJECTED:
-        lines.append(Text(f"  … and {len(rejected) - MOST_REJECTED} more, listed in the report"))
+    more = len(rejected) + unlisted - MOST_REJECTED
+    if more > 0:
+        lines.append(Text(f"  … and {more} more{'' if unlisted else ', listed in the report'}"))
     return Group(*lines)
 
 

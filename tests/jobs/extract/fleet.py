@@ -15,6 +15,7 @@ from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET, Policy
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
@@ -56,7 +57,7 @@ def judged(
     states: Mapping[ImageMetadata, Sequence[str]], *, policy: Policy = FLEET, sensor: Sensor = ASSUMED
 ) -> list[Camera]:
     """Cameras of images that need no file."""
-    groups = group_cameras(states, KNOWLEDGE)
+    groups = group_cameras(undated(states), KNOWLEDGE)
     return [
         camera for key, group in groups.items() for camera in judge(key, group, policy=policy, sensor=sensor)
     ]

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import InputError
-from calibrary.jobs.extract.gather import CHUNK, find_images, gather
 from calibrary.jobs.extract.report import report_of
+from calibrary.jobs.images.folders import find_images
+from calibrary.jobs.images.listing import Listing
+from calibrary.jobs.images.reading import BATCH, gather, read_images
 from tests.jobs.extract.fleet import NOBODY, P4R, gate, picture
 
 
@@ -19,8 +21,8 @@ def names(folder: Path, *, recursive: bool = False) -> list[str]:
 
 @pytest.fixture
 def flight(tmp_path: Path) -> Path:
-    """Three chunks of images of two cameras in three states, some of them corrupt."""
-    for number in range(2 * CHUNK + 10):
+    """Three batches of images of two cameras in three states, some of them corrupt."""
+    for number in range(2 * BATCH + 10):
         path = tmp_path / f"{number:04}.jpg"
         if number % 50 == 7:
             path.write_bytes(b"\xff\xd8\xff\xe1 cut off")
@@ -80,7 +82,7 @@ def test_a_corrupt_image_is_a_row_with_its_reason(flight: Path) -> None:
     outcome = gate(flight)
     assert [row.name for row in outcome.rejected] == ["0007.jpg", "0057.jpg", "0107.jpg"]
     assert all(row.reason for row in outcome.rejected)
-    assert sum(len(camera.camera.names) for camera in outcome.cameras) == 2 * CHUNK + 7
+    assert sum(len(camera.camera.names) for camera in outcome.cameras) == 2 * BATCH + 7
 
 
 def test_what_cannot_be_opened_is_a_row_as_well(tmp_path: Path) -> None:
@@ -120,14 +122,16 @@ def test_what_is_kept_grows_with_the_states_and_not_with_the_images(flight: Path
 def test_progress_adds_up_to_the_number_that_was_announced(flight: Path, workers: int) -> None:
     steps: list[tuple[int, int, str]] = []
     gate(flight, workers=workers, progress=lambda *told: steps.append(told))
-    total = 2 * CHUNK + 10
-    assert steps == [(done, total, "images") for done in (0, CHUNK, 2 * CHUNK, total)]
+    total = 2 * BATCH + 10
+    assert steps == [(done, total, "images") for done in (0, BATCH, 2 * BATCH, total)]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_reading_leaves_off_after_the_first_rejected_image(flight: Path, workers: int) -> None:
     steps: list[int] = []
-    images = find_images(flight, recursive=False)
-    gathered = gather(images, flight, workers=workers, progress=steps.append, stop_at_first=True)
-    assert [row.name for row in gathered.rejected] == ["0007.jpg", "0057.jpg"]
-    assert steps == [CHUNK]
+    images = Listing([flight], recursive=False)
+    found = read_images(
+        images, known=images.known, workers=workers, progress=steps.append, stop_at_first=True
+    )
+    assert [row.name for row in found.images.settled().unread] == ["0007.jpg", "0057.jpg"]
+    assert steps == [BATCH]

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import group_cameras
+from calibrary.jobs.images.accumulator import undated
 from calibrary.records import replace
 from tests.evidence.scenes import micasense, p4_rtk, xmp
 from tests.jobs.extract.fleet import KNOWLEDGE, judged
@@ -20,7 +21,7 @@ BASE = replace(p4_rtk(), serial="5f1d0c7a9be24d3c", lens="8.8 mm f/2.8")
 def groups(*states: ImageMetadata) -> list[int]:
     """How many states each camera has."""
     named = {state: [f"{number}.jpg"] for number, state in enumerate(states)}
-    return [len(group) for group in group_cameras(named, KNOWLEDGE).values()]
+    return [len(group) for group in group_cameras(undated(named), KNOWLEDGE).values()]
 
 
 def m3t(focal_mm: float, size: tuple[int, int], source: str | None) -> ImageMetadata:
@@ -85,7 +86,7 @@ def test_the_firmware_is_told_where_all_images_agree_on_it() -> None:
 
 def test_the_state_with_most_images_stands_first() -> None:
     rare, common = replace(BASE, orientation=8), BASE
-    [group] = group_cameras({rare: ["a.jpg"], common: ["b.jpg", "c.jpg"]}, KNOWLEDGE).values()
+    [group] = group_cameras(undated({rare: ["a.jpg"], common: ["b.jpg", "c.jpg"]}), KNOWLEDGE).values()
     assert [state.metadata for state in group] == [common, rare]
 
 
@@ -105,7 +106,7 @@ def test_every_image_is_of_exactly_one_camera_and_each_camera_has_one_key(
     states: list[ImageMetadata],
 ) -> None:
     named = {state: [f"{number}.jpg"] for number, state in enumerate(states)}
-    cameras = group_cameras(named, KNOWLEDGE)
+    cameras = group_cameras(undated(named), KNOWLEDGE)
     images = [name for group in cameras.values() for state in group for name in state.names]
     assert sorted(images) == sorted(name for names in named.values() for name in names)
     for key, group in cameras.items():

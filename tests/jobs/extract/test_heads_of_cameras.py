@@ -18,6 +18,7 @@ from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.jobs.extract.cameras import Camera, group_cameras
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import ASSUMED
@@ -32,7 +33,7 @@ def only(metadata: ImageMetadata) -> Camera:
     """The one camera of an image, by the catalogue that ships."""
     [camera] = (
         camera
-        for key, states in group_cameras({metadata: ["a.jpg"]}, KNOWLEDGE).items()
+        for key, states in group_cameras(undated({metadata: ["a.jpg"]}), KNOWLEDGE).items()
         for camera in judge(key, states, policy=FLEET, sensor=ASSUMED)
     )
     return camera

@@ -10,10 +10,10 @@ import pytest
 
 from calibrary.jobs.extract import page as page_module
 from calibrary.jobs.extract.extraction import Extraction
-from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.page import outcome_page
+from calibrary.jobs.images.folders import SkippedFile
 from calibrary.pages import Badge, Details, Figure, Link, Note, Page, Section, SideBySide, Table, render_page
 from calibrary.records import replace
 from calibrary.validation import Verdict

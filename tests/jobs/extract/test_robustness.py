@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +17,10 @@ import pytest
 
 from calibrary.atomic import write_files
 from calibrary.cli.main import main
-from calibrary.errors import InputError
-from calibrary.jobs.extract import gather
-from calibrary.jobs.extract.gather import find_files
+from calibrary.jobs.images import reading
+from calibrary.jobs.images.accumulator import Accumulator
+from calibrary.jobs.images.folders import find_files
+from calibrary.jobs.images.observation import Image
 from calibrary.schemas import require
 from tests.imagery import (
     ExifTags,
@@ -177,21 +177,31 @@ class TestFolders:
             (tmp_path / "im" / f"{i}.jpg").write_bytes(data if i % 50 else b"broken")
         assert extract("--workers", "2") == extract("--workers", "1")
 
-    def test_a_worker_that_is_killed_is_told_and_no_bug(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    def test_images_whose_reader_is_killed_twice_are_rows_and_the_rest_is_judged(
+        self, tmp_path: Path, extract: Extract, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        def broken(*_: object, **__: object) -> Iterator[object]:
-            raise BrokenProcessPool("a worker is gone")
+        for number in range(150):
+            picture(tmp_path / "im" / f"{number:03}.jpg", (64, 48))
 
-        monkeypatch.setattr(gather, "mapped", broken)
-        images = [tmp_path / f"{i}.jpg" for i in range(200)]
-        with pytest.raises(InputError, match="--workers 1"):
-            gather.gather(images, tmp_path, workers=2)
+        def one_is_killed(
+            read: Callable[[list[Image]], Accumulator], batches: Iterator[list[Image]], _workers: int
+        ) -> Iterator[tuple[list[Image], Accumulator | None]]:
+            return ((batch, None if batch[0].name == "064.jpg" else read(batch)) for batch in batches)
+
+        monkeypatch.setattr(reading, "_mapped", one_is_killed)
+        code, report, _ = extract()
+        assert (code, report["exit_code"], report["images"]) == (3, 3, 150)
+        assert [row["file"] for row in report["rejected"]] == [
+            f"{number:03}.jpg" for number in range(64, 128)
+        ]
+        assert "was killed" in report["rejected"][0]["reason"]
+        assert len(report["cameras"][0]["images"]) == 150 - 64
+        assert json.loads((tmp_path / "K_matrix.json").read_bytes()) == report
 
     def test_workers_end_with_the_command_that_started_them(self) -> None:
         """They hold its standard error open, so whoever reads that would wait for as long as they live."""
-        work = "list(_mapped(time.sleep, [60, 60], 2))"
-        program = f"import time; from calibrary.jobs.extract.gather import _mapped; {work}"
+        work = "list(mapped_on(time.sleep, [60, 60], 2, preload=[]))"
+        program = f"import time; from calibrary.workers import mapped_on; {work}"
         command = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE)
         time.sleep(1.5)
         assert command.poll() is None

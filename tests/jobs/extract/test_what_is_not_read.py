@@ -14,6 +14,7 @@ from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.outputs import check_place, plan
+from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET
 from calibrary.validation import Verdict
 from tests.imagery import ExifTags, write_jpeg, write_tiff
@@ -70,7 +71,7 @@ def test_a_zoom_that_the_camera_writes_and_does_not_apply_is_left_out() -> None:
         digital_zoom=1.19,
         has_exif=True,
     )
-    [(key, group)] = group_cameras({frame: ["a.jpg"]}, Knowledge.load(None)).items()
+    [(key, group)] = group_cameras(undated({frame: ["a.jpg"]}), Knowledge.load(None)).items()
     [camera] = judge(key, group, policy=FLEET, sensor=ASSUMED)
     assert camera.calibration is not None
     assert camera.calibration.intrinsics.fx == pytest.approx(44.5 / 0.012)

@@ -165,7 +165,7 @@ def test_a_sub_folder_that_cannot_be_read_is_a_line_and_counts(
             raise PermissionError(13, "Permission denied", str(path))
         return scandir(path)
 
-    monkeypatch.setattr("calibrary.jobs.extract.gather.os.scandir", refused)
+    monkeypatch.setattr("calibrary.jobs.images.folders.os.scandir", refused)
     assert_counted(tmp_path / "flight")
 
 

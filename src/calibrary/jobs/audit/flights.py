@@ -15,9 +15,11 @@ from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.exchange.identity import identified
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
-from calibrary.jobs.extract.gather import SkippedFile, find_images, gather
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.images.accumulator import undated
+from calibrary.jobs.images.folders import SkippedFile, find_images
+from calibrary.jobs.images.reading import gather
 from calibrary.parsers.imagery.taken import taken_on
 from calibrary.policy import Policy
 
@@ -47,7 +49,7 @@ class Flown:
     @property
     def images(self) -> int:
         """How many."""
-        return len(self.camera.names)
+        return self.camera.count
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +123,7 @@ def flights(
         gathered = gather([folder / name for name in names], folder, workers=workers, progress=advance)
         for metadata, own in gathered.states.items():
             states.setdefault(metadata, []).extend(names[name] for name in own)
-        unreadable += [SkippedFile(name=names[one.name], reason=one.reason) for one in gathered.rejected]
+        unreadable += [SkippedFile(name=names[one.name], reason=one.reason) for one in gathered.unread]
     for metadata in list(states):
         contradiction = exif_contradiction(metadata)
         if contradiction is not None:
@@ -167,7 +169,7 @@ def _flown(states: dict[ImageMetadata, list[str]], images: _Found, policy: Polic
     # What the registry says is asked apart: here only the images and the catalogue are heard.
     knowledge = Knowledge.load(None)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
-    for key, group in group_cameras(states, knowledge).items():
+    for key, group in group_cameras(undated(states), knowledge).items():
         for same in _by_firmware(group):
             for camera in judge(key, same, policy=policy, sensor=sensor):
                 days = [day for name in camera.names if (day := images.days[name]) is not None]

@@ -9,7 +9,7 @@ from calibrary.calibration import CameraKey, Grade
 from calibrary.jobs.audit.agreement import gaps
 from calibrary.jobs.audit.answers import Answer, Use
 from calibrary.jobs.audit.run import LEVELS, Audit
-from calibrary.jobs.extract.gather import SkippedFile
+from calibrary.jobs.images.folders import SkippedFile
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record
 from calibrary.registry.git.objects import ObjectId

@@ -17,11 +17,10 @@ from calibrary.jobs.extract.beside import (
     CheckedFile,
     Rightness,
     check_candidates,
-    find_candidates,
     read_candidates,
 )
 from calibrary.jobs.extract.extraction import Extraction
-from calibrary.jobs.extract.gather import SkippedFile, collect_images
+from calibrary.jobs.images.folders import SkippedFile
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress
@@ -118,10 +117,7 @@ def check(request: CheckRequest) -> Check:
     if request.files:
         found = [_read(path, request, outcome) for path in request.files]
     else:
-        images = collect_images(request.images, recursive=request.recursive)
-        found, not_read = find_candidates(
-            images.folders, images.root, outcome.cameras, recursive=request.recursive
-        )
+        found, not_read = [*outcome.beside], [*outcome.beside_unread]
         if not found:
             raise InputError(
                 "no calibration file is beside the images; name the one that is to be used",

@@ -12,7 +12,7 @@ from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError
 from calibrary.jobs.convert.report import ConvertedFile
 from calibrary.jobs.exchange.argument import Reading, choose
-from calibrary.jobs.extract.gather import find_files
+from calibrary.jobs.images.folders import find_files
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Format, WriteVerdict
 from calibrary.parsers.image_names import is_image

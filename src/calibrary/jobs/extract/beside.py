@@ -28,7 +28,6 @@ from calibrary.jobs.diff.wording import length, pixels
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
-from calibrary.jobs.extract.gather import find_files
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ALTITUDE_M",
+    "SUFFIXES",
     "Candidates",
     "CheckedFile",
     "Rightness",
@@ -120,25 +120,18 @@ class Candidates:
 
 
 def find_candidates(
-    folders: Sequence[Path], root: Path, cameras: Sequence[CameraReport | Camera], *, recursive: bool
+    paths: Sequence[Path], root: Path, cameras: Sequence[CameraReport | Camera]
 ) -> tuple[list[Candidates], list[tuple[str, str]]]:
     """Every calibration file that lies with the images, and those that could not be read, with the reason.
 
     Args:
-        folders: where the images lie.
+        paths: the files beside the images that may be such.
         root: names are told relative to it.
         cameras: of the images.
-        recursive: go into sub-folders.
     """
     found: list[Candidates] = []
     unreadable: list[tuple[str, str]] = []
-    paths = dict.fromkeys(
-        path
-        for folder in folders
-        for path in find_files(folder, recursive=recursive, unreadable=[])
-        if path.suffix.lower() in SUFFIXES and not SEED.fullmatch(path.name)
-    )
-    for path in paths:
+    for path in (path for path in paths if not SEED.fullmatch(path.name)):
         name = path.relative_to(root).as_posix()
         try:
             found.append(read_candidates(path, name, cameras, max_bytes=LARGEST))

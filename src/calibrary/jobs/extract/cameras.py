@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.evidence.collect import Evidence
@@ -13,6 +12,8 @@ from calibrary.evidence.estimate import Dropped
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.knowledge import Knowledge, Known
+from calibrary.jobs.images.accumulator import ByDay, Names
+from calibrary.jobs.images.observation import path_order
 from calibrary.validation import Report, Verdict
 
 __all__ = ["DEFAULT_SENSOR_MM", "Camera", "JudgedState", "Sensor", "State", "group_cameras"]
@@ -51,8 +52,18 @@ class State:
     """
 
     metadata: ImageMetadata
-    names: tuple[str, ...]
+    images: Names
     known: Known
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its images, or the first of very many."""
+        return self.images.listed
+
+    @property
+    def count(self) -> int:
+        """How many images there are."""
+        return self.images.count
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,15 +116,20 @@ class Camera:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Every image of this camera."""
+        """The images of this camera, or the first of very many, state by state."""
         return tuple(name for one in self.judged for name in one.state.names)
+
+    @property
+    def count(self) -> int:
+        """How many images there are."""
+        return sum(one.state.count for one in self.judged)
 
     @property
     def dropped(self) -> tuple[tuple[Dropped, int], ...]:
         """What any image carries and is not believed, with the number of images that carry it."""
         found: Counter[Dropped] = Counter()
         for one in self.judged:
-            found.update(dict.fromkeys(one.evidence.dropped, len(one.state.names)))
+            found.update(dict.fromkeys(one.evidence.dropped, one.state.count))
         return tuple(found.items())
 
     @property
@@ -135,14 +151,18 @@ class Camera:
 
 
 def group_cameras(
-    states: Mapping[ImageMetadata, Sequence[str]], knowledge: Knowledge, root: Path = Path()
+    states: Mapping[ImageMetadata, ByDay], knowledge: Knowledge
 ) -> dict[CameraKey, tuple[State, ...]]:
-    """Put camera states together that are one camera, the commonest state first; names are below the root."""
+    """Put camera states together that are one camera, the commonest state first."""
     cameras: dict[CameraKey, list[State]] = {}
-    for metadata, names in states.items():
-        for known, own in knowledge.by_day(metadata, names, root):
+    for metadata, days in states.items():
+        for known, own in knowledge.by_day(metadata, days):
             inferred = known.camera.sub_camera if known.camera is not None else None
             key = camera_key(metadata, inferred)
-            cameras.setdefault(key, []).append(State(metadata=metadata, names=own, known=known))
-    ordered = sorted(cameras.items(), key=lambda item: str(item[0]))
-    return {key: tuple(sorted(group, key=lambda s: (-len(s.names), s.names[0]))) for key, group in ordered}
+            cameras.setdefault(key, []).append(State(metadata=metadata, images=own, known=known))
+    groups = {key: tuple(sorted(group, key=_commonest_first)) for key, group in cameras.items()}
+    return dict(sorted(groups.items(), key=lambda item: (str(item[0]), path_order(item[1][0].names[0]))))
+
+
+def _commonest_first(state: State) -> tuple[int, str]:
+    return -state.count, path_order(state.names[0])

@@ -6,14 +6,18 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.fallback import Fallback
-from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.states import StateDocument, states_of
+from calibrary.jobs.images.folders import SkippedFile
 from calibrary.policy import Policy
 from calibrary.validation import Report, Verdict
+
+if TYPE_CHECKING:
+    from calibrary.jobs.extract.beside import Candidates
 
 __all__ = ["CameraReport", "Extraction", "slugs", "slugs_of"]
 
@@ -47,7 +51,7 @@ class CameraReport:
 
     @property
     def images(self) -> tuple[str, ...]:
-        """Every image of this camera, by its path below the folder."""
+        """The images of this camera, by their paths below the folder: all, or the first of very many."""
         return self.camera.names
 
     @property
@@ -106,6 +110,10 @@ class Extraction:
         cameras: every camera, in a fixed order.
         rejected: images that cannot be read; each of them is without a K.
         skipped: pictures that are no images of a camera, such as a preview; they count for nothing.
+        more_rejected, more_skipped: how many more there are of each than are listed.
+        lost: how many of those that cannot be read are so because the processes that read them were killed.
+        beside: the calibration files that lie with the images.
+        beside_unread: what looks like one and cannot be read, with the reason.
         warnings: what the user should know about the run itself.
     """
 
@@ -114,6 +122,17 @@ class Extraction:
     rejected: tuple[SkippedFile, ...] = ()
     skipped: tuple[SkippedFile, ...] = ()
     warnings: tuple[str, ...] = ()
+    more_rejected: int = 0
+    more_skipped: int = 0
+    lost: int = 0
+    beside: tuple[Candidates, ...] = ()
+    beside_unread: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def images(self) -> int:
+        """How many images were looked at, and folders that cannot be read."""
+        told = len(self.rejected) + self.more_rejected + len(self.skipped) + self.more_skipped
+        return told + sum(one.camera.count for one in self.cameras)
 
     @property
     def uncalibrated(self) -> bool:
@@ -130,16 +149,16 @@ class Extraction:
     def unread(self) -> str | None:
         """How many images and folders cannot be read, in words; None where all can."""
         folders = sum(one.name.endswith("/") for one in self.rejected)
-        files = len(self.rejected) - folders
-        images = files + sum(len(camera.camera.names) for camera in self.cameras)
+        files = len(self.rejected) + self.more_rejected - folders
+        images = files + sum(camera.camera.count for camera in self.cameras)
         told = [f"{files} of {images} images"] if files else []
         told += [f"{folders} folder{'s' if folders > 1 else ''}"] if folders else []
         return f"{' and '.join(told)} unread" if told else None
 
     @property
     def exit_code(self) -> int:
-        """0 when it is good, else 1."""
-        return 0 if self.is_good else 1
+        """0 when it is good, 3 when a part of the images was never read, else 1."""
+        return 3 if self.lost else 0 if self.is_good else 1
 
 
 def slugs_of(cameras: Sequence[Camera]) -> list[str]:

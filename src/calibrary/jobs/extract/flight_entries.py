@@ -7,8 +7,9 @@ from pathlib import Path
 
 from calibrary.catalogue import load_catalogue
 from calibrary.errors import InputError
-from calibrary.jobs.extract.gather import find_images, gather
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.images.listing import Listing
+from calibrary.jobs.images.reading import read_images
 from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["flight_entries"]
@@ -26,17 +27,18 @@ def flight_entries(
         InputError: the folder has no images.
         RegistryError: the registry cannot be read.
     """
-    images = find_images(folder, recursive=recursive)
-    if not images:
+    images = Listing([folder], recursive=recursive)
+    if images.known == 0:
         raise InputError("holds no images, and names no entry", source=str(folder))
     knowledge = Knowledge(catalogue=load_catalogue(), registry=snapshot.index(), on=date.today())
     paths: dict[str, None] = {}
     unanswered = []
-    found = gather(images, folder).states.items()
+    reading = read_images(images, known=images.known, days=True, list_all=images.known is not None)
+    states = reading.images.settled().by_day
     dated = (
         (metadata, known)
-        for metadata, names in found
-        for known, _ in knowledge.by_day(metadata, names, folder)
+        for metadata, days in states.items()
+        for known, _ in knowledge.by_day(metadata, days)
     )
     for metadata, known in dated:
         if known.resolution is not None and known.resolution.revision is None:

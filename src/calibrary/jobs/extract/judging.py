@@ -59,8 +59,8 @@ def judge(
     heard = [(state, collect(scene_of(state, sensor, policy))) for state in states]
     edited = Counter[str]()
     for state in states:
-        edited.update(dict.fromkeys(edits(state.metadata), len(state.names)))
-    images = sum(len(state.names) for state in states)
+        edited.update(dict.fromkeys(edits(state.metadata), state.count))
+    images = sum(state.count for state in states)
     told = {edit: f"{_of(count, images)} {edit}" for edit, count in edited.items()}
     one_unit = one_unit or _is_one_unit(key, states)
     parts = [heard] if one_unit else _by_grade(heard)
@@ -74,7 +74,7 @@ def _apart_from(first: Camera, camera: Camera) -> Camera:
         return camera
     own = camera.evidence.chosen.tag if camera.evidence.chosen is not None else None
     tag = _lacking(first.calibration, own)
-    count, images = len(camera.names), len(camera.names) + len(first.names)
+    count, images = camera.count, camera.count + first.count
     note = Finding(
         rule="one-unit",
         severity=Severity.NOTE,
@@ -207,13 +207,13 @@ def _merged(
     one_unit: bool,
 ) -> Report:
     """Each finding of any state, with how many images it is of where it is not of all."""
-    images = sum(len(one.state.names) for one in judged)
+    images = sum(one.state.count for one in judged)
     counts, first = Counter[tuple[str, Severity, str]](), dict[tuple[str, Severity, str], Finding]()
     for one in (reference, *(other for other in judged if other is not reference)):
         for finding in one.report.findings if one.report is not None else ():
             if finding.severity in FAILS or one is reference:
                 name = (finding.rule, finding.severity, finding.message)
-                counts[name] += len(one.state.names)
+                counts[name] += one.state.count
                 first.setdefault(name, finding)
     findings = [
         finding
@@ -231,9 +231,9 @@ def _merged(
 def _turned(judged: Sequence[JudgedState], reference: JudgedState) -> Iterator[Finding]:
     """Images that a viewer turns otherwise than those that K is written for: K is of the pixels as they are stored."""
     stored = reference.state.metadata.orientation or 1
-    count = sum(len(one.state.names) for one in judged if (one.state.metadata.orientation or 1) != stored)
+    count = sum(one.state.count for one in judged if (one.state.metadata.orientation or 1) != stored)
     if count:
-        images = sum(len(one.state.names) for one in judged)
+        images = sum(one.state.count for one in judged)
         yield Finding(
             rule="orientation",
             severity=Severity.NOTE,
@@ -245,8 +245,8 @@ def _turned(judged: Sequence[JudgedState], reference: JudgedState) -> Iterator[F
 
 def _inherited(judged: Sequence[JudgedState]) -> Iterator[Finding]:
     """How many images take over the K of others."""
-    images = sum(len(one.state.names) for one in judged)
-    lacking = sum(len(one.state.names) for one in judged if one.inherits)
+    images = sum(one.state.count for one in judged)
+    lacking = sum(one.state.count for one in judged if one.inherits)
     carrier = next((one.calibration for one in judged if one.calibration is not None), None)
     if not lacking or carrier is None:
         return
@@ -299,10 +299,11 @@ def _called(group: Sequence[JudgedState]) -> str:
     calibration = group[0].calibration
     assert calibration is not None  # noqa: S101  see _changes
     versions = dict.fromkeys(version for one in group if (version := firmware(one.state.metadata)))
-    names = [name for one in group for name in one.state.names]
+    [first, *_] = group
+    images = sum(one.state.count for one in group)
     words = [f"firmware {', '.join(versions)}"] if versions else []
     words += [f"calibration of {calibration.provenance.date}"] if calibration.provenance.date else []
-    shown = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+    shown = first.state.names[0] if images == 1 else f"{first.state.names[0]} and {images - 1} more"
     return (
         f"{', '.join(words) or calibration.provenance.tag} (fx = {calibration.intrinsics.fx:.2f} px, {shown})"
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -10,7 +10,8 @@ from pathlib import Path
 from calibrary.calibration import Calibration
 from calibrary.catalogue import Catalogue, load_catalogue
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.exchange.identity import identified, image_day
+from calibrary.jobs.exchange.identity import identified
+from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 from calibrary.registry.locking import locked
@@ -92,34 +93,28 @@ class Knowledge:
         """Whether a registry was given."""
         return self.registry is not None
 
-    def by_day(
-        self, metadata: ImageMetadata, names: Sequence[str], root: Path
-    ) -> Iterator[tuple[Known, tuple[str, ...]]]:
+    def by_day(self, metadata: ImageMetadata, days: ByDay) -> Iterator[tuple[Known, Names]]:
         """What is known of the camera that took some images, and which of them it holds for.
 
         It is one thing for all of them, but where an entry is valid for some days only: the image's own counts.
 
         Args:
             metadata: of all of them.
-            names: below the folder.
-            root: the folder.
+            days: the images by the day they were taken on.
 
         Raises:
             RegistryError: as of :meth:`of`.
         """
         if self.registry is None or not self.registry.is_dated(identified(metadata, self.catalogue).key):
-            yield self.of(metadata), tuple(names)
+            yield self.of(metadata), Names.joined([*days.values()])
             return
-        days: dict[date | None, list[str]] = {}
-        for name in names:
-            days.setdefault(image_day(root / name) or self.on, []).append(name)
-        found: dict[tuple[str, str | None] | None, tuple[Known, list[str]]] = {}
+        found: dict[tuple[str, str | None] | None, tuple[Known, list[Names]]] = {}
         for day, own in days.items():
-            known = replace(self, on=day).of(metadata)
+            known = replace(self, on=day or self.on).of(metadata)
             entry = known.resolution
             answer = (entry.path, entry.revision) if entry is not None else None
-            found.setdefault(answer, (known, []))[1].extend(own)
-        yield from ((known, tuple(own)) for known, own in found.values())
+            found.setdefault(answer, (known, []))[1].append(own)
+        yield from ((known, Names.joined(parts)) for known, parts in found.values())
 
     def of(self, metadata: ImageMetadata) -> Known:
         """What is known of the camera that took an image on the day that is asked for.

@@ -77,9 +77,14 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver, *, database: Pa
     solver; where that cannot be written, K and the report still are.
 
     Raises:
-        InputError: ``matrix_path`` is no .npy, or a file that may not be replaced is in the way.
+        InputError: ``matrix_path`` is no .npy, a file that may not be replaced is in the way, or a solver is to get
+            more images than are named.
     """
     check_place(matrix_path)
+    if solver is not Solver.NONE and any(c.camera.count > len(c.camera.names) for c in outcome.cameras):
+        raise InputError(
+            f"{solver} needs the name of every image, which this run did not keep: list_images=True"
+        )
     alone, stem = len(outcome.cameras) == 1, matrix_path.stem
     files: dict[Path, bytes] = {}
     matrices: dict[str, str] = {}

@@ -77,7 +77,7 @@ def outcome_page(outcome: Extraction, outputs: Outputs) -> Page:
         sections=tuple(sections),
         # The overview leads to every camera.
         contents=False,
-        made_by=f"Made by calibrary {version('calibrary')} from {_count(_images(outcome), 'image')}.",
+        made_by=f"Made by calibrary {version('calibrary')} from {_count(outcome.images, 'image')}.",
     )
 
 
@@ -125,7 +125,7 @@ def _row(camera: CameraReport, output: str | None) -> tuple[Cell, ...]:
     return (
         Link(str(camera.camera.key), f"#{camera.slug}"),
         _verdict(camera),
-        str(len(camera.camera.names)),
+        str(camera.camera.count),
         fx,
         over_width,
         grade,
@@ -298,7 +298,7 @@ def _doubts(camera: CameraReport) -> Iterator[Block]:
         f"{c.other.tag} disagrees with {c.chosen.tag} by {c.difference:+.1%}: {c.cause.value}."
         for c in evidence.conflicts
     ]
-    images = len(camera.camera.names)
+    images = camera.camera.count
     for dropped, count in camera.camera.dropped:
         of = "" if count == images else f" of {count} of {images} images"
         said.append(f"{dropped.tag}{of} is not believed: {dropped.reason}.")
@@ -339,7 +339,7 @@ def _images_by_state(camera: CameraReport) -> Iterator[Block]:
         if len(states) > MOST_STATES:
             yield f"{len(states) - MOST_STATES} more states are listed in the report."
     for state in states[:MOST_STATES]:
-        yield _names(state.images)
+        yield _names(state.images, state.count)
 
 
 def _state(state: StateDocument) -> tuple[Cell, ...]:
@@ -347,7 +347,7 @@ def _state(state: StateDocument) -> tuple[Cell, ...]:
     if state.inherits:
         told.insert(0, "takes over the camera's K")
     return (
-        str(len(state.images)),
+        str(state.count),
         Badge(state.verdict.value, VERDICTS[state.verdict]),
         state.grade.value if state.grade is not None else "–",
         f"{state.intrinsics.fx:.2f}" if state.intrinsics is not None else "–",
@@ -356,10 +356,11 @@ def _state(state: StateDocument) -> tuple[Cell, ...]:
     )
 
 
-def _names(names: tuple[str, ...]) -> Details:
+def _names(names: tuple[str, ...], count: int) -> Details:
     shown = names[:MOST_NAMES]
-    more = (f"and {len(names) - len(shown)} more, listed in the report",) if len(names) > len(shown) else ()
-    return Details(summary=_count(len(names), "image"), blocks=(Bullets((*shown, *more)),))
+    where = ", listed in the report" if count == len(names) else ""
+    more = (f"and {count - len(shown)} more{where}",) if count > len(shown) else ()
+    return Details(summary=_count(count, "image"), blocks=(Bullets((*shown, *more)),))
 
 
 def _set_aside(outcome: Extraction) -> Section:
@@ -370,17 +371,16 @@ def _set_aside(outcome: Extraction) -> Section:
         columns=(Column("image"), Column("why")),
         rows=tuple((item.name, item.reason) for item in rejected),
     )
-    more = len(found) - len(rejected)
-    blocks: tuple[Block, ...] = (table, f"{more} more are listed in the report.") if more else (table,)
-    return Section(title=f"{_count(len(found), 'image')} skipped", blocks=blocks)
+    more, unlisted = len(found) - len(rejected), outcome.more_rejected + outcome.more_skipped
+    told = f"{more} more are listed in the report."
+    if unlisted:
+        told = f"{more + unlisted} more; the report lists {len(found)} of them all."
+    blocks: tuple[Block, ...] = (table, told) if more or unlisted else (table,)
+    return Section(title=f"{_count(len(found) + unlisted, 'image')} skipped", blocks=blocks)
 
 
 def _verdict(camera: CameraReport) -> Badge:
     return Badge(camera.verdict.value, VERDICTS[camera.verdict])
-
-
-def _images(outcome: Extraction) -> int:
-    return sum(len(c.camera.names) for c in outcome.cameras) + len(outcome.rejected) + len(outcome.skipped)
 
 
 def _count(count: int, what: str) -> str:

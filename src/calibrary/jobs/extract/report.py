@@ -14,9 +14,9 @@ from calibrary.evidence.estimate import Dropped, SourceEstimate
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.fallback import Step
-from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.states import StateDocument
+from calibrary.jobs.images.folders import SkippedFile
 from calibrary.records import Json, Meta, Record
 from calibrary.validation import Finding, Report, Verdict
 
@@ -103,7 +103,8 @@ class CameraDocument(Record):
         spread: of fx over the images, as a share of it.
         fallback: what was tried where the images give no valid K.
         seed: where a self-calibration may start.
-        images: path of each image below the folder.
+        images: path of each image below the folder, or of the first of very many.
+        more_images: how many more there are than are listed; 0 in reports of earlier versions.
         states: those images by what can change K or its meaning; none in reports of earlier versions.
     """
 
@@ -126,6 +127,7 @@ class CameraDocument(Record):
     seed: Seed | None
     images: tuple[str, ...]
     states: tuple[StateDocument, ...] = ()
+    more_images: Annotated[int, Meta(ge=0)] = 0
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         camera = document.pop("camera")
@@ -166,7 +168,9 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
         rejected: images that cannot be read.
         skipped: pictures that are no images of a camera, such as a preview or a map; none in earlier versions.
         warnings: what to know of the run itself.
-        exit_code: 0 where every image has a valid K, and the solver got what was asked for.
+        exit_code: 0 where every image has a valid K, and the solver got what was asked for; 3 where some were not
+            read because the processes that read them were killed.
+        more_rejected, more_skipped: how many more there are of each than are listed.
     """
 
     policy: str
@@ -175,8 +179,10 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
     cameras: tuple[CameraDocument, ...]
     rejected: tuple[SkippedFile, ...]
     warnings: tuple[str, ...]
-    exit_code: Annotated[int, Meta(ge=0, le=1)]
+    exit_code: Annotated[int, Meta(ge=0, le=3)]
     skipped: tuple[SkippedFile, ...] = ()
+    more_rejected: Annotated[int, Meta(ge=0)] = 0
+    more_skipped: Annotated[int, Meta(ge=0)] = 0
 
 
 def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
@@ -189,14 +195,14 @@ def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
     return ExtractReport(
         policy=outcome.policy.name,
         uncalibrated=outcome.uncalibrated,
-        images=sum(len(c.camera.names) for c in outcome.cameras)
-        + len(outcome.rejected)
-        + len(outcome.skipped),
+        images=outcome.images,
         cameras=tuple(_camera(c, outputs.get(c.slug)) for c in outcome.cameras),
         rejected=outcome.rejected,
         warnings=outcome.warnings,
         exit_code=outcome.exit_code,
         skipped=outcome.skipped,
+        more_rejected=outcome.more_rejected,
+        more_skipped=outcome.more_skipped,
     )
 
 
@@ -242,7 +248,8 @@ def _camera(c: CameraReport, output: str | None) -> CameraDocument:
         spread=c.camera.spread,
         fallback=c.fallback.steps if c.fallback is not None else (),
         seed=_seed(c),
-        images=tuple(c.camera.names),
+        images=c.camera.names,
+        more_images=c.camera.count - len(c.camera.names),
         states=c.states,
     )
 

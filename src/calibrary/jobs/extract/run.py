@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from calibrary.calibration import CameraKey, ImageSize
+from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
-from calibrary.evidence.frame import exif_contradiction
-from calibrary.evidence.metadata import TagFault
-from calibrary.jobs.extract.beside import contradictions, find_candidates
+from calibrary.evidence.metadata import ImageMetadata, TagFault
+from calibrary.jobs.extract.beside import SUFFIXES, contradictions, find_candidates
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, outranking, read_matrix
-from calibrary.jobs.extract.gather import Gathered, SkippedFile, collect_images, gather
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.extract.pictures import set_aside_pictures
+from calibrary.jobs.extract.pictures import sort_images
+from calibrary.jobs.images.accumulator import ByDay, Names
+from calibrary.jobs.images.listing import LISTED, Listing
+from calibrary.jobs.images.observation import path_order
+from calibrary.jobs.images.reading import Reading, read_images
 from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress, counted, log, stage
 from calibrary.validation import Finding, Report, Severity, Verdict
@@ -42,6 +44,7 @@ class Request:
         recursive: go into sub-folders.
         workers: processes; 0 decides by itself.
         strict: stop at the first breach.
+        list_images: name every image of however many; else of more than 10 000 only a few that say the same.
         progress: called with (images read, images in all, "images").
     """
 
@@ -54,6 +57,7 @@ class Request:
     recursive: bool = False
     workers: int = 0
     strict: bool = False
+    list_images: bool = False
     progress: Progress | None = field(default=None, compare=False)
 
 
@@ -67,76 +71,92 @@ def run(request: Request) -> Extraction:
     """
     knowledge = Knowledge.load(request.registry, request.lock)
     matrix = read_matrix(request.fallback_k) if request.fallback_k is not None else None
-    found = collect_images(request.images, recursive=request.recursive)
-    if not found.paths:
+    listing = Listing(request.images, recursive=request.recursive, keep=SUFFIXES)
+    if listing.known == 0:
         hint = "" if request.recursive else "; if they lie in sub-folders, add --recursive"
         source = ", ".join(map(str, request.images))
         raise InputError(f"contains no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source)
-    with stage(f"read the heads of {len(found.paths)} images"):
-        gathered = gather(
-            found.paths,
-            found.root,
+    reading = _read(listing, request, days=knowledge.has_registry)
+    with stage("derived and judged K"):
+        return judge_images(reading, listing, request, knowledge=knowledge, matrix=matrix)
+
+
+def _read(listing: Listing, request: Request, *, days: bool) -> Reading:
+    many = f"more than {LISTED}" if listing.known is None else str(listing.known)
+    with stage(f"read the heads of {many} images"):
+        return read_images(
+            listing,
+            known=listing.known,
             workers=request.workers,
-            progress=counted(request.progress, len(found.paths), "images"),
+            days=days,
+            list_all=request.list_images or listing.known is not None,
+            progress=counted(request.progress, listing.known or 0, "images"),
             stop_at_first=request.strict,
         )
-    gathered.rejected.extend(found.unreadable)
-    _skip_contradictions(gathered)
-    pictures = set_aside_pictures(gathered)
-    for skipped in (*gathered.rejected, *pictures):
-        log.info("skipped %s: %s", skipped.name, skipped.reason)
-    if request.strict and gathered.rejected:
-        first = gathered.rejected[0]
-        raise _breach(request.policy, "image", f"{first.name}: {first.reason}")
 
-    with stage("derived and judged K"):
-        states = group_cameras(gathered.states, knowledge, found.root)
-        sensor, warnings = _sensor(request, states)
-        cameras = [one for key, group in states.items() for one in _judged(key, group, request, sensor)]
-    rivals = _rivals(cameras)
-    beside, unreadable = find_candidates(found.folders, found.root, cameras, recursive=request.recursive)
+
+def judge_images(
+    reading: Reading,
+    listing: Listing,
+    request: Request,
+    *,
+    knowledge: Knowledge,
+    matrix: tuple[str, Callable[[ImageSize], Intrinsics]] | None = None,
+) -> Extraction:
+    """One judged K per camera from what all images say, in whatever order and by whomever they were read.
+
+    Raises:
+        RegistryError: two entries fit a camera equally well, or one that may fit cannot be read.
+        ValidationError: ``strict`` and something breached the policy.
+    """
+    images = sort_images(reading.images.settled())
+    rejected = sorted((*images.unread.listed, *listing.unreadable), key=lambda one: path_order(one.name))
+    for skipped in (*rejected, *images.pictures.listed):
+        log.info("skipped %s: %s", skipped.name, skipped.reason)
+    if request.strict and rejected:
+        raise _breach(request.policy, "image", f"{rejected[0].name}: {rejected[0].reason}")
+    states = group_cameras(images.states, knowledge)
+    sensor, warnings = _sensor(request, states)
+    cameras = [one for key, group in states.items() for one in _judged(key, group, request, sensor)]
+    beside, unreadable = find_candidates(listing.beside, listing.root, cameras)
     sources = Sources(
         matrix=matrix,
         files=tuple((one.label, K) for one in beside if one.states_size for K in one.calibrations),
         unreadable=tuple(unreadable),
         knowledge=knowledge,
-        rivals=rivals,
+        rivals=_rivals(cameras),
     )
-    names = slugs_of(cameras)
     reports = tuple(
         CameraReport(slug=slug, camera=camera, fallback=_fallback(camera, request.policy, sources))
-        for slug, camera in zip(names, cameras, strict=True)
+        for slug, camera in zip(slugs_of(cameras), cameras, strict=True)
     )
     contradicting = contradictions(beside, reports, request.policy)
     return Extraction(
         policy=request.policy,
         cameras=reports,
-        rejected=tuple(gathered.rejected),
-        skipped=pictures,
-        warnings=(*knowledge.warnings, *_unread(gathered), *warnings, *contradicting),
+        rejected=tuple(rejected),
+        skipped=images.pictures.listed,
+        more_rejected=images.unread.count - len(images.unread.listed),
+        more_skipped=images.pictures.count - len(images.pictures.listed),
+        lost=reading.lost,
+        warnings=(*knowledge.warnings, *_unread(images.states), *warnings, *contradicting),
+        beside=tuple(beside),
+        beside_unread=tuple(unreadable),
     )
 
 
-def _unread(gathered: Gathered) -> Iterator[str]:
+def _unread(states: Mapping[ImageMetadata, ByDay]) -> Iterator[str]:
     """What an image carries of its camera and could not be read: a calibration may have been in it."""
-    found: dict[TagFault, list[str]] = {}
-    for metadata, names in gathered.states.items():
+    found: dict[TagFault, list[Names]] = {}
+    for metadata, days in states.items():
         for fault in metadata.faults:
             if fault.tag.startswith(PACKETS):
-                found.setdefault(fault, []).extend(names)
-    for fault, names in found.items():
-        named = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more images"
+                found.setdefault(fault, []).extend(days.values())
+    for fault, parts in found.items():
+        names = Names.joined(parts)
+        first, more = names.listed[0], names.count - 1
+        named = f"{first} and {more} more images" if more else first
         yield f"{named}: {fault.tag} is not read: {fault.found}; expected {fault.expected}"
-
-
-def _skip_contradictions(gathered: Gathered) -> None:
-    """An image whose EXIF is of another frame is no evidence of any camera."""
-    for metadata in list(gathered.states):
-        contradiction = exif_contradiction(metadata)
-        if contradiction is not None:
-            names = gathered.states.pop(metadata)
-            gathered.rejected.extend(SkippedFile(name=name, reason=contradiction) for name in names)
-    gathered.rejected.sort(key=lambda rejected: rejected.name)
 
 
 def _sensor(

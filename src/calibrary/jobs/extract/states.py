@@ -6,6 +6,7 @@ from calibrary.calibration import Grade, Intrinsics
 from calibrary.evidence.edits import edits
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.extract.cameras import Camera
+from calibrary.jobs.images.accumulator import Names
 from calibrary.records import Record, replace
 from calibrary.validation import Verdict
 
@@ -24,7 +25,8 @@ class StateDocument(Record):
         sources: the tags that state a K.
         edits: what an editor did to the pixels.
         firmware: of the camera; None where it is not stated.
-        images: path of each image below the folder.
+        images: path of each image below the folder, or of the first of very many.
+        more_images: how many more there are than are listed.
     """
 
     verdict: Verdict
@@ -36,11 +38,17 @@ class StateDocument(Record):
     edits: tuple[str, ...]
     firmware: str | None
     images: tuple[str, ...]
+    more_images: int = 0
+
+    @property
+    def count(self) -> int:
+        """How many images there are."""
+        return len(self.images) + self.more_images
 
 
 def states_of(camera: Camera) -> tuple[StateDocument, ...]:
     """A camera's states; those of which the same is to be told are one."""
-    found: dict[StateDocument, list[str]] = {}
+    found: dict[StateDocument, list[Names]] = {}
     for one in camera.judged:
         chosen, report = one.evidence.chosen, one.report
         document = StateDocument(
@@ -54,5 +62,9 @@ def states_of(camera: Camera) -> tuple[StateDocument, ...]:
             firmware=firmware(one.state.metadata),
             images=(),
         )
-        found.setdefault(document, []).extend(one.state.names)
-    return tuple(replace(document, images=tuple(names)) for document, names in found.items())
+        found.setdefault(document, []).append(one.state.images)
+    return tuple(
+        replace(document, images=names.listed, more_images=names.count - len(names.listed))
+        for document, parts in found.items()
+        for names in [Names.joined(parts)]
+    )

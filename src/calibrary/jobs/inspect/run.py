@@ -10,7 +10,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, MissingSizeError
 from calibrary.jobs.exchange.argument import Reading
-from calibrary.jobs.extract.gather import find_files
+from calibrary.jobs.images.folders import find_files
 from calibrary.jobs.inspect.report import InspectedFile
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.images import image_evidence

@@ -13,9 +13,10 @@ from calibrary.calibration import Calibration, CameraKey, ImageSize, same_aspect
 from calibrary.errors import InputError, MissingTagError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
-from calibrary.jobs.extract.gather import SkippedFile
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.images.accumulator import undated
+from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.onboard.classify import LARGEST_CALIBRATION, Payload
 from calibrary.known_camera import normalise_sub_camera
 from calibrary.policy import Policy
@@ -112,7 +113,7 @@ def find_cameras(
     """
     knowledge = Knowledge.load(None)
     sorted_ = _Sorted()
-    groups = _named(group_cameras(payload.states, knowledge), payload, said, sorted_)
+    groups = _named(group_cameras(undated(payload.states), knowledge), payload, said, sorted_)
     sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, states in groups.items():
         # A payload is one unit: that is what is being onboarded.

@@ -13,7 +13,8 @@ from calibrary.calib.presence import shows_board
 from calibrary.errors import InputError, UnknownFormatError
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.extract.gather import SkippedFile, find_files, gather
+from calibrary.jobs.images.folders import SkippedFile, find_files
+from calibrary.jobs.images.reading import gather
 from calibrary.parsers.image_names import is_image
 
 __all__ = ["Payload", "classify_payload"]
@@ -78,7 +79,7 @@ def classify_payload(
             )
     files, others = _calibrations(rest, folder)
     gathered = gather(images, folder, workers=workers)
-    others += gathered.rejected
+    others += gathered.unread
     states: dict[ImageMetadata, tuple[str, ...]] = {}
     for metadata, names in gathered.states.items():
         contradiction = exif_contradiction(metadata)

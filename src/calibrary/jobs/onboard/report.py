@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.jobs.diff.comparison import ChangeVerdict
-from calibrary.jobs.extract.gather import SkippedFile
+from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.onboard.comparison import Agreement, EstimateComparison, Relative
 from calibrary.jobs.onboard.estimates import Estimate, Kind
 from calibrary.jobs.onboard.proposal import sources_of

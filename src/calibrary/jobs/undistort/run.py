@@ -15,7 +15,7 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.dji import is_dewarped
-from calibrary.jobs.extract.gather import find_images
+from calibrary.jobs.images.folders import find_images
 from calibrary.jobs.undistort.report import UndistortedCamera, UndistortedImage, UndistortReport
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import read_regular_file
