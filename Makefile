@@ -31,11 +31,11 @@ REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary n
 %d.%d. Name a newer one (make PYTHON=python3.12), after removing $(VENV) if it is there." \
 % ((sys.executable,) + tuple(sys.version_info[:2])))
 
-.PHONY: help demo test lint format bench fuzz schemas docs pictures dist lock clean
+.PHONY: help demo test test-floors lint format bench fuzz schemas docs pictures dist lock clean
 .DEFAULT_GOAL := help
 
 help: ## List what can be made
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
 demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
 	@rm -rf $(DEMO) $(DEMO_RESULT)
@@ -52,6 +52,16 @@ demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
 
 test: $(INSTALLED) ## Run the whole test suite on all processors (ARGS="-k name -n 0" narrows it, on one)
 	$(BIN)/pytest -n auto --dist worksteal $(ARGS)
+
+test-floors: $(INSTALLED) ## Run the suite with the oldest libraries that pyproject.toml allows, in .venv-floors
+	@$(if $(UV),:,echo "make test-floors needs uv" >&2; exit 1)
+	@mkdir -p build
+	@$(UV) pip compile --quiet --resolution lowest-direct --python-version 3.11 --all-extras --output-file build/floors.txt pyproject.toml
+	@$(UV) venv --quiet --allow-existing --python 3.11 .venv-floors
+	@$(UV) pip install --quiet --python .venv-floors/bin/python -r requirements-dev.lock
+	@$(UV) pip install --quiet --python .venv-floors/bin/python -r build/floors.txt
+	@$(UV) pip install --quiet --python .venv-floors/bin/python --no-deps --no-build-isolation -e .
+	.venv-floors/bin/pytest -n auto --dist worksteal --deselect tests/house $(ARGS)
 
 lint: $(INSTALLED) ## Check style, format, types and the layers of imports
 	$(BIN)/ruff check

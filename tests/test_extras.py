@@ -29,8 +29,8 @@ COMMANDS = {
         "calibrate board checkerboard:9x6 --square-mm 30 --out board.pdf",
         "calibrate,opencv",
     ),
-    "calibrate render": (
-        "calibrate render out --board checkerboard:9x6 --square-mm 30",
+    "calibrate synth": (
+        "calibrate synth out --board checkerboard:9x6 --square-mm 30",
         "calibrate,opencv",
     ),
     "undistort": ("undistort images --calibration camera.xml", "calibrate,opencv"),

@@ -25,7 +25,7 @@ WANTED = [
     )
 ]
 LOCK = (ROOT / "requirements-dev.lock").read_text()
-PYTHONS = ("3.11.0", "3.12.0", "3.13.0")
+PYTHONS = ("3.11.0", "3.12.0", "3.13.0", "3.14.0")
 
 
 def reasons() -> dict[str, str]:
