@@ -12,9 +12,9 @@ import re
 from functools import cached_property
 
 from calibrary.errors import ParseError
-from calibrary.parsers.document import parse_json
 from calibrary.parsers.text import decode
 from calibrary.records import Json
+from calibrary.strictjson import parse_json
 
 __all__ = ["HEAD_BYTES", "MAX_JSON_BYTES", "Content"]
 

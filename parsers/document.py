@@ -8,7 +8,6 @@ calibrary.errors.ParseError: chain.json: cam0.intrinsics: 2 numbers, expected 4
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from typing import NoReturn
@@ -17,8 +16,9 @@ from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.records import Json
+from calibrary.strictjson import parse_json
 
-__all__ = ["Node", "load_json", "parse_json"]
+__all__ = ["Node", "load_json"]
 
 
 class Node:
@@ -171,45 +171,6 @@ def load_json(data: bytes, *, source: str) -> Node:
         ParseError: the bytes are none, an object has a duplicate key, or the nesting is too deep.
     """
     return Node(parse_json(data, source=source), source=source)
-
-
-def parse_json(data: bytes, *, source: str) -> Json:
-    """A JSON document as plain values; see :func:`load_json`.
-
-    Raises:
-        ParseError: as :func:`load_json`.
-    """
-    try:
-        text = data.decode(json.detect_encoding(data))
-        document: Json = json.loads(text, object_pairs_hook=_unique_keys, parse_constant=_not_finite)
-    except json.JSONDecodeError as error:
-        raise ParseError(
-            f"this is not JSON: {error.msg}", source=source, place=f"line {error.lineno}"
-        ) from None
-    except RecursionError:
-        raise ParseError("the JSON is nested too deeply", source=source) from None
-    except UnicodeDecodeError as error:
-        raise ParseError(
-            f"this is not {error.encoding.upper()} text: {error.reason}", source=source
-        ) from None
-    except ValueError as error:
-        raise ParseError(f"this JSON cannot be read: {error}", source=source) from None
-    return document
-
-
-def _unique_keys(pairs: list[tuple[str, Json]]) -> dict[str, Json]:
-    table = dict(pairs)
-    if len(table) != len(pairs):
-        seen: set[str] = set()
-        for key, _ in pairs:
-            if key in seen:
-                raise ValueError(f"{strict.shown(key)} is a duplicate key in one object")
-            seen.add(key)
-    return table
-
-
-def _not_finite(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not finite, expected a number")
 
 
 def _listed(table: dict[str, Json], most: int = 12) -> str:

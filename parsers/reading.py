@@ -18,12 +18,12 @@ from calibrary.errors import (
 )
 from calibrary.parsers.content import HEAD_BYTES, Content
 from calibrary.parsers.discovery import known_formats
-from calibrary.parsers.document import parse_json
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_companion
 from calibrary.parsers.last_line import read_to_the_end
 from calibrary.parsers.text import shown
 from calibrary.records import replace
+from calibrary.strictjson import parse_json
 
 __all__ = ["Identity", "identified", "identified_by_head", "read_content", "read_in_place"]
 

@@ -19,6 +19,7 @@ from calibrary.errors import InputError, ParseError
 from calibrary.records import Json, from_json, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_form import digest, migrated
+from calibrary.strictjson import parse_json
 from calibrary.strictyaml import YamlScalar, YamlValue, line_of, load_yaml
 
 __all__ = [
@@ -90,7 +91,7 @@ def parse_entry(data: bytes, name: str, *, require_digest: bool = True) -> Entry
     """Read one entry; older schema versions are brought to the present one.
 
     Args:
-        data: the file's bytes.
+        data: the file's bytes; an entry that was published is the same document as JSON.
         name: what errors call the file.
         require_digest: refuse a file without a digest. Where it is not required, one that is there still has to
             fit the numbers.
@@ -102,9 +103,14 @@ def parse_entry(data: bytes, name: str, *, require_digest: bool = True) -> Entry
     """
     if data.startswith(UTF_16):
         raise ParseError("is UTF-16 text, which git treats as binary; expected UTF-8", source=name)
-    value = load_yaml(data, source=name, max_bytes=LARGEST_ENTRY, max_depth=DEEPEST)
+    if is_json := data.startswith(b"{"):
+        if len(data) > LARGEST_ENTRY:
+            raise ParseError(f"is {len(data)} bytes of JSON, expected at most {LARGEST_ENTRY}", source=name)
+        value = parse_json(data, source=name)
+    else:
+        value = load_yaml(data, source=name, max_bytes=LARGEST_ENTRY, max_depth=DEEPEST)
     document = migrated(value, source=name)
-    entry = from_json(Entry, document, source=name, locate=partial(line_of, data))
+    entry = from_json(Entry, document, source=name, locate=None if is_json else partial(line_of, data))
     stated = document.get("digest")
     if stated is None:
         if require_digest:

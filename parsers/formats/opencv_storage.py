@@ -49,7 +49,7 @@ from calibrary.interop.opencv import OPENCV_LENSES, OPENCV_MODELS
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Node, parse_json
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._opencv_keys import (
@@ -62,6 +62,7 @@ from calibrary.parsers.formats._opencv_keys import (
     simplified,
 )
 from calibrary.records import Json
+from calibrary.strictjson import parse_json
 
 __all__ = ["FORMAT", "cameras", "tree_of"]
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
@@ -29,7 +27,6 @@ from calibrary.registry.paths import is_entry, match_key
 from calibrary.registry.published.layout import (
     CAMERA_FOLDER,
     ENTRY_FOLDER,
-    NAMESPACE,
     ROOT_FILE,
     SIGNATURE_FILE,
     TREE_FOLDER,
@@ -48,6 +45,7 @@ from calibrary.registry.published.layout import (
     is_ours,
     sha256,
 )
+from calibrary.registry.published.signature import sign
 from calibrary.registry.resolution import is_keyed
 from calibrary.registry.snapshot import Snapshot, used_before
 from calibrary.registry.writing import parsed
@@ -132,7 +130,7 @@ def publish(
             commit=commit, date=when, entries=len(rows), cameras=len(cameras), depth=depth, tree=tree
         )
         data = document_bytes(root)
-        signature = _signature(data, key) if key is not None else None
+        signature = sign(data, key) if key is not None else None
         output.settle()
         if signature is not None:
             output.put(SIGNATURE_FILE, signature)
@@ -450,30 +448,6 @@ def _write_part(
         output.put(f"{folder}/{name}.json", data, at_once=False)
         part[name] = sha256(data)
     return part
-
-
-def _signature(data: bytes, key: Path) -> bytes:
-    """An ssh signature over the root.
-
-    Raises:
-        RegistryError: ssh-keygen is not installed, or cannot sign with this key.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / ROOT_FILE
-        file.write_bytes(data)
-        command = ["ssh-keygen", "-Y", "sign", "-n", NAMESPACE, "-f", str(key), str(file)]
-        try:
-            done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)  # noqa: S603
-        except FileNotFoundError:
-            raise RegistryError(
-                "ssh-keygen is not installed, and signing needs it (OpenSSH 8.1 or newer)"
-            ) from None
-        if done.returncode != 0:
-            told = done.stderr.decode("utf-8", "replace").strip().splitlines()
-            raise RegistryError(
-                f"{key}: ssh-keygen cannot sign with it: {told[-1] if told else 'no reason given'}"
-            )
-        return file.with_name(SIGNATURE_FILE).read_bytes()
 
 
 def _remove_stale(output: _Output, *, is_signed: bool) -> int:

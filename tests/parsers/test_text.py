@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from calibrary.errors import ParseError
 from calibrary.parsers.content import Content
-from calibrary.parsers.document import load_json, parse_json
+from calibrary.parsers.document import load_json
 from calibrary.parsers.text import decode, image_size, lines, number, numbers, whole
+from calibrary.strictjson import parse_json
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

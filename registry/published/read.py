@@ -1,0 +1,361 @@
+"""A published registry as a reader sees it: the entries of a camera, each file verified from the root down.
+
+One root is one state. Files that do not fit it mean that the registry was published anew in between: the root is then
+read again, and with it whatever was asked. Where the server cannot be reached, the last root and the files in the cache
+answer, and a warning says how old they are.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Final, TypeVar
+
+from calibrary.calibration import CameraKey
+from calibrary.errors import InputError, RegistryError
+from calibrary.records import Record, from_json, replace
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
+from calibrary.registry.paths import folder_of, match_key
+from calibrary.registry.published.cache import Cache, CachedRoot
+from calibrary.registry.published.fetch import FetchError, fetch, normalised
+from calibrary.registry.published.layout import (
+    ROOT_FILE,
+    SIGNATURE_FILE,
+    PublishedCamera,
+    PublishedEntry,
+    PublishedRegistry,
+    PublishedTree,
+    camera_path,
+    entry_path,
+    sha256,
+    tree_paths,
+)
+from calibrary.registry.published.signature import reason_against
+from calibrary.registry.resolution import RegistryIndex
+from calibrary.strictjson import parse_json
+
+__all__ = ["SIGNERS", "Published"]
+
+SIGNERS: Final = "CALIBRARY_SIGNERS"
+"""The variable that names a file as of ssh-keygen(1), "ALLOWED SIGNERS"; one of them has to have signed a root then."""
+
+LARGEST_ROOT: Final = 1 << 20
+LARGEST_PART: Final = 1 << 20
+LARGEST_CAMERA: Final = 4 << 20
+LARGEST_SIGNATURE: Final = 64 << 10
+PAUSES_S: Final = (0.0, 0.2, 0.6)
+"""Before a file that does not fit the root is read again."""
+GONE: Final = frozenset({404, 410})
+MOST_ALIASES: Final = 32
+AT_ONCE: Final = 8
+"""Files that are read at the same time."""
+
+UNITS_S: Final[Mapping[str, int]] = {"days": 86400, "hours": 3600, "minutes": 60}
+
+_VERSION = re.compile(r"calibrary/published-(\d{1,9})")
+
+Kind = TypeVar("Kind", bound=Record)
+Found = TypeVar("Found")
+
+
+class _StaleError(RegistryError):
+    """A file is not the one that the root vouches for."""
+
+
+class Published:
+    """A published registry at one state; files are read when a camera is asked for that they are of.
+
+    Attributes:
+        url: its address, with a slash at the end.
+        root: of the state.
+        read: when the root was read from the server; earlier than now where it comes from the cache.
+        warnings: what a person should know of it: that the server cannot be reached, or has gone back in time.
+    """
+
+    def __init__(self, address: str, *, cache: Cache | None = None, signers: Path | None = None) -> None:
+        """Read the root.
+
+        Args:
+            address: of the folder.
+            cache: what was read before; the user's own when left out.
+            signers: who has to have signed; by $CALIBRARY_SIGNERS when left out.
+
+        Raises:
+            RegistryError: the address is not one, there is no published registry, it cannot be reached and was never
+                read before, or it is not signed by one of the signers.
+        """
+        self.url: Final = normalised(address)
+        self._cache: Final = cache or Cache.of_user()
+        named = os.environ.get(SIGNERS)
+        self._signers: Final = signers or (Path(named) if named else None)
+        self._indexes: dict[tuple[str, str, str], RegistryIndex] = {}
+        self._is_retry = False
+        self.warnings: tuple[str, ...] = ()
+        self._load_root()
+
+    @property
+    def commit(self) -> str:
+        """That was published."""
+        return self.root.commit
+
+    def index_for(self, key: CameraKey) -> RegistryIndex:
+        """The entries that a camera may meet.
+
+        Raises:
+            RegistryError: a file cannot be read, or is not what the root vouches for.
+        """
+        if not key.make or not key.model:
+            return RegistryIndex((), _no_file)
+        name = (match_key(key.make), match_key(key.model), match_key(key.serial or ""))
+        found = self._indexes.get(name)
+        if found is None:
+            found = self._indexes[name] = self._settled(partial(self._index, key))
+        return found
+
+    def _index(self, key: CameraKey) -> RegistryIndex:
+        make, model = key.make or "", key.model or ""
+        model_file = self._camera(CameraKey(make=make, model=model))
+        aliases = model_file.aliases[:MOST_ALIASES] if model_file is not None else ()
+        names = [(make, model), *((name.make, name.model) for name in aliases)]
+        serials = [None, key.serial] if key.serial is not None else [None]
+        keys = [CameraKey(make=one[0], model=one[1], serial=serial) for one in names for serial in serials]
+        files = [self._camera(one) for one in keys]
+        rows = {row.path: row for file in files if file is not None for row in file.entries}
+        contents = self._entries([row.sha256 for row in rows.values()])
+        earlier = self._entries([one.sha256 for row in rows.values() for one in row.earlier])
+        folders = frozenset(folder_of(*name) for name in names[1:])
+        return RegistryIndex(
+            rows,
+            lambda path: contents[rows[path].sha256],
+            aliases=lambda: {(match_key(make), match_key(model)): folders} if folders else {},
+            earlier=lambda path: _revisions(rows[path], earlier),
+        )
+
+    def _camera(self, key: CameraKey) -> PublishedCamera | None:
+        """The file of a make and model, or of a unit; None where the tree has none."""
+        path = camera_path(key)
+        part: Mapping[str, str] = self.root.tree
+        for name, file in tree_paths(path, self.root.depth):
+            digest = part.get(name)
+            if digest is None or file is None:
+                return None
+            if file == path:
+                return self._document(PublishedCamera, path, digest, LARGEST_CAMERA)
+            part = self._document(PublishedTree, file, digest, LARGEST_PART).tree
+        return None
+
+    def _document(self, kind: type[Kind], path: str, digest: str, most: int) -> Kind:
+        return _record(kind, self._file(path, digest, most), f"{self.url}{path}")
+
+    def _entries(self, digests: Sequence[str]) -> dict[str, bytes]:
+        """Entries' files by their digests, several at a time."""
+        wanted = list(dict.fromkeys(digests))
+        with ThreadPoolExecutor(max_workers=AT_ONCE) as pool:
+            files = pool.map(lambda digest: self._file(entry_path(digest), digest, LARGEST_ENTRY), wanted)
+            return dict(zip(wanted, files, strict=True))
+
+    def _file(self, path: str, digest: str, most: int) -> bytes:
+        """A file by its digest: from the cache, else from the server.
+
+        Raises:
+            _StaleError: the server has another one.
+            RegistryError: it cannot be reached.
+        """
+        if (data := self._cache.get(digest)) is not None:
+            return data
+        try:
+            data = fetch(f"{self.url}{path}", most=most, fresh=self._is_retry).data or b""
+        except FetchError as error:
+            if error.status in GONE:
+                raise _StaleError(str(error)) from None
+            hint = "; it is not in the cache" if error.is_temporary else ""
+            raise RegistryError(f"{error}{hint}") from None
+        if sha256(data) != digest:
+            raise _StaleError(f"{self.url}{path}: is not the file that {ROOT_FILE} vouches for")
+        self._cache.keep(data)
+        return data
+
+    def _settled(self, work: Callable[[], Found]) -> Found:
+        """The outcome of work by one root: done again, with a new root, where a file does not fit the one there is.
+
+        Raises:
+            RegistryError: it does not fit however often it is tried: a file is damaged on the server.
+        """
+        try:
+            for pause_s in PAUSES_S:
+                try:
+                    return work()
+                except _StaleError:
+                    time.sleep(pause_s)
+                    self._is_retry = True
+                    self._load_root()
+            return work()
+        except _StaleError as error:
+            raise RegistryError(
+                f"{error}; it was damaged on the server or on the way, or is being published at this moment: try "
+                "again, or publish it anew"
+            ) from None
+        finally:
+            self._is_retry = False
+
+    def _load_root(self) -> None:
+        """The root as the server has it; where it cannot be reached, as it was last read.
+
+        Raises:
+            RegistryError: as of the constructor.
+        """
+        cached = self._cache.root(self.url)
+        try:
+            found = self._fetched_root(cached)
+        except FetchError as error:
+            if cached is None or not error.is_temporary:
+                raise self._no_root(error) from None
+            self._take(cached, (f"{error}; {_age(cached)} is used",))
+            return
+        self._take(found, _gone_back(self.url, cached, found) if cached is not None else ())
+        self._cache.keep_root(found)
+
+    def _fetched_root(self, cached: CachedRoot | None) -> CachedRoot:
+        """The root from the server, signed if signers are named.
+
+        Raises:
+            FetchError: it did not arrive, or is not the root of a published registry.
+            RegistryError: it is not signed by one of the signers.
+        """
+        needs_signature = self._signers is not None and (cached is None or cached.signature is None)
+        etag = cached.etag if cached is not None and not self._is_retry and not needs_signature else None
+        for is_last in (False, True):
+            answer = fetch(f"{self.url}{ROOT_FILE}", most=LARGEST_ROOT, etag=etag, fresh=self._is_retry)
+            now = datetime.now(UTC)
+            if answer.data is None and cached is not None:
+                return replace(cached, read=now)
+            text = _root_text(self.url, answer.data or b"")
+            found = CachedRoot(
+                url=self.url,
+                etag=answer.etag,
+                read=now,
+                sha256=sha256(text.encode()),
+                text=text,
+                signature=self._fetched_signature() if self._signers is not None else None,
+            )
+            reason = _reason_against(found, self._signers)
+            if reason is None:
+                break
+            # The root and its signature are two files: between the two it may have been published anew.
+            if is_last:
+                raise RegistryError(f"{self.url}: {reason}")
+            self._is_retry = True
+        return found
+
+    def _fetched_signature(self) -> str | None:
+        try:
+            answer = fetch(f"{self.url}{SIGNATURE_FILE}", most=LARGEST_SIGNATURE, fresh=self._is_retry)
+        except FetchError as error:
+            if error.status in GONE:
+                return None
+            raise
+        return (answer.data or b"").decode("ascii", "replace")
+
+    def _take(self, cached: CachedRoot, warnings: tuple[str, ...]) -> None:
+        """Make a root the state of this reader.
+
+        Raises:
+            RegistryError: it is not signed by one of the signers.
+        """
+        reason = _reason_against(cached, self._signers)
+        if reason is not None:
+            raise RegistryError(f"{self.url}: {reason}")
+        self.root = _record(PublishedRegistry, cached.text.encode(), f"{self.url}{ROOT_FILE}")
+        self.read = cached.read
+        self.warnings = warnings
+        self._indexes.clear()
+
+    def _no_root(self, error: FetchError) -> RegistryError:
+        if error.status in GONE:
+            return RegistryError(
+                f"{self.url}: no published registry here, expected {ROOT_FILE} ('calibrary registry publish' writes it)"
+            )
+        return error
+
+
+def _record(kind: type[Kind], data: bytes, source: str) -> Kind:
+    """A document of the registry.
+
+    Raises:
+        RegistryError: it is not one.
+    """
+    try:
+        return from_json(kind, parse_json(data, source=source), source=source)
+    except InputError as error:
+        raise RegistryError(str(error)) from None
+
+
+def _root_text(url: str, data: bytes) -> str:
+    """The text of a root.
+
+    Raises:
+        FetchError: it is not one. What answers may be a portal that wants a login, so a cache may stand in for it.
+    """
+    source = f"{url}{ROOT_FILE}"
+    try:
+        text = data.decode()
+    except UnicodeDecodeError:
+        raise FetchError(f"{source}: is not UTF-8 text", is_temporary=True) from None
+    version = _VERSION.search(text[:200])
+    if version is not None and int(version[1]) > 1:
+        raise FetchError(
+            f"{source}: is of version {version[1]}, and this calibrary reads version 1; upgrade it",
+            is_temporary=False,
+        )
+    try:
+        _record(PublishedRegistry, data, source)
+    except RegistryError as error:
+        raise FetchError(str(error), is_temporary=True) from None
+    return text
+
+
+def _age(cached: CachedRoot) -> str:
+    """A copy and how old it is, in words."""
+    seconds = max(0.0, (datetime.now(UTC) - cached.read).total_seconds())
+    number, unit = next(
+        ((int(seconds // size), name) for name, size in UNITS_S.items() if seconds >= 2 * size), (0, "")
+    )
+    old = f"{number} {unit} old" if unit else "less than two minutes old"
+    return f"the copy in the cache of {cached.read:%Y-%m-%d %H:%M} UTC, {old},"
+
+
+def _gone_back(url: str, cached: CachedRoot, found: CachedRoot) -> tuple[str, ...]:
+    """A warning where a server has an older state than it once had, as a restored backup or an attacker would."""
+    before, now = (_record(PublishedRegistry, one.text.encode(), url) for one in (cached, found))
+    if now.date >= before.date:
+        return ()
+    return (
+        f"{url}: is of {now.date:%Y-%m-%d %H:%M} UTC, older than what was read before "
+        f"({before.date:%Y-%m-%d %H:%M} UTC, commit {before.commit[:12]})",
+    )
+
+
+def _reason_against(root: CachedRoot, signers: Path | None) -> str | None:
+    """Why a root may not be used; None where it is signed by one of the signers, or none are named."""
+    if signers is None:
+        return None
+    if root.signature is None:
+        return f"is not signed, and ${SIGNERS} asks for a signature"
+    return reason_against(root.text.encode(), root.signature, signers)
+
+
+def _revisions(row: PublishedEntry, contents: Mapping[str, bytes]) -> Iterator[tuple[str, Entry]]:
+    """The earlier revisions of an entry that were in use, newest first."""
+    for one in row.earlier:
+        yield one.commit, parse_entry(contents[one.sha256], row.path)
+
+
+def _no_file(path: str) -> bytes:
+    raise RegistryError(f"{path}: not there")

@@ -1,0 +1,379 @@
+"""A published registry over HTTP: the answers of the registry itself, verified, cached, and in bad weather."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibrary.calibration import CameraKey
+from calibrary.errors import RegistryError
+from calibrary.records import replace
+from calibrary.registry.published import fetch as transport
+from calibrary.registry.published import read
+from calibrary.registry.published.cache import Cache
+from calibrary.registry.published.fetch import normalised
+from calibrary.registry.published.read import Published
+from calibrary.registry.registry import open_snapshot
+from tests.registry.entries import an_entry
+from tests.registry.published.publications import (
+    FLEET,
+    UNIT,
+    commit,
+    dated,
+    document,
+    nobodys_git,
+    published,
+)
+from tests.registry.published.server import Answer, Server, serving
+
+__all__ = ["nobodys_git"]
+
+P4R = CameraKey(make="DJI", model="FC6310R", focal_mm=8.8, image_size=(5472, 3648))
+MODEL = "models/dji/fc6310r.json"
+ROOT = "calibrary.json"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A registry and its publication, to copy."""
+    folder = tmp_path_factory.mktemp("made")
+    commit(folder / "fleet", *FLEET)
+    dated(folder / "fleet")
+    published(folder / "fleet", folder / "out")
+    return folder
+
+
+@pytest.fixture
+def place(made: Path, tmp_path: Path) -> Path:
+    """A registry in fleet/ and its publication in out/."""
+    shutil.copytree(made, tmp_path / "place")
+    return tmp_path / "place"
+
+
+@pytest.fixture
+def server(place: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    monkeypatch.setattr(read, "PAUSES_S", (0.0, 0.0, 0.0))
+    with serving(place / "out") as server:
+        yield server
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> Cache:
+    return Cache(tmp_path / "cache")
+
+
+def fx(registry: Published, key: CameraKey = P4R, on: date | None = None) -> float | None:
+    found = registry.index_for(key).resolve(key, on=on)
+    return found.calibration.intrinsics.fx if found is not None else None
+
+
+KEYS = [
+    P4R,
+    replace(P4R, serial=UNIT),
+    replace(P4R, serial="00" * 8),
+    replace(P4R, firmware="01.10"),
+    replace(P4R, image_size=(2736, 1824)),
+    replace(P4R, image_size=(4864, 3648)),
+    replace(P4R, capture_mode="dewarped"),
+    replace(P4R, model="FC330", image_size=(4000, 3000)),
+    replace(P4R, make="other", model="P4  RTK"),
+    replace(P4R, make="Bild & Flug", model="WEISS/KAMERA"),
+    replace(P4R, model="DATED"),
+    replace(P4R, model="DRAFT"),
+    replace(P4R, model="FC9"),
+    CameraKey(make="DJI"),
+]
+
+
+@pytest.mark.parametrize("key", KEYS, ids=str)
+@pytest.mark.parametrize("day", [None, date(2025, 1, 1), date(2026, 5, 5), date(2026, 10, 1)], ids=str)
+def test_it_answers_as_the_registry_does(
+    place: Path, server: Server, cache: Cache, key: CameraKey, day: date | None
+) -> None:
+    own, other = open_snapshot(place / "fleet").index(), Published(server.url, cache=cache).index_for(key)
+    assert other.resolve(key, on=day) == own.resolve(key, on=day)
+    assert other.is_dated(key) == own.is_dated(key)
+    drafts = {entry.path for entry in FLEET if entry.status.value == "draft"}
+    assert other.near(key, on=day) == tuple(one for one in own.near(key, on=day) if one.path not in drafts)
+
+
+def test_a_camera_costs_few_files_and_the_next_time_one_question(server: Server, cache: Cache) -> None:
+    first = Published(server.url, cache=cache)
+    assert fx(first) == 3661.25
+    assert fx(first, replace(P4R, serial=UNIT)) == 3655.5
+    asked = server.paths
+    assert sorted(path.partition("/")[0] for path in asked) == [ROOT, *["entries"] * 4, "models", "units"]
+    assert len(set(asked)) == len(asked)
+    again = Published(server.url, cache=cache)
+    assert fx(again, replace(P4R, serial=UNIT)) == 3655.5
+    assert server.asked == [(ROOT, 304)]
+    assert (again.warnings, again.commit) == ((), first.commit)
+
+
+def test_what_is_not_there_is_known_without_asking(server: Server, cache: Cache) -> None:
+    assert fx(Published(server.url, cache=cache), CameraKey(make="DJI", model="FC9")) is None
+    assert server.paths == [ROOT]
+
+
+def test_many_cameras_are_found_through_the_tree(tmp_path: Path, cache: Cache) -> None:
+    commit(tmp_path / "fleet", *(an_entry(model=f"M {number}", fx=3000.0 + number) for number in range(300)))
+    published(tmp_path / "fleet", tmp_path / "out")
+    with serving(tmp_path / "out") as server:
+        registry = Published(server.url, cache=cache)
+        assert [fx(registry, replace(P4R, model=f"m {number}")) for number in (0, 150, 299)] == [
+            3000,
+            3150,
+            3299,
+        ]
+        assert fx(registry, replace(P4R, model="M 300")) is None
+
+
+class TestDamage:
+    @pytest.mark.parametrize("kind", ["corrupt", "cut", "html", "missing"])
+    @pytest.mark.parametrize("what", ["models", "entries"])
+    def test_a_file_that_is_not_vouched_for_is_refused(
+        self, place: Path, server: Server, cache: Cache, what: str, kind: str
+    ) -> None:
+        path = MODEL if what == "models" else self.entry_of_p4r(place)
+        file = place / "out" / path
+        data = file.read_bytes()
+        damaged = {"corrupt": data.replace(b"3648", b"3649"), "cut": data[:100], "html": b"<html>"}
+        if kind == "missing":
+            file.unlink()
+        else:
+            file.write_bytes(damaged[kind])
+        with pytest.raises(RegistryError, match=path) as raised:
+            fx(Published(server.url, cache=cache))
+        assert "damaged on the server or on the way" in str(raised.value)
+        assert "\n" not in str(raised.value)
+        file.write_bytes(data)
+        assert fx(Published(server.url, cache=cache)) == 3661.25
+
+    @staticmethod
+    def entry_of_p4r(place: Path) -> str:
+        digest = document(place / "out", MODEL)["entries"][0]["sha256"]
+        return f"entries/{digest[:2]}/{digest}.json"
+
+    def test_one_that_was_damaged_on_the_way_is_read_again(self, server: Server, cache: Cache) -> None:
+        server.faults[MODEL] = [Answer(200, b"{}"), Answer(404)]
+        assert fx(Published(server.url, cache=cache)) == 3661.25
+
+    def test_a_connection_that_ends_early_is_an_error_of_one_line(self, server: Server, cache: Cache) -> None:
+        server.faults[MODEL] = [Answer(200, b'{"schema"', {"Content-Length": "4000"})]
+        with pytest.raises(RegistryError, match="ends after 9 of 4000 bytes"):
+            fx(Published(server.url, cache=cache))
+
+    @pytest.mark.parametrize(
+        ("body", "told"),
+        [
+            (b"<html>please log in</html>", "this is not JSON"),
+            (b'{"schema":"calibrary/published-1"', "this is not JSON"),
+            (b'{"schema":"calibrary/published-2"}', "reads version 1; upgrade it"),
+            (b'{"schema":"calibrary/published-1","tree":{}}', "lacks"),
+            (b"\xff\xfe", "is not UTF-8"),
+            (b"[" * 100_000, "nested too deeply"),
+            (b" " * (2 << 20), "is longer than 1024 KiB"),
+        ],
+    )
+    def test_a_root_that_is_none_is_an_error_of_one_line(
+        self, server: Server, cache: Cache, body: bytes, told: str
+    ) -> None:
+        server.faults[ROOT] = [Answer(200, body)]
+        with pytest.raises(RegistryError, match=told) as raised:
+            Published(server.url, cache=cache)
+        assert "\n" not in str(raised.value)
+
+    def test_an_address_without_a_registry_says_so(self, server: Server, cache: Cache) -> None:
+        with pytest.raises(RegistryError, match="no published registry here, expected calibrary"):
+            Published(f"{server.url}nowhere", cache=cache)
+
+    def test_a_damaged_cache_is_read_again(self, server: Server, cache: Cache) -> None:
+        fx(Published(server.url, cache=cache))
+        for file in cache.folder.rglob("*"):
+            if file.is_file():
+                file.write_bytes(file.read_bytes()[:-7] + b"garbage")
+        server.asked.clear()
+        assert fx(Published(server.url, cache=cache)) == 3661.25
+        assert (ROOT, 200) in server.asked
+
+    def test_a_cache_that_cannot_be_written_only_takes_longer(self, server: Server, tmp_path: Path) -> None:
+        (tmp_path / "file").write_text("")
+        assert fx(Published(server.url, cache=Cache(tmp_path / "file/cache"))) == 3661.25
+
+
+class TestPublishedInBetween:
+    def test_a_root_that_changes_before_the_camera_s_file_is_read_is_read_again(
+        self, place: Path, server: Server, cache: Cache
+    ) -> None:
+        registry = Published(server.url, cache=cache)
+        commit(place / "fleet", an_entry(focal_mm=None, fx=3670.0))
+        published(place / "fleet", place / "out")
+        assert fx(registry) == 3670.0
+        assert registry.commit == document(place / "out")["commit"]
+
+    def test_an_entry_that_is_removed_while_it_is_read_too(
+        self, place: Path, server: Server, cache: Cache, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(read, "AT_ONCE", 1)
+        commit(place / "fleet", an_entry(focal_mm=None, fx=3670.0))
+
+        def publish_before_the_first_entry(path: str) -> None:
+            if path.startswith("entries"):
+                server.before = lambda _: None
+                published(place / "fleet", place / "out")
+
+        server.before = publish_before_the_first_entry
+        assert fx(Published(server.url, cache=cache)) == 3670.0
+
+    def test_a_reader_keeps_to_one_state_while_nothing_it_needs_changes(
+        self, place: Path, server: Server, cache: Cache
+    ) -> None:
+        registry = Published(server.url, cache=cache)
+        assert fx(registry) == 3661.25
+        commit(place / "fleet", an_entry(focal_mm=None, fx=3670.0))
+        published(place / "fleet", place / "out")
+        assert fx(registry) == 3661.25
+        assert fx(Published(server.url, cache=cache)) == 3670.0
+
+    def test_a_server_that_goes_back_in_time_is_mentioned(
+        self, place: Path, server: Server, cache: Cache
+    ) -> None:
+        root = (place / "out" / ROOT).read_bytes()
+        Published(server.url, cache=cache)
+        server.faults[ROOT] = [Answer(200, root.replace(b'"date":"20', b'"date":"19'))]
+        [warning] = Published(server.url, cache=cache).warnings
+        assert "older than what was read before" in warning
+
+
+class TestOffline:
+    def test_what_was_read_before_answers_and_its_age_is_told(
+        self, server: Server, cache: Cache, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        fx(Published(server.url, cache=cache))
+        kept = cache.root(server.url)
+        assert kept is not None
+        cache.keep_root(replace(kept, read=datetime.now(UTC) - timedelta(days=3, hours=1)))
+        monkeypatch.setattr(transport, "TIMEOUT_S", 1.0)
+        server.faults[ROOT] = [Answer(status) for status in (500, 503, 429)]
+        for _ in range(3):
+            registry = Published(server.url, cache=cache)
+            assert fx(registry) == 3661.25
+            [warning] = registry.warnings
+            assert "the server answers" in warning
+            assert "3 days old" in warning
+
+    def test_without_a_server_too(self, place: Path, cache: Cache) -> None:
+        with serving(place / "out") as server:
+            fx(Published(server.url, cache=cache))
+        registry = Published(server.url, cache=cache)
+        assert fx(registry) == 3661.25
+        assert "Connection refused" in registry.warnings[0]
+        with pytest.raises(RegistryError, match="it is not in the cache"):
+            fx(registry, replace(P4R, model="FC330"))
+
+    def test_what_was_never_read_is_an_error(self, place: Path, cache: Cache) -> None:
+        with serving(place / "out") as server:
+            pass
+        with pytest.raises(RegistryError, match="cannot be reached: Connection refused"):
+            Published(server.url, cache=cache)
+
+    def test_a_server_that_says_there_is_none_is_believed(self, server: Server, cache: Cache) -> None:
+        Published(server.url, cache=cache)
+        server.faults[ROOT] = [Answer(404)]
+        with pytest.raises(RegistryError, match="no published registry here"):
+            Published(server.url, cache=cache)
+
+    def test_a_server_that_says_nothing_is_given_up(
+        self, server: Server, cache: Cache, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(transport, "TIMEOUT_S", 0.05)
+        server.before = lambda _: __import__("time").sleep(0.4)
+        with pytest.raises(RegistryError, match=r"no answer within 0\.05 s"):
+            Published(server.url, cache=cache)
+
+
+class TestAddresses:
+    @pytest.mark.parametrize(
+        ("address", "told"),
+        [
+            ("http://example.com/cameras", "expected https:"),
+            ("https://ada:secret@example.com/", "password"),
+            ("https://example.com/?a=b", "expected https://HOST/FOLDER/"),
+            ("https://", "expected https://HOST/FOLDER/"),
+            ("https://[::1", "expected https://HOST/FOLDER/"),
+        ],
+    )
+    def test_what_is_not_read_is_refused(self, address: str, told: str) -> None:
+        with pytest.raises(RegistryError, match=told) as raised:
+            normalised(address)
+        assert "secret" not in str(raised.value)
+
+    def test_a_plain_connection_is_read_where_it_is_allowed(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("CALIBRARY_ALLOW_HTTP", "1")
+        assert normalised("HTTP://Example.com/Cameras/calibrary.json") == "http://example.com/Cameras/"
+        monkeypatch.delenv("CALIBRARY_ALLOW_HTTP")
+        assert normalised("http://localhost:8000") == "http://localhost:8000/"
+
+    @pytest.mark.parametrize(
+        "target", ["file:///etc/passwd", "ftp://127.0.0.1/x", "http://example.com/x", "https://x/"]
+    )
+    def test_no_redirect_leads_to_another_scheme_or_elsewhere_in_clear(
+        self, server: Server, cache: Cache, target: str
+    ) -> None:
+        server.faults[ROOT] = [Answer(302, b"", {"Location": target})]
+        with pytest.raises(RegistryError, match=r"not followed|not allowed"):
+            Published(server.url, cache=cache)
+
+    def test_others_are_followed_but_not_for_ever(self, place: Path, server: Server, cache: Cache) -> None:
+        shutil.copytree(place / "out", place / "out/v1")
+        server.faults[ROOT] = [Answer(301, b"", {"Location": f"{server.url}v1/{ROOT}"})]
+        assert fx(Published(server.url, cache=cache)) == 3661.25
+        server.faults[ROOT] = [Answer(301, b"", {"Location": f"{server.url}{ROOT}"})] * 20
+        with pytest.raises(RegistryError, match="301"):
+            Published(server.url, cache=Cache(place / "cache"))
+
+
+class TestSignatures:
+    @pytest.fixture
+    def keys(self, tmp_path: Path) -> dict[str, Any]:
+        if shutil.which("ssh-keygen") is None:
+            pytest.skip("ssh-keygen is not installed")
+        for name in ("ada", "eve"):
+            command = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(tmp_path / name)]
+            subprocess.run(command, check=True)
+        signers = tmp_path / "signers"
+        signers.write_text(f"ada@example.com {(tmp_path / 'ada.pub').read_text()}")
+        return {"ada": tmp_path / "ada", "eve": tmp_path / "eve", "signers": signers}
+
+    def test_where_signers_are_named_only_theirs_is_read(
+        self, place: Path, server: Server, cache: Cache, keys: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        assert fx(Published(server.url, cache=cache)) == 3661.25
+        monkeypatch.setenv("CALIBRARY_SIGNERS", str(keys["signers"]))
+        with pytest.raises(RegistryError, match="is not signed, and"):
+            Published(server.url, cache=cache)
+        published(place / "fleet", place / "out", keys["eve"])
+        with pytest.raises(RegistryError, match="not signed by a key in"):
+            Published(server.url, cache=cache)
+        published(place / "fleet", place / "out", keys["ada"])
+        assert fx(Published(server.url, cache=cache)) == 3661.25
+        server.asked.clear()
+        assert fx(Published(server.url, cache=cache)) == 3661.25
+        assert server.asked == [(ROOT, 304)]
+
+    def test_a_root_that_was_changed_after_signing_is_refused(
+        self, place: Path, server: Server, cache: Cache, keys: dict[str, Any]
+    ) -> None:
+        published(place / "fleet", place / "out", keys["ada"])
+        root = place / "out" / ROOT
+        root.write_bytes(root.read_bytes().replace(b'"entries":', b'"entries": '))
+        with pytest.raises(RegistryError, match="not signed by a key in"):
+            Published(server.url, cache=cache, signers=keys["signers"])
+        with pytest.raises(RegistryError, match="no such file, expected one of allowed signers"):
+            Published(server.url, cache=cache, signers=place / "none")
