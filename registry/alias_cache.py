@@ -91,7 +91,7 @@ def names_kept(repo: Repository, commit: str, *, folder: Path | None = None) -> 
     if known is None or known.commit == commit:
         return known
     # A history that was rewritten may have taken the commit with it.
-    if repo.tip(known.commit) is None:
+    if not repo.holds(known.commit):
         return None
     names = _brought_up(repo, known, commit)
     _keep(names, file)

@@ -49,14 +49,15 @@ def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:
         if one.entry is None or not one.entry.is_usable or digest_as_proposed(one.entry) != digest:
             break
         first = one.revision
-    return (_approval(first),) if first is not None else ()
+    return (_approval(first),) if first is not None and first.commit not in repo.cut else ()
 
 
 def unmet(repo: Repository, stored: StoredEntry, rule: ApprovalRule) -> str | None:
     """What the approvals of an entry in use lack of what the registry asks for; None where nothing."""
     if stored.commit is None:
         return None
-    return _lacking(rule, _counted(repo, stored, rule, _said(repo, stored.entry, stored.commit)))
+    lacking = _lacking(rule, _counted(repo, stored, rule, _said(repo, stored.entry, stored.commit)))
+    return f"{lacking}{repo.unshallow_hint}" if lacking is not None else None
 
 
 def unmet_with(repo: Repository, stored: StoredEntry, rule: ApprovalRule, person: Person) -> str | None:

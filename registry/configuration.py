@@ -29,6 +29,7 @@ __all__ = [
     "default_place",
     "find_registry",
     "parse_configuration",
+    "plain_folder",
     "require_registry",
 ]
 
@@ -176,6 +177,16 @@ def _newer(name: str, place: str, found: str, supported: str) -> ParseError:
 
 
 VARIABLE: Final = "CALIBRARY_REGISTRY"
+
+
+FOLDER: Final = "folder:"
+"""Before a path: the files that lie there are meant, whether or not git knows of them."""
+
+
+def plain_folder(place: Path) -> Path | None:
+    """The folder that ``folder:PATH`` names; None for any other place."""
+    text = str(place)
+    return Path(text.removeprefix(FOLDER)) if text.startswith(FOLDER) else None
 
 
 def find_registry(named: Path | None = None, *, environment: Mapping[str, str] | None = None) -> Path | None:

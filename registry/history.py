@@ -302,7 +302,7 @@ def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
 
 
 def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
-    """The commit that brought an entry's numbers; None in a plain folder.
+    """The commit that brought an entry's numbers; None in a plain folder, and where a shallow clone lacks it.
 
     Raises:
         RegistryError: the history cannot be read.
@@ -310,7 +310,7 @@ def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
     if stored.commit is None:
         return None
     found, digest = _oldest_like(repo, stored.path, stored.commit, None)
-    if found is None:
+    if found is None or found.commit in repo.cut:
         return None
     beside = proposal_path(found.path)
     if beside != found.path and found.parents and repo.read(found.parents[0], beside) is not None:

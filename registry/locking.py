@@ -100,11 +100,10 @@ def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
     if repo is None or lock.commit is None:
         there = [pin.path for pin in lock.pins if pin.path in snapshot.paths]
         return Locked(index=_pinned_index(lock, {path: snapshot.read(path) for path in there}, lock_file))
-    if repo.tip(lock.commit) is None:
-        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if repo.is_shallow else ""
+    if not repo.holds(lock.commit):
         raise RegistryError(
-            f"{repo.path} does not hold commit {lock.commit[:12]}, which {lock_file} pins{hint}; bring it "
-            f"(calibrary registry pull), or accept what is there now: calibrary registry lock"
+            f"{repo.path} does not hold commit {lock.commit[:12]}, which {lock_file} pins{repo.unshallow_hint}; bring "
+            f"it (calibrary registry pull), or accept what is there now: calibrary registry lock"
         )
     files = {}
     for pin in lock.pins:

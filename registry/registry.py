@@ -16,11 +16,18 @@ from calibrary.registry import decisions, sync
 from calibrary.registry import history as entry_history
 from calibrary.registry import proposals as proposing
 from calibrary.registry.approvals import digest_as_proposed, unmet_with
-from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, parse_configuration
+from calibrary.registry.configuration import (
+    CONFIGURATION_FILE,
+    FOLDER,
+    Configuration,
+    parse_configuration,
+    plain_folder,
+)
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.firmware import compare
 from calibrary.registry.git import maintenance
+from calibrary.registry.git.branches import require_branch
 from calibrary.registry.git.commits import Person
 from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
 from calibrary.registry.git.names import check_branch
@@ -66,6 +73,17 @@ class Registry:
         Raises:
             RegistryError: there is none, or it is of a kind or layout that is not read.
         """
+        if plain_folder(place) is not None:
+            raise RegistryError(
+                f"{place}: a plain folder, without history, approvals or revisions; expected a registry in git for this"
+            )
+        if (place / ROOT).is_dir() and not any(
+            os.path.lexists(folder / ".git") for folder in (place, *place.parents)
+        ):
+            raise RegistryError(
+                f"{place}: files of a registry without git: nothing says who approved them, and whether they are "
+                f"complete. {FOLDER}{place} reads them as they lie; calibrary registry init FOLDER makes a registry"
+            )
         return cls(Repository.open(place, durable=durable, check_path=check_path))
 
     @classmethod
@@ -384,40 +402,24 @@ def open_snapshot(place: Path, rev: str | None = None) -> Snapshot:
     """The entries of the registry in a folder.
 
     Args:
-        place: a bare repository, a checkout, or a plain folder of files.
+        place: a bare repository or a checkout; ``folder:PATH`` for the files in a folder, as they lie there.
         rev: which state of a git registry; the one that is checked out when left out.
 
     Raises:
         RegistryError: there is none, no such revision, or a revision was asked of a folder without git.
     """
-    registry = _in_git(place)
-    if registry is not None:
-        return registry.snapshot(rev)
+    folder = plain_folder(place)
+    if folder is None:
+        return Registry.open(place).snapshot(rev)
     if rev is not None:
         raise RegistryError(
             f"{place}: a plain folder has no revisions; expected a registry in git for {rev!r}"
         )
-    if not (place / ROOT).is_dir():
+    if not (folder / ROOT).is_dir():
         raise RegistryError(
-            f"{place}: no registry here: expected one in git (calibrary registry init makes it), or a folder "
-            "'cameras' with one YAML file a camera"
+            f"{folder}: no registry here: expected a folder 'cameras' with one YAML file a camera"
         )
-    return Snapshot(place=place, configuration=_configuration_in(place))
-
-
-def _in_git(place: Path) -> Registry | None:
-    """The registry that a repository holds; None where there is no repository, or one of something else."""
-    is_checkout = (place / ".git").exists()
-    is_bare = not is_checkout and (place / "HEAD").is_file() and (place / "objects").is_dir()
-    if not (is_checkout or is_bare):
-        return None
-    repo = Repository.open(place, check_path=check_path)
-    if is_checkout:
-        # A folder of entries in a repository of scripts is not a registry in git.
-        tip = repo.tip()
-        if tip is None or repo.read(tip, CONFIGURATION_FILE) is None:
-            return None
-    return Registry(repo)
+    return Snapshot(place=folder, configuration=_configuration_in(folder))
 
 
 def _configuration_in(place: Path) -> Configuration:
@@ -433,6 +435,7 @@ def _configuration_of(repo: Repository) -> Configuration:
     """The registry's configuration; one that was made by hand, of entries only, has the default."""
     tip = repo.tip()
     if tip is None:
+        require_branch(repo)
         return Configuration()
     blob = repo.read(tip, CONFIGURATION_FILE)
     if blob is None:

@@ -1,8 +1,8 @@
 """The entries of a registry at one state: a commit in git, or a plain folder of files.
 
 A git repository that holds a registry is read at its commits, never in its work tree: a run rests on what was
-committed, and can say which commit that was. A folder without git, or whose git knows nothing of the registry
-in it, is read as the files that lie there.
+committed, and can say which commit that was. The files that lie in a folder are read only where a person asks for them
+by name, as ``folder:PATH``: a repository that is damaged must not turn into files that anyone may have edited.
 """
 
 from __future__ import annotations
@@ -195,11 +195,6 @@ class Snapshot:
             return self.repo.blob(oid)
         blob = self.repo.read(self.commit, path)
         if blob is None:
-            if path in self.repo.listing(self.commit, path.rpartition("/")[0]):
-                raise RegistryError(
-                    f"{path}: commit {self.commit[:12]} has it, but the repository lacks its content: it is "
-                    "damaged, or a partial clone; git fsck shows more, and git fetch --refetch brings it"
-                )
             raise RegistryError(f"{path}: not in commit {self.commit[:12]}")
         return blob.data
 

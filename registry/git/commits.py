@@ -24,7 +24,8 @@ from calibrary.registry.git import worktree
 from calibrary.registry.git.errors import explain
 from calibrary.registry.git.locks import WriterLock, lock_in_the_way
 from calibrary.registry.git.objects import HEX
-from calibrary.registry.git.repository import Output, Repository
+from calibrary.registry.git.program import Output
+from calibrary.registry.git.repository import Repository
 
 __all__ = [
     "File",

@@ -57,6 +57,20 @@ class FileConflictError(ConflictError):
         return type(self), (self.conflicts, self.remedy)
 
 
+DAMAGED = "the repository is damaged, and 'git fsck --full' lists what is missing or broken"
+BROKEN = (
+    "bad object",
+    "bad tree object",
+    "unable to read tree",
+    "unable to parse commit",
+    "could not parse commit",
+    "failed to read object",
+    "missing blob object",
+    "is corrupt",
+    "invalid sha1 pointer",
+    "unexpected line in",
+    "cannot open pack",
+)
 FULL = "the disk is full; nothing was changed"
 EXPLAINED = (
     ("No space left on device", FULL),
@@ -66,10 +80,7 @@ EXPLAINED = (
     ("Read-only file system", "the disk is read-only"),
     ("Permission denied", "access denied; expected write access to the repository"),
     ("insufficient permission", "access denied; expected write access to the repository"),
-    (
-        "dubious ownership",
-        "it belongs to another user; git config --global --add safe.directory says you trust it",
-    ),
+    *((sign, DAMAGED) for sign in BROKEN),
 )
 
 

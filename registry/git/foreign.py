@@ -79,10 +79,12 @@ ALWAYS: dict[str, tuple[str, ...]] = {"status": ("--ignore-submodules=all",)}
 """Options of commands that go into other repositories otherwise, where those repositories' own settings hold."""
 
 REFUSED = re.compile(
-    r"include\.path\Z|includeif\..+|gc\.recentobjectshook\Z|hook\..+|extensions\.partialclone\Z"
-    r"|remote\..+\.promisor\Z",
+    r"include\.path\Z|includeif\..+|gc\.recentobjectshook\Z|hook\..+",
     re.DOTALL,
 )
+
+PARTIAL = re.compile(r"extensions\.partialclone\Z|remote\..+\.(promisor|partialclonefilter)\Z", re.DOTALL)
+"""By these git fetches what a clone lacks while it is read, from wherever the repository says."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,9 +128,17 @@ def judge_settings(settings: Sequence[Setting], source: str) -> tuple[tuple[str,
         RegistryError: a setting can only be removed, or the repository is of a kind that is not read.
     """
     _check_kind(settings, source)
+    local = [setting.key for setting in settings if setting.is_local]
+    if lazy := [key for key in dict.fromkeys(local) if PARTIAL.match(key)]:
+        unset = "; ".join(f"git -C {source} config --local --unset-all {key}" for key in lazy)
+        raise RegistryError(
+            f"{source}: a partial clone, which lacks files that git would fetch while it is read. To make it whole: "
+            f"git -C {source} fetch --refetch --no-filter; {unset}. Or clone it without a filter: calibrary registry "
+            "init FOLDER --remote URL"
+        )
     flags = [f"{key}={value}" for key, value in PINNED]
     silenced = []
-    for key in dict.fromkeys(setting.key for setting in settings if setting.is_local):
+    for key in dict.fromkeys(local):
         fallback = next((value for pattern, value in RUNS_A_PROGRAM if pattern.match(key)), None)
         # To -c the name of a key ends at its first "=".
         if REFUSED.match(key) or (fallback is not None and "=" in key):

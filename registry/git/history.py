@@ -6,8 +6,8 @@ colours or follow renames by guessing; every such option is therefore set explic
 
 from __future__ import annotations
 
-import os
 import re
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
@@ -15,8 +15,8 @@ from datetime import UTC, datetime, timedelta, timezone
 from calibrary.errors import RegistryError
 from calibrary.registry.git.commits import Person, subject_of, trailers_of
 from calibrary.registry.git.objects import HEX, Blob
-from calibrary.registry.git.repository import REGULAR, Repository
-from calibrary.registry.git.worktree import EMPTY_TREE
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.trees import REGULAR, Member
 
 __all__ = [
     "ChangedFile",
@@ -119,6 +119,8 @@ def history(
         _revision(repo, fields[start : start + size], fields[start + size], path)
         for start in range(0, len(fields) - size, size)
     ]
+    # git shows a commit as it finds it; a copied object would speak for another commit.
+    deque(repo.objects([one.commit for one in revisions], b"commit"), maxlen=0)
     if path is None or not revisions or (most is not None and len(revisions) >= most):
         return tuple(revisions)
     rest = most - len(revisions) if most is not None else None
@@ -180,15 +182,14 @@ def changed(repo: Repository, before: str | None, after: str, prefix: str = "") 
 
     Without ``before`` everything is new; ``prefix`` is the folder to look in, the whole tree when left out.
     """
-    options = ("-r", "-z", "--raw", "--no-abbrev", "--no-renames", "--no-ext-diff", "--no-textconv")
-    where = ("--", prefix) if prefix else ()
-    fields = repo.run("diff-tree", *options, before or EMPTY_TREE, after, *where).out.split(b"\0")
-    files = []
-    for head, name in zip(fields[0::2], fields[1::2], strict=False):
-        mode, new_mode, oid, new_oid, _ = head.removeprefix(b":").split()
-        was, becomes = _there(mode, oid), _there(new_mode, new_oid)
-        files.append(ChangedFile(path=os.fsdecode(name), before=was, after=becomes))
-    return tuple(files)
+    return tuple(
+        ChangedFile(path=path, before=_regular(was), after=_regular(becomes))
+        for path, was, becomes in repo.difference(before, after, prefix)
+    )
+
+
+def _regular(member: Member | None) -> str | None:
+    return member[1] if member is not None and member[0] in REGULAR else None
 
 
 def _there(mode: bytes, oid: bytes) -> str | None:
@@ -220,8 +221,9 @@ def at_date(repo: Repository, moment: datetime, at: str) -> str:
     found = repo.run("rev-list", "--max-count=1", "--first-parent", f"--before=@{seconds} +0000", at)
     commit = found.out.decode().strip()
     if not commit:
-        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if repo.is_shallow else ""
-        raise RegistryError(f"no commit as old as {moment:%Y-%m-%d %H:%M %Z}; the history begins later{hint}")
+        raise RegistryError(
+            f"no commit as old as {moment:%Y-%m-%d %H:%M %Z}; the history begins later{repo.unshallow_hint}"
+        )
     return commit
 
 

@@ -13,7 +13,8 @@ from pathlib import Path
 from calibrary.errors import RegistryError
 from calibrary.registry.git.foreign import PEACE
 from calibrary.registry.git.names import check_branch, check_path
-from calibrary.registry.git.repository import Repository, git_version, run_git
+from calibrary.registry.git.program import git_version, run_git
+from calibrary.registry.git.repository import Repository
 
 __all__ = [
     "create",

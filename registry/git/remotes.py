@@ -30,7 +30,8 @@ from calibrary.registry.git.names import (
     check_url,
     without_secret,
 )
-from calibrary.registry.git.repository import Output, Repository
+from calibrary.registry.git.program import Output
+from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import GIVE_UP_S, LOCK_WAIT_S, branch_ref, identity, moment_after
 
 __all__ = [
@@ -56,6 +57,7 @@ TRANSIENT = (
     "the requested url returned error: 5",
     "temporary failure in name resolution",
 )
+LONGEST_ANSWER = 2000
 SIDES = ("--upload-pack=git-upload-pack", "--no-recurse-submodules", "--no-auto-gc")
 
 
@@ -246,9 +248,8 @@ def common_ancestor(repo: Repository, ours: str | None, theirs: str) -> str | No
         return None
     found = repo.run("merge-base", ours, theirs, good=(0, 1))
     if found.code:
-        hint = "; this clone is shallow: git fetch --unshallow brings the rest" if repo.is_shallow else ""
         raise RegistryError(
-            f"{repo.path}: the two histories share no commit, so they are different registries{hint}"
+            f"{repo.path}: the two histories share no commit, so they are different registries{repo.unshallow_hint}"
         )
     return found.out.split()[0].decode()
 
@@ -295,7 +296,18 @@ def _not_taken(url: str, pushed: Output) -> RegistryError:
         )
     reasons = [line.rpartition("\t")[2] for line in told.splitlines() if line.startswith("!")]
     why = "; ".join(reasons) or explain(pushed.errors)
+    if words := _words_of_the_server(pushed.errors):
+        why = f"{why}; the server says: {words}"
     return RegistryError(f"{without_secret(url)}: nothing was pushed: {without_secret(why)}")
+
+
+def _words_of_the_server(errors: str) -> str:
+    """What the other side's hooks print, which git passes on line by line; without what moves a terminal's cursor."""
+    lines = [
+        line.removeprefix("remote:").strip() for line in errors.splitlines() if line.startswith("remote:")
+    ]
+    said = " ".join(line for line in lines if line)
+    return "".join(letter for letter in said if letter.isprintable())[:LONGEST_ANSWER]
 
 
 def sync(repo: Repository, name: str = "origin", *, branch: str | None = None) -> str:

@@ -1,4 +1,4 @@
-"""The one module that starts git: commands that run undisturbed, and objects read by the bytes and checked.
+"""A git repository: commands that run undisturbed, and objects read by the bytes and checked.
 
 GitPython is used for what it is good at, starting git and talking to it. Its index and its shared ``Repo`` are
 not: the documented ``index.add`` + ``index.commit`` loses entries when two processes write, and one ``Repo`` used by
@@ -10,16 +10,14 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
-import subprocess
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import Final
 
 from calibrary.errors import RegistryError
+from calibrary.registry.git.damage import REF, damaged, lost_ref, refusal
 from calibrary.registry.git.errors import explain
 from calibrary.registry.git.foreign import (
     ALWAYS,
@@ -32,91 +30,21 @@ from calibrary.registry.git.foreign import (
 )
 from calibrary.registry.git.names import check_path
 from calibrary.registry.git.objects import HEX, Blob, ObjectReader, object_id
+from calibrary.registry.git.program import Output, git_in, run_git, started
+from calibrary.registry.git.trees import REGULAR, TREE, Member, difference, members, walk
 
-if TYPE_CHECKING:
-    from git import Git
+__all__ = ["Repository"]
 
-__all__ = ["Output", "Repository", "git_version", "run_git"]
-
-OLDEST_GIT = (2, 24)
 CHUNK = 20_000
+FEW: Final = 64
+"""Objects that are asked for one by one; from there on a process of its own is quicker."""
+KEPT_TREES: Final = 1024
 STALE_LOCK_S = 10.0
 COMMITTED = re.compile(rb"^committer .*> (\d+) [+-]\d+$", re.MULTILINE)
 LAST_SECOND = 253_402_300_799
 """End of the year 9999, the last that datetime has."""
-REGULAR = (b"100644", b"100755")
-
-
-@dataclass(frozen=True, slots=True)
-class Output:
-    """What a command of git gave back."""
-
-    code: int
-    out: bytes
-    errors: str
-
-
-def run_git(
-    arguments: Sequence[str],
-    *,
-    folder: Path,
-    environment: Mapping[str, str],
-    stdin: bytes | None = None,
-    timeout_s: float | None = None,
-) -> Output:
-    """Run git to its end and return what it said, whatever that is.
-
-    Raises:
-        RegistryError: git is not installed or too old, or took longer than ``timeout_s``.
-    """
-    git = _git_in(folder)
-    process = _started(git, arguments, environment)
-    try:
-        out, told = process.communicate(stdin if stdin is not None else b"", timeout=timeout_s)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
-        raise RegistryError(
-            f"git {arguments[-1]}: did not finish within {timeout_s:g} s; try again later"
-        ) from None
-    return Output(process.returncode, out, told.decode("utf-8", "replace"))
-
-
-def _started(git: Git, arguments: Sequence[str], environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
-    command = [git.GIT_PYTHON_GIT_EXECUTABLE, *arguments]
-    started = git.execute(command, istream=subprocess.PIPE, as_process=True, env=environment)
-    return cast("subprocess.Popen[bytes]", started)
-
-
-def _git_in(folder: Path) -> Git:
-    if shutil.which(os.environ.get("GIT_PYTHON_GIT_EXECUTABLE", "git")) is None:
-        raise RegistryError("git is not installed, and a registry needs it: https://git-scm.com/downloads")
-    from git import Git
-
-    git = Git(folder)
-    version = _version(git.GIT_PYTHON_GIT_EXECUTABLE)
-    if version < OLDEST_GIT:
-        found, oldest = (".".join(map(str, numbers)) for numbers in (version, OLDEST_GIT))
-        raise RegistryError(f"found git {found}, expected {oldest} or newer")
-    return git
-
-
-def git_version(folder: Path) -> tuple[int, ...]:
-    """Which git is used, as two numbers.
-
-    Raises:
-        RegistryError: there is none, or it is too old.
-    """
-    return _version(_git_in(folder).GIT_PYTHON_GIT_EXECUTABLE)
-
-
-@lru_cache(maxsize=4)
-def _version(executable: str) -> tuple[int, ...]:
-    told = subprocess.run([executable, "version"], capture_output=True, check=False).stdout  # noqa: S603
-    found = re.search(rb"(\d+)\.(\d+)", told)
-    if found is None:
-        raise RegistryError(f"{executable}: printed {told!r}, expected git's version")
-    return int(found[1]), int(found[2])
+OF_A_COMMIT: Final = re.compile(rb"tree ([0-9a-f]{40})\n")
+WHAT: Final = {b"blob": "the content of a file", b"tree": "a folder", b"commit": "a commit"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -148,6 +76,7 @@ class Repository:
     stale_lock_s: float = STALE_LOCK_S
     check_path: Callable[[str], str] = check_path
     _own: threading.local = field(default_factory=threading.local, repr=False)
+    _trees: dict[str, dict[str, Member]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def open(
@@ -196,9 +125,21 @@ class Repository:
         return (self.common_dir / "shallow").exists()
 
     @property
+    def unshallow_hint(self) -> str:
+        """What a message adds where the reason may be that the history was cut off."""
+        where = f"git -C {self.path} fetch --unshallow"
+        return f"; this clone is shallow, and {where} brings the rest" if self.is_shallow else ""
+
+    @property
+    def cut(self) -> frozenset[str]:
+        """The oldest commits of a shallow clone, which look as if they had made all that they hold."""
+        file = self.common_dir / "shallow"
+        return frozenset(file.read_text("utf-8", "replace").split()) if file.is_file() else frozenset()
+
+    @property
     def head_ref(self) -> str | None:
         """The full name of the branch that is checked out, or that a bare repository points to; else ``None``."""
-        told = (self.git_dir / "HEAD").read_text(encoding="utf-8").strip()
+        told = (self.git_dir / "HEAD").read_text("utf-8", "replace").strip()
         return told.removeprefix("ref: ") if told.startswith("ref: ") else None
 
     def setting(self, key: str) -> str | None:
@@ -237,9 +178,26 @@ class Repository:
 
         Args:
             ref: its full name; what is checked out if left out.
+
+        Raises:
+            RegistryError: the branch is damaged: its file says nothing, or its commit is lost.
         """
         found = self._ask(f"{ref or 'HEAD'}^{{commit}}")
-        return found[0] if found else None
+        if found is not None:
+            return found[0]
+        complaint = lost_ref(self.git_dir, self.common_dir, ref or "HEAD")
+        if complaint is not None:
+            raise damaged(self.path, complaint, self._reflog_of(ref))
+        return None
+
+    def _reflog_of(self, ref: str | None) -> str:
+        name = (ref or self.head_ref or "HEAD").removeprefix("refs/heads/")
+        return f"'git -C {self.path} reflog show {name}' lists the commits that it was at before. "
+
+    def holds(self, commit: str) -> bool:
+        """Whether a commit is here, by its 40 hex digits."""
+        found = self._ask(commit) if HEX.match(commit) else None
+        return found is not None and found[1] == b"commit"
 
     def committed_at(self, commit: str) -> int:
         """When a commit was made, in seconds since 1970; one that tells no date was made at the beginning.
@@ -261,9 +219,9 @@ class Repository:
         """
         if any(ord(letter) < 32 for letter in revision) or not revision or len(revision) > 250:
             raise RegistryError(f"{revision!r} is not a revision: expected a commit, a tag, a branch")
-        known = self.tip(revision) if HEX.match(revision) else None
+        known = self._ask(f"{revision}^{{commit}}") if HEX.match(revision) else None
         if known is not None:
-            return known
+            return known[0]
         found = self.run(
             "rev-parse", "--verify", "--end-of-options", f"{revision}^{{commit}}", good=(0, 1, 128)
         )
@@ -273,22 +231,53 @@ class Repository:
                 f"{revision}: ambiguous in {self.path}; write refs/tags/{revision} or refs/heads/{revision}"
             )
         if found.code or HEX.match(oid) is None:
-            hint = "; this clone is shallow: git fetch --unshallow brings the rest" if self.is_shallow else ""
-            raise RegistryError(f"{revision}: no such revision in {self.path}{hint}")
+            name = f"refs/heads/{revision.removeprefix('refs/heads/')}"
+            complaint = lost_ref(self.git_dir, self.common_dir, name) if REF.match(name) else None
+            if complaint is not None:
+                raise damaged(self.path, complaint, self._reflog_of(name))
+            raise RegistryError(f"{revision}: no such revision in {self.path}{self.unshallow_hint}")
         return oid
 
     def read(self, commit: str, path: str) -> Blob | None:
-        """A file as it was in a commit; ``None`` if it was not there.
+        """A file as it was in a commit; ``None`` if it was not there, or a link.
 
         Raises:
-            RegistryError: what git answered is not what it claims to be.
+            RegistryError: there is no such commit, or what git answered is not what it claims to be.
         """
         if "\n" in path or HEX.match(commit) is None:
             raise RegistryError(
                 f"{commit}:{path!r}: expected a commit's 40 hex digits and a path of one line"
             )
-        found = self._ask(f"{commit}:{path}")
-        return Blob(found[0], found[2]) if found and found[1] == b"blob" else None
+        mode, oid = self._member(commit, path) or (b"", "")
+        return Blob(oid, self.blob(oid)) if mode in REGULAR else None
+
+    def _member(self, commit: str, path: str) -> Member | None:
+        """Mode and id of what is at a path; the whole commit's for an empty one."""
+        found: Member | None = (TREE, self._root(commit))
+        for name in path.strip("/").split("/") if path.strip("/") else ():
+            if found is None or found[0] != TREE:
+                return None
+            found = self._tree(found[1]).get(name)
+        return found
+
+    def _root(self, commit: str) -> str:
+        found = self._ask(commit)
+        tree = OF_A_COMMIT.match(found[2]) if found is not None and found[1] == b"commit" else None
+        if tree is None:
+            raise RegistryError(f"{self.path}: has no commit {commit}{self.unshallow_hint}")
+        return tree[1].decode()
+
+    def _tree(self, oid: str) -> dict[str, Member]:
+        found = self._trees.get(oid)
+        if found is None:
+            [data] = self.objects([oid], b"tree")
+            if len(self._trees) >= KEPT_TREES:
+                self._trees.clear()
+            found = self._trees[oid] = members(data)
+        return found
+
+    def _load(self, oids: Sequence[str]) -> Iterator[bytes]:
+        return self.objects(oids, b"tree")
 
     def blob(self, oid: str) -> bytes:
         """The content of this id.
@@ -296,34 +285,52 @@ class Repository:
         Raises:
             RegistryError: there is none.
         """
-        found = self._ask(oid) if HEX.match(oid) else None
-        if found is None or found[0] != oid or found[1] != b"blob":
-            raise RegistryError(f"{self.path}: has no file content {oid}; git fsck shows what is missing")
-        return found[2]
+        [data] = self.objects([oid])
+        return data
 
     def listing(self, commit: str, *prefixes: str) -> dict[str, str]:
         """The id of every regular file below some folders, by path; links and other repositories are left out."""
-        listed = self._listed(commit, prefixes)
-        return {path: head[12:52].decode("ascii") for path, head in listed if head.startswith(REGULAR)}
+        return {path: oid for path, (mode, oid) in self._listed(commit, prefixes) if mode in REGULAR}
 
     def irregular(self, commit: str, *prefixes: str) -> list[str]:
         """The links and other repositories below some folders, which no listing holds and no reader follows."""
-        return [path for path, head in self._listed(commit, prefixes) if not head.startswith(REGULAR)]
+        return [path for path, (mode, _) in self._listed(commit, prefixes) if mode not in REGULAR]
 
-    def _listed(self, commit: str, prefixes: Sequence[str]) -> Iterator[tuple[str, bytes]]:
-        folders = [f"{prefix.rstrip('/')}/" for prefix in prefixes if prefix]
-        where = ("--", *folders) if folders else ()
-        for line in self.run("ls-tree", "-r", "-z", "--full-tree", commit, *where).out.split(b"\0"):
-            head, _, path = line.partition(b"\t")
-            if head:
-                yield os.fsdecode(path), head
+    def _listed(self, commit: str, prefixes: Sequence[str]) -> list[tuple[str, Member]]:
+        found: dict[str, Member] = {}
+        for prefix in prefixes or ("",):
+            folder = f"{prefix.strip('/')}/".removeprefix("/")
+            mode, oid = self._member(commit, folder) or (b"", "")
+            if mode == TREE:
+                found.update(walk(self._load, oid, folder))
+        return sorted(found.items())
+
+    def difference(
+        self, before: str | None, after: str, prefix: str = ""
+    ) -> list[tuple[str, Member | None, Member | None]]:
+        """The paths below a folder that differ between two commits, sorted, with mode and id of what each has there.
+
+        Without ``before`` everything is new.
+        """
+        folder = f"{prefix.strip('/')}/".removeprefix("/")
+        commits = (before, after)
+        roots = [self._member(commit, folder) if commit is not None else None for commit in commits]
+        old, new = (root[1] if root is not None and root[0] == TREE else None for root in roots)
+        return sorted(difference(self._load, old, new, folder), key=lambda one: one[0])
 
     def read_many(self, oids: Sequence[str]) -> Iterator[bytes]:
-        """The content of many ids, in their order, through one process for each twenty thousand.
+        """The contents of many files, in the order of their ids; errors as of :meth:`objects`."""
+        return self.objects(oids)
+
+    def objects(self, oids: Sequence[str], kind: bytes = b"blob") -> Iterator[bytes]:
+        """The bytes of many objects, in the order of their ids, through one process for each twenty thousand.
 
         Raises:
             RegistryError: one is missing, too large or not what it claims to be.
         """
+        if len(oids) <= FEW:
+            yield from (self._one(oid, kind) for oid in oids)
+            return
         for start in range(0, len(oids), CHUNK):
             chunk = oids[start : start + CHUNK]
             asked = "".join(f"{oid}\n" for oid in chunk).encode()
@@ -332,10 +339,19 @@ class Repository:
             for oid in chunk:
                 end = answers.find(b"\n", at)
                 parts = answers[at:end].split()
-                if len(parts) != 3 or parts[1] != b"blob":
-                    raise RegistryError(f"{self.path}: has no file content {oid}; git fsck shows more")
+                if len(parts) != 3 or parts[1] != kind:
+                    raise self._lacks(oid, kind)
                 at = end + 1 + int(parts[2]) + 1
-                yield self._checked(oid, b"blob", answers[end + 1 : at - 1])
+                yield self._checked(oid, kind, answers[end + 1 : at - 1])
+
+    def _one(self, oid: str, kind: bytes) -> bytes:
+        found = self._ask(oid) if HEX.match(oid) else None
+        if found is None or found[0] != oid or found[1] != kind:
+            raise self._lacks(oid, kind)
+        return found[2]
+
+    def _lacks(self, oid: str, kind: bytes) -> RegistryError:
+        return damaged(self.path, f"it lacks {WHAT[kind]}, object {oid[:40]}")
 
     def close(self) -> None:
         """End the reader of this thread; the next read starts another."""
@@ -359,21 +375,22 @@ class Repository:
                 self._checked(*found)
             return found
         told = self.run("cat-file", "--batch-check", stdin=b"").errors
+        complaint = lost_ref(self.git_dir, self.common_dir, "HEAD")
+        if complaint is not None:
+            raise damaged(self.path, complaint)
         raise RegistryError(f"{self.path}: git cat-file ends before it answers: {explain(told)}")
 
     def _reader(self) -> ObjectReader:
         reader: ObjectReader | None = getattr(self._own, "reader", None)
         if reader is None or reader.pid != os.getpid():
-            git = _git_in(self.path)
+            git = git_in(self.path)
             command = (*self.flags, "cat-file", "--batch")
-            reader = self._own.reader = ObjectReader(_started(git, command, self.environment))
+            reader = self._own.reader = ObjectReader(started(git, command, self.environment))
         return reader
 
     def _checked(self, oid: str, kind: bytes, data: bytes) -> bytes:
         if object_id(kind, data) != oid:
-            raise RegistryError(
-                f"{self.path}: {oid} is damaged: its content has another hash; git fsck shows more"
-            )
+            raise damaged(self.path, f"object {oid} has the content of another one")
         return data
 
 
@@ -395,11 +412,7 @@ def _discover(path: Path) -> tuple[Path, Path, bool]:
     )
     lines = os.fsdecode(found.out).splitlines()
     if found.code or len(lines) != 3:
-        if "not a git repository" in found.errors:
-            raise RegistryError(
-                f"{path}: not a git repository; expected a registry: calibrary registry init makes one"
-            )
-        raise RegistryError(f"{path}: cannot be opened: {explain(found.errors)}")
+        raise refusal(path, found.errors)
     git_dir = Path(os.path.realpath(lines[1]))
     common_dir = Path(os.path.realpath(path / lines[2]))
     is_bare = lines[0] == "true" or not (path / ".git").exists()

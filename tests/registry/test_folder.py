@@ -26,7 +26,7 @@ def test_entries_are_found_and_other_files_left_alone(registry: Path) -> None:
     for name in (".5472x3648.yaml.swp", ".hidden.yaml", "README.md"):
         (registry / "cameras/dji" / name).write_text("{")
     assert entry_paths(registry) == [an_entry().path]
-    found = open_snapshot(registry).index().resolve(KEY)
+    found = open_snapshot(Path(f"folder:{registry}")).index().resolve(KEY)
     assert found is not None
     assert found.entry == an_entry()
 
@@ -39,7 +39,7 @@ def test_the_folder_one_stands_in_is_one_as_well(registry: Path, monkeypatch: py
 
 def test_a_folder_without_cameras_is_no_registry(tmp_path: Path) -> None:
     with pytest.raises(RegistryError, match="a folder 'cameras'"):
-        open_snapshot(tmp_path)
+        open_snapshot(Path(f"folder:{tmp_path}"))
 
 
 def test_links_are_not_followed(registry: Path, tmp_path_factory: pytest.TempPathFactory) -> None:

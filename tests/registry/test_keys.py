@@ -50,5 +50,5 @@ def test_a_content_that_is_missing_is_not_a_file_that_is_not_there(tmp_path: Pat
     (tmp_path / "fleet/objects" / oid[:2] / oid[2:]).unlink()
     registry.repo.close()
     snapshot = type(registry).open(tmp_path / "fleet").snapshot()
-    with pytest.raises(RegistryError, match="lacks its content"):
+    with pytest.raises(RegistryError, match=f"lacks the content of a file, object {oid}"):
         snapshot.read(entry.path)

@@ -167,7 +167,7 @@ def test_a_plain_folder_is_a_snapshot_by_its_own_configuration(tmp_path: Path) -
     (tmp_path / entry.path).parent.mkdir(parents=True)
     (tmp_path / entry.path).write_bytes(entry_yaml(entry))
     (tmp_path / "registry.yaml").write_bytes(configuration_yaml("source"))
-    snapshot = open_snapshot(tmp_path)
+    snapshot = open_snapshot(Path(f"folder:{tmp_path}"))
     assert (snapshot.commit, snapshot.repo, snapshot.configuration.policy.name) == (None, None, "source")
     assert snapshot.get("fc6310r").entry == entry
     assert [one.entry for one in snapshot.entries()] == [entry]

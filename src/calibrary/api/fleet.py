@@ -236,7 +236,7 @@ def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:
     """Open a fleet's registry.
 
     Args:
-        path: a registry in git, bare or checked out, read as committed; or a plain folder of entries.
+        path: a registry in git, bare or checked out, read as committed; "folder:PATH" for files as they lie there.
         at: which state: a commit, tag, branch or day; the one that is checked out when not given.
 
     Raises:

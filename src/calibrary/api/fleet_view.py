@@ -25,7 +25,7 @@ from calibrary.registry.check_registry import (
     check_work_tree,
     parse_range,
 )
-from calibrary.registry.configuration import require_registry
+from calibrary.registry.configuration import plain_folder, require_registry
 from calibrary.registry.entry import Entry
 from calibrary.registry.fields import differences
 from calibrary.registry.history import recorded
@@ -66,7 +66,7 @@ class FleetView:
 
     @cached_property
     def snapshot(self) -> Snapshot:
-        """Its entries; a plain folder of them will do."""
+        """Its entries; also of a plain folder, where it is named so: ``folder:PATH``."""
         return open_snapshot(self.place, self.at)
 
     @cached_property
@@ -82,6 +82,16 @@ class FleetView:
     def commit(self) -> str | None:
         """Which state, 40 hexadecimal digits; None for a plain folder."""
         return self.snapshot.commit
+
+    @property
+    def cut(self) -> str | None:
+        """What a person should know of a history that begins with a cut, as in a shallow clone; None of a whole one."""
+        repo = self.snapshot.repo
+        if repo is None or not repo.is_shallow:
+            return None
+        return (
+            f"this clone is shallow and lacks older commits: git -C {repo.path} fetch --unshallow brings them"
+        )
 
     def entries(self) -> Iterator[Entry]:
         """Every entry, whatever its status.
@@ -138,7 +148,7 @@ class FleetView:
         ['dji/fc6310r/5472x3648']
         """
         unreadable: list[RegistryError] = []
-        snapshot, wants_drafts = self.registry.snapshot(self.at), "draft" in statuses
+        snapshot, wants_drafts = self.snapshot, "draft" in statuses
         waiting = (
             stored
             for stored in snapshot.proposals(unreadable=unreadable.append)
@@ -166,6 +176,8 @@ class FleetView:
         >>> calibrary.open_registry("fleet").show("fc6310r").stored.entry.status
         <Status.APPROVED: 'approved'>
         """
+        if plain_folder(self.place) is not None and "@" not in key and against is None:
+            return ShownEntry(self.snapshot.get(key), None, ())
         stored = self.registry.get(key)
         repo = self.registry.repo
         who, approved = recorded(repo, stored), approvals_of(repo, stored)
@@ -177,7 +189,8 @@ class FleetView:
 
     def file(self, stored: StoredEntry) -> bytes:
         """An entry's YAML, as it is in the registry."""
-        return self.registry.snapshot(stored.commit).read(stored.path)
+        snapshot = self.snapshot if stored.commit is None else self.registry.snapshot(stored.commit)
+        return snapshot.read(stored.path)
 
     def history(self, key: str | None = None, *, most: int | None = None) -> History:
         """The newest revisions of an entry, or of the whole registry.
@@ -320,7 +333,7 @@ class FleetView:
         """
         from calibrary.api.exchange import exported
 
-        return exported(self.registry.snapshot(self.at), format, Path(out), statuses, max_error_px)
+        return exported(self.snapshot, format, Path(out), statuses, max_error_px)
 
     def lock(self, what: Sequence[str | Path] = (), *, recursive: bool = False) -> LockResult:
         """Pin entries as they are, so that a run can be repeated on the same ones; nothing is written yet.

@@ -117,7 +117,8 @@ def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
         "--registry",
         type=Path,
         metavar="PATH",
-        help="the fleet's registry of calibrations: in git, bare or checked out, as committed; or a plain folder",
+        help="the fleet's registry of calibrations: in git, bare or checked out, as committed; folder:PATH for "
+        "files without git, as they lie there",
     )
     known.add_argument(
         "--locked",

@@ -145,7 +145,7 @@ def test_a_shallow_checkout_as_ci_makes_it_is_checked(
     assert run(capsys, "check", "--registry", tmp_path / "ci")[0] == 0
     code, _, told = run(capsys, "check", f"{first}..HEAD", "--registry", tmp_path / "ci")
     assert code == 4
-    assert "git fetch --unshallow" in told
+    assert f"git -C {tmp_path / 'ci'} fetch --unshallow" in told
 
 
 class TestWorkTree:
@@ -189,7 +189,7 @@ class TestWorkTree:
         file = tmp_path / "plain" / GOOD.path
         file.parent.mkdir(parents=True)
         file.write_bytes(entry_yaml(GOOD))
-        code, out, _ = run(capsys, "check", "--registry", tmp_path / "plain")
+        code, out, _ = run(capsys, "check", "--registry", f"folder:{tmp_path / 'plain'}")
         assert (code, out) == (0, "good: 1 entry in the folder: 0 errors, 0 warnings\n")
 
     def test_a_bare_registry_has_none(

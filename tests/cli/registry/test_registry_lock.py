@@ -140,7 +140,7 @@ class TestLockedRun:
         git(tmp_path, "clone", "--quiet", "--depth=1", f"file://{fleet}", "shallow")
         code, _, told = extracted(capsys, "--registry", "shallow", "--locked")
         assert code == 4
-        assert "git fetch --unshallow" in told
+        assert "fetch --unshallow" in told
 
     def test_a_lock_that_was_tampered_with_is_refused(
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
@@ -158,11 +158,11 @@ class TestLockedRun:
     ) -> None:
         put(fleet, ENTRY)
         shutil.copytree(fleet / "cameras", tmp_path / "plain/cameras")
-        assert run(capsys, "lock", "--registry", tmp_path / "plain")[0] == 0
-        assert extracted(capsys, "--registry", "plain", "--locked")[:2] == (0, 3661.25)
+        assert run(capsys, "lock", "--registry", f"folder:{tmp_path / 'plain'}")[0] == 0
+        assert extracted(capsys, "--registry", "folder:plain", "--locked")[:2] == (0, 3661.25)
         file = tmp_path / "plain" / ENTRY.path
         file.write_text(file.read_text() + 'notes: ["a scratch"]\n')
-        code, _, told = extracted(capsys, "--registry", "plain", "--locked")
+        code, _, told = extracted(capsys, "--registry", "folder:plain", "--locked")
         assert (code, "the registry differs from" in told) == (4, True)
 
 
@@ -178,21 +178,23 @@ class TestGitRegistryOfExtract:
         assert (code, fx) == (0, 3661.25)
         assert f"{ENTRY.path} differs in its work tree and is not committed" in told
 
-    def test_a_folder_of_entries_in_somebodys_repository_is_read_as_it_lies(
+    def test_a_folder_of_entries_in_somebodys_repository_is_read_as_it_lies_where_it_is_named_so(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         put(fleet, ENTRY)
         shutil.copytree(fleet / "cameras", tmp_path / "scripts/cameras")
         git(tmp_path, "init", "--quiet", "scripts")
         git(tmp_path / "scripts", "commit", "--quiet", "--allow-empty", "-m", "scripts")
-        assert extracted(capsys, "--registry", "scripts")[:2] == (0, 3661.25)
+        code, _, told = extracted(capsys, "--registry", "scripts")
+        assert (code, "not a registry" in told) == (4, True)
+        assert extracted(capsys, "--registry", "folder:scripts")[:2] == (0, 3661.25)
 
     def test_a_git_repository_of_something_else_is_no_registry(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         git(tmp_path, "init", "--quiet", "scripts")
         code, _, told = extracted(capsys, "--registry", "scripts")
-        assert (code, "no registry here" in told) == (4, True)
+        assert (code, "empty registry" in told) == (4, True)
 
 
 def test_the_pinned_entry_is_the_one_that_extract_takes(

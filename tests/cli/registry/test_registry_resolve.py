@@ -194,11 +194,13 @@ def test_a_bare_registry_and_a_plain_folder_answer_as_well(
     put(fleet, an_entry())
     git(tmp_path, "clone", "--quiet", "--bare", str(fleet), "bare.git")
     shutil.copytree(fleet / "cameras", tmp_path / "plain/cameras")
-    for place in ("bare.git", "plain"):
-        answer = printed(capsys, "resolution-1", "resolve", "dji/fc6310r", "--registry", tmp_path / place)
+    for place in (tmp_path / "bare.git", f"folder:{tmp_path / 'plain'}"):
+        answer = printed(capsys, "resolution-1", "resolve", "dji/fc6310r", "--registry", place)
         assert answer["calibration"]["intrinsics"]["fx"] == 3661.25
     assert answer["commit"] is None
-    code, _, told = run(capsys, "resolve", "dji/fc6310r", "--registry", tmp_path / "plain", "--at", "main")
+    code, _, told = run(
+        capsys, "resolve", "dji/fc6310r", "--registry", f"folder:{tmp_path / 'plain'}", "--at", "main"
+    )
     assert (code, "no revisions" in told) == (4, True)
 
 
@@ -217,7 +219,7 @@ def test_what_is_committed_answers_and_not_what_lies_in_the_work_tree(
         (["nobody/at-all"], 4, "no such camera"),
         (["missing.jpg"], 3, "no such file"),
         (["--make", "DJI"], 3, "state it with --model NAME"),
-        (["dji/fc6310r", "--registry", "nowhere"], 4, "no registry here"),
+        (["dji/fc6310r", "--registry", "nowhere"], 4, "no such folder"),
     ],
 )
 def test_what_cannot_be_asked_is_one_line_with_its_exit_code(

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -39,8 +39,9 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import out
     from calibrary.errors import InputError
 
+    registry = opened(arguments)
     try:
-        found = opened(arguments).blame(arguments.key, arguments.fields)
+        found = registry.blame(arguments.key, arguments.fields)
     except InputError as error:
         arguments.parser.error(str(error))
     if arguments.json:
@@ -48,6 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         screen = out(arguments)
         screen.show(_table(found.origins, screen.width))
+        note_cut(arguments, registry)
     return 0
 
 

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -45,12 +45,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
 
-    found = opened(arguments).history(arguments.key, most=arguments.most)
+    registry = opened(arguments)
+    found = registry.history(arguments.key, most=arguments.most)
     if arguments.json:
         print_json(found.to_dict())
     else:
         screen, rows_of = out(arguments), _of_all if arguments.key is None else _of_one
         screen.show(rows_of(found.revisions, screen.width))
+        note_cut(arguments, registry)
     return 0
 
 

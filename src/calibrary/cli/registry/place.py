@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from calibrary.api.fleet import Fleet
 
-__all__ = ["add_registry_flag", "opened"]
+__all__ = ["add_registry_flag", "note_cut", "opened"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser) -> None:
@@ -18,8 +18,16 @@ def add_registry_flag(parser: argparse.ArgumentParser) -> None:
         "--registry",
         type=Path,
         metavar="PATH",
-        help="which one; see calibrary registry --help for the default",
+        help="which one; folder:PATH for files without git. See calibrary registry --help for the default",
     )
+
+
+def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:
+    """Say on standard error that the history is not whole, where it is not."""
+    from calibrary.cli.console import note, plain
+
+    if registry.cut is not None:
+        note(arguments).say(plain(registry.cut))
 
 
 def opened(arguments: argparse.Namespace, at: str | None = None) -> Fleet:

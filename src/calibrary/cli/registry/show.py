@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import print_json
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -85,6 +85,7 @@ def _show(arguments: argparse.Namespace) -> int:
         sys.stdout.buffer.write(registry.file(shown.stored))
     elif shown.against is None or shown.changes is None:
         _describe(out(arguments), shown)
+        note_cut(arguments, registry)
     else:
         screen = out(arguments)
         screen.say(_summary(plain(arguments.key), plain(shown.against), shown.changes))
