@@ -390,7 +390,7 @@ class TestTheFallbacks:
             "distortion: {model: brown, k1: -0.26, k2: 0.11, p1: 0.0, p2: 0.0, k3: -0.03}\n"
             "grade: calibrated\n"
         )
-        code, report = extract("--registry", "registry")
+        code, report = extract("--registry", "folder:registry")
         [camera] = report["cameras"]
         assert code == 0
         assert camera["calibration"]["intrinsics"]["fx"] == 3661.25

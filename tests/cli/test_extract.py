@@ -126,7 +126,7 @@ class TestExitCodes:
         assert extract("--registry", "nowhere") == 4
         entry(tmp_path / "registry", "one")
         entry(tmp_path / "registry", "two")
-        assert extract("--registry", "registry") == 4
+        assert extract("--registry", "folder:registry") == 4
         assert "one.yaml" in capsys.readouterr().err
         assert left_in(tmp_path) == ["registry"]
 

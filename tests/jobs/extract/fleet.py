@@ -69,6 +69,11 @@ def matrix(path: Path, fx: float, cx: float = 2736.0, cy: float = 1824.0, *, fy:
     return path
 
 
+def files(registry: Path) -> Path:
+    """The registry that the files in a folder are, without git."""
+    return Path(f"folder:{registry}")
+
+
 def entry(registry: Path, name: str, *, fx: float = 3661.25, **fields: Any) -> Path:
     """A registry entry of a Phantom 4 RTK; ``fields`` with None are left out of its camera."""
     status = fields.pop("status", "approved")

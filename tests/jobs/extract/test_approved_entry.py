@@ -15,7 +15,7 @@ from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
 from calibrary.policy import FLEET, SOURCE, Policy
 from calibrary.validation import Verdict
-from tests.jobs.extract.fleet import DEWARP, P4R, entry, gate, only, picture
+from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, only, picture
 
 DERIVED = 8.8 / 0.0024
 CASES: list[tuple[str, float, dict[str, Any], Policy, float, str]] = [
@@ -35,7 +35,7 @@ def ran(folder: Path, fx: float, tags: dict[str, Any], policy: Policy = FLEET) -
     entry(folder / "registry", "dji/unit", fx=fx, status=tags.pop("status", "approved"))
     for number in range(2):
         picture(folder / f"flight/{number}.jpg", **P4R, **tags)
-    return only(gate(folder / "flight", registry=folder / "registry", policy=policy))
+    return only(gate(folder / "flight", registry=files(folder / "registry"), policy=policy))
 
 
 @pytest.mark.parametrize(
@@ -60,11 +60,11 @@ def test_the_measured_distortion_reaches_the_solver_and_the_text_says_so(
     assert camera.calibration is not None
     assert isinstance(camera.calibration.distortion, BrownConrady)
     outputs = plan(
-        gate(tmp_path / "flight", registry=tmp_path / "registry"), tmp_path / "K.npy", Solver.COLMAP
+        gate(tmp_path / "flight", registry=files(tmp_path / "registry")), tmp_path / "K.npy", Solver.COLMAP
     )
     assert b"FULL_OPENCV" in outputs.files[tmp_path / "colmap.sh"]
     monkeypatch.chdir(tmp_path)
-    assert main(["extract", "flight", "--registry", "registry"]) == 0
+    assert main(["extract", "flight", "--registry", "folder:registry"]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert "calibrated" in told
     assert (

@@ -23,6 +23,7 @@ from tests.jobs.extract.fleet import (
     NOBODY,
     P4R,
     entry,
+    files,
     gate,
     judged,
     matrix,
@@ -81,13 +82,13 @@ class TestTheOrder:
         picture(tmp_path / "a.jpg", make="DJI", model="FC6310R")
         (tmp_path / "camera.xml").write_text(METASHAPE)
         entry(tmp_path / "registry", "a")
-        camera = only(gate(tmp_path, registry=tmp_path / "registry"))
+        camera = only(gate(tmp_path, registry=files(tmp_path / "registry")))
         assert steps_of(camera) == [("fallback-k", "not there"), ("calibration-file", "taken")]
 
     def test_a_seed_is_kept_aside_and_the_registry_comes_last(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg", make="DJI", model="FC6310R")
         entry(tmp_path / "registry", "a")
-        camera = only(gate(tmp_path, registry=tmp_path / "registry"))
+        camera = only(gate(tmp_path, registry=files(tmp_path / "registry")))
         assert steps_of(camera) == [
             ("fallback-k", "not there"),
             ("calibration-file", "not there"),

@@ -12,7 +12,7 @@ from calibrary.errors import RegistryError
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.registry.locking import Lock, lock_yaml, pin_of
 from calibrary.validation import Verdict
-from tests.jobs.extract.fleet import DEWARP, P4R, entry, gate, only, picture
+from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, only, picture
 
 STRIPPED: dict[str, Any] = {"make": "DJI", "model": "FC6310R"}
 
@@ -20,7 +20,7 @@ STRIPPED: dict[str, Any] = {"make": "DJI", "model": "FC6310R"}
 def served(folder: Path, **tags: Any) -> CameraReport:
     """What the registry beside the flight makes of one image without a focal length."""
     picture(folder / "flight/a.jpg", **(STRIPPED | tags))
-    return only(gate(folder / "flight", registry=folder / "registry"))
+    return only(gate(folder / "flight", registry=files(folder / "registry")))
 
 
 def fx(camera: CameraReport) -> float | None:
@@ -108,11 +108,11 @@ def test_a_zoomed_frame_is_another_camera_unless_the_entry_says_it(tmp_path: Pat
 def test_a_good_k_of_the_images_is_measured_against_the_entry(tmp_path: Path) -> None:
     entry(tmp_path / "registry", "dji/unit", fx=3661.25)
     picture(tmp_path / "flight/a.jpg", **P4R)
-    camera = only(gate(tmp_path / "flight", registry=tmp_path / "registry"))
+    camera = only(gate(tmp_path / "flight", registry=files(tmp_path / "registry")))
     assert camera.verdict is Verdict.VALID
     assert camera.outranked is camera.camera.calibration
     entry(tmp_path / "registry", "dji/unit", fx=3900.0)
-    camera = only(gate(tmp_path / "flight", registry=tmp_path / "registry"))
+    camera = only(gate(tmp_path / "flight", registry=files(tmp_path / "registry")))
     assert camera.camera.reason is not None
     assert "registry" in camera.camera.reason
 
@@ -147,7 +147,7 @@ class TestTolerance:
         if tolerance is not None:
             path.write_text(path.read_text() + f"tolerance: {tolerance}\n")
         picture(tmp_path / "flight/a.jpg", **P4R, dewarp=DEWARP)
-        camera = only(gate(tmp_path / "flight", registry=tmp_path / "registry"))
+        camera = only(gate(tmp_path / "flight", registry=files(tmp_path / "registry")))
         assert (camera.camera.verdict is Verdict.VALID) is valid
 
 
@@ -182,7 +182,9 @@ class TestLocked:
     @staticmethod
     def locked(folder: Path) -> CameraReport:
         picture(folder / "flight/a.jpg", **STRIPPED)
-        return only(gate(folder / "flight", registry=folder / "registry", lock=folder / "calibrary.lock"))
+        return only(
+            gate(folder / "flight", registry=files(folder / "registry"), lock=folder / "calibrary.lock")
+        )
 
     @staticmethod
     def lock(folder: Path, *paths: Path) -> None:
@@ -213,7 +215,15 @@ class TestLocked:
         self.lock(tmp_path, entry(tmp_path / "registry", "dji/model"))
         picture(tmp_path / "flight/a.jpg", **STRIPPED)
         monkeypatch.chdir(tmp_path)
-        command = ["extract", "--image-dir", "flight", "--registry", "registry", "--locked", "--dry-run"]
+        command = [
+            "extract",
+            "--image-dir",
+            "flight",
+            "--registry",
+            "folder:registry",
+            "--locked",
+            "--dry-run",
+        ]
         assert main(command) == 0
         entry(tmp_path / "registry", "dji/model", fx=3700.0)
         assert main(command) == 4
