@@ -261,6 +261,7 @@ class Format:
         read_in_place: the same of a file too long to take in, where the format can look its cameras up in it.
         write: one file's bytes from calibrations that fit ``capacity``.
         capacity: present exactly when ``write`` is.
+        updated: there is no file without the rest of a project; cameras are written into one that is there.
         needs_image_size: the file does not say how large its images are.
         states: the fields of :class:`~calibrary.calibration.Provenance` that a file can state, out of
             :data:`STATED`; a writer writes them all.
@@ -278,6 +279,7 @@ class Format:
     read_in_place: ReadInPlace | None = None
     write: Write | None = None
     capacity: Capacity | None = None
+    updated: bool = False
     needs_image_size: bool = False
     states: tuple[str, ...] = ()
     options: tuple[Option, ...] = ()

@@ -22,6 +22,7 @@ class ListedFormat(Record):
         title: what it is.
         suffixes: the usual ones; a file is recognised by what is in it.
         reads, writes: whether its files are read, written.
+        updates: whether cameras are written into a file that is there.
         refuses: why files of the format are never read, and what to do instead.
         needs_image_size: whether the file does not say how large its images are.
         convention: how its numbers count, in sentences.
@@ -34,6 +35,7 @@ class ListedFormat(Record):
     suffixes: tuple[Suffix, ...]
     reads: bool
     writes: bool
+    updates: bool
     refuses: str | None
     needs_image_size: bool
     convention: tuple[str, ...] | None
@@ -63,6 +65,7 @@ def _listed(record: Format) -> ListedFormat:
         suffixes=tuple(record.suffixes),
         reads=record.read is not None,
         writes=record.write is not None,
+        updates=record.updated,
         refuses=record.refuses,
         needs_image_size=record.needs_image_size,
         convention=tuple(record.convention.sentences()) if record.convention is not None else None,

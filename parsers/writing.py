@@ -83,7 +83,8 @@ def encoded(
             f"the largest error accepted is {limit} px; expected a number from 0, as in --max-error-px 0.2"
         )
     if record.write is None or record.capacity is None:
-        raise UnsupportedModelError(f"format {record.name} is read but not written")
+        how = "; 'calibrary convert' writes cameras into a file that is there" if record.updated else ""
+        raise UnsupportedModelError(f"format {record.name} is read but not written{how}")
     if not calibrations:
         raise InputError("there is no calibration to write")
     if not allow_prior:

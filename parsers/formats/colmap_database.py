@@ -10,6 +10,9 @@ length was given or comes from EXIF, and 0 where COLMAP guessed 1.2 × the longe
 a prior at most; one with a lens or an off-centre principal point was given or adjusted, whatever the flag says,
 which scripts that fill databases often leave at 0.
 
+``calibrary convert CAMERA.xml database.db`` changes cameras of a database that has its images: model, parameters and
+``prior_focal_length`` of their rows, in one transaction, with SQL beside it that puts back what was there.
+
 Nothing but the one table is read, out of a copy in memory or, where the file is too long for that, out of the
 file, opened so that nothing is written. What another program has
 not yet written back from its journal is not there, so a journal beside the file is refused.
@@ -228,4 +231,5 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     read_in_place=read_in_place,
+    updated=True,
 )

@@ -16,6 +16,7 @@ from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
 from calibrary.interop.opencv import OPENCV_LENSES
+from calibrary.jobs.convert.database import DATABASE, Into, write_into_database
 from calibrary.jobs.convert.report import ConvertFilesReport, ConvertReport
 from calibrary.jobs.convert.run import Converted, ConvertRequest, convert_files
 from calibrary.jobs.exchange.argument import Reading, choose
@@ -242,12 +243,16 @@ class Conversion:
         format: its format's name.
         verdict: how exactly it holds the calibration.
         priors: the grades of those whose K was not measured.
+        into: the cameras that were changed, where the file was there and has others.
+        backup: the file that puts back what was there.
     """
 
     output: Path
     format: str
     verdict: WriteVerdict
     priors: tuple[Grade, ...] = ()
+    into: tuple[int, ...] = ()
+    backup: Path | None = None
 
     def report(self) -> ConvertReport:
         """For machines (schemas/convert-1.schema.json)."""
@@ -260,6 +265,8 @@ class Conversion:
             radius_px=self.verdict.radius_px,
             dropped=self.verdict.dropped,
             priors=self.priors,
+            into=self.into,
+            backup=self.backup.name if self.backup is not None else None,
         )
 
 
@@ -272,8 +279,9 @@ def convert(
     max_error_px: float | None = None,
     allow_prior: bool = False,
     force: bool = False,
+    into: Into = None,
 ) -> Conversion:
-    """Write the calibrations of a file in another program's format.
+    """Write the calibrations of a file in another program's format, or into the cameras of a COLMAP database.
 
     Args:
         source: a file of any format, or an image.
@@ -283,10 +291,11 @@ def convert(
         max_error_px: as of :func:`write`.
         allow_prior: as of :func:`write`.
         force: whether a K that is that of no camera is written.
+        into: numbers of the cameras of a COLMAP database, "all", or None for those that it can only be.
 
     Raises:
         InputError: the source cannot be read, its K is that of no camera, the name fits no format or several, or the
-            output cannot be written.
+            output cannot be written, or is a database in which it is not clear which cameras are meant.
         UnsupportedModelError: the format does not hold the calibration.
 
     >>> from calibrary.api.files import convert
@@ -299,9 +308,19 @@ def convert(
         cameras = [choose(cameras, reading.camera, source=Path(source).name)]
     if not force:
         refuse_implausible(cameras, Path(source).name)
+    priors = tuple(item.grade for item in cameras if not item.grade.is_metric)
+    if to == DATABASE or (to is None and output.suffix.lower() == ".db"):
+        verdict, change, backup = write_into_database(
+            cameras, output, into=into, max_error_px=max_error_px, allow_prior=allow_prior
+        )
+        changed = tuple(row[0] for row in change.after)
+        return Conversion(output, DATABASE, verdict, priors, changed, backup)
+    if into is not None:
+        raise InputError(
+            "--into is about the cameras of a COLMAP database, which this is not", source=output.name
+        )
     target = to or parsers.format_by_suffix(output, flag="--to").name
     verdict = parsers.write(cameras, output, target, max_error_px=max_error_px, allow_prior=allow_prior)
-    priors = tuple(item.grade for item in cameras if not item.grade.is_metric)
     return Conversion(output, target, verdict, priors)
 
 

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.atomic import write_files
-from calibrary.jobs.extract.colmap_cameras import write_database
+from calibrary.interop.colmap_database import write_database
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import Solver, seed_command
 from calibrary.jobs.extract.outputs import STALE, Outputs, check_place, plan

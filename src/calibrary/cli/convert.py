@@ -23,6 +23,7 @@ examples:
   calibrary convert K.npy cameras.txt --to colmap_text --image-size 5472x3648
   calibrary convert rig.xml one.yml --to opencv_storage --camera 2
   calibrary convert report.txt lens.xml --to agisoft_xml --max-error-px 0.2
+  calibrary convert camera.xml database.db --into all               into the cameras of a COLMAP database
   calibrary convert rigs/ "old/*.yaml" converted/ --to kalibr       many, each into a file of its own
 
 The output is written only when it holds the calibration to 0.05 px anywhere in the image, or to
@@ -44,6 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--to", metavar="FORMAT", help="the output's format (default: by OUT's name)")
     parser.add_argument("--camera", type=int, metavar="N", help="the Nth camera of a file with several")
+    parser.add_argument(
+        "--into",
+        type=_numbers,
+        metavar="N,N|all",
+        help="of a COLMAP database, the cameras that get the calibration",
+    )
     parser.add_argument(
         "--max-error-px",
         type=float,
@@ -80,12 +87,20 @@ def _one(arguments: argparse.Namespace) -> int:
         max_error_px=arguments.max_error_px,
         allow_prior=arguments.allow_prior,
         force=arguments.force,
+        into=arguments.into,
     )
     if arguments.json:
         print_json(done.report())
     else:
         screen = out(arguments)
-        screen.say(plain(f"wrote {done.output} ({done.format})"))
+        if done.into:
+            cameras = f"camera{'s' if done.into[1:] else ''} {', '.join(map(str, done.into))}"
+            screen.say(
+                plain(f"wrote {cameras} of {done.output} ({done.format}); its images keep their cameras")
+            )
+            screen.say(plain(f"to put back what was there: sqlite3 {done.output} < {done.backup}"))
+        else:
+            screen.say(plain(f"wrote {done.output} ({done.format})"))
         screen.say(plain(str(done.verdict)))
         if done.priors:
             grades = ", ".join(dict.fromkeys(f"{grade.value} ({grade.meaning})" for grade in done.priors))
@@ -98,6 +113,8 @@ def _many(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import note
     from calibrary.errors import InputError
 
+    if arguments.into is not None:
+        raise InputError("--into takes one file; give one IN and the database")
     if arguments.to is None:
         raise InputError("several files are converted into one format; say which with --to FORMAT")
     with Bar(note(arguments), "converting") as bar:
@@ -133,3 +150,12 @@ def _show_many(arguments: argparse.Namespace, done: Sequence[Converted]) -> None
     screen.show(fitted(columns, rows, screen.width))
     written = sum(one.output is not None for one in done)
     screen.say(plain(f"wrote {written} of {len(done)} into {arguments.output}"))
+
+
+def _numbers(text: str) -> tuple[int, ...] | str:
+    if text == "all":
+        return text
+    parts = text.split(",")
+    if not all(part.isdecimal() and len(part) < 11 for part in parts):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected camera numbers such as 1,3, or all")
+    return tuple(dict.fromkeys(map(int, parts)))

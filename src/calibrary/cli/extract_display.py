@@ -143,7 +143,7 @@ class Display:
         for note in outputs.hand_off_notes:
             self._screen.say(f"[yellow]note[/]: {plain(note)}")
         if outputs.database is not None:
-            count = len(outputs.database.updates)
+            count = len(outputs.database.after)
             verb = "would be written" if dry_run else "written"
             self._screen.say(f"{count} cameras {verb} into {plain(str(outputs.database.path))}")
         if outputs.hand_off_failed:

@@ -62,6 +62,8 @@ def markdown(records: Sequence[Format]) -> str:
 def _abilities(record: Format) -> str:
     if record.refuses is not None:
         return "refused"
+    if record.updated:
+        return "read, update"
     return "read, write" if record.write is not None else "read"
 
 

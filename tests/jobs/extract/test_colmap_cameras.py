@@ -122,7 +122,7 @@ def test_images_of_another_size_are_refused(flight: Path, capsys: pytest.Capture
 
 def test_a_locked_database_stays_as_it_was(flight: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = rows(database(flight / "database.db", FIRST, SECOND))
-    monkeypatch.setattr("calibrary.jobs.extract.colmap_cameras.BUSY_S", 0.1)
+    monkeypatch.setattr("calibrary.interop.colmap_database.BUSY_S", 0.1)
     holder = sqlite3.connect(flight / "database.db", isolation_level=None)
     holder.execute("BEGIN IMMEDIATE")
     try:

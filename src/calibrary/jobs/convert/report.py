@@ -21,6 +21,8 @@ class ConvertReport(Record, tag_field="schema", tag="calibrary/convert-1"):
         radius_px: distance from the principal point up to which the difference was measured.
         dropped: what the format has no place for.
         priors: the grades of the calibrations whose K was not measured.
+        into: the cameras that were changed, where the file was there and has others.
+        backup: name of the file that puts back what was there.
     """
 
     output: str
@@ -31,6 +33,8 @@ class ConvertReport(Record, tag_field="schema", tag="calibrary/convert-1"):
     radius_px: float
     dropped: tuple[str, ...]
     priors: tuple[Grade, ...]
+    into: tuple[int, ...]
+    backup: str | None
 
 
 class ConvertedFile(Record):

@@ -16,7 +16,8 @@ from calibrary.atomic import check_folder
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.extras import PAGES, require
-from calibrary.jobs.extract.colmap_cameras import RESTORE, DatabaseCamera, DatabaseChange, plan_database
+from calibrary.interop.colmap_database import DatabaseChange
+from calibrary.jobs.extract.colmap_cameras import RESTORE, DatabaseCamera, plan_database
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import (
     SOLVER_FILES,

@@ -1,0 +1,160 @@
+"""K written into a COLMAP database that already has its images, as ``feature_extractor`` left it.
+
+The rows of its cameras are changed in place, so that images, frames and rigs, which refer to cameras by number, hold.
+All of it is one transaction, and the rows as they were are kept as SQL that puts them back.
+
+Sources: COLMAP documentation, "Database Format" (tables cameras and images; prior_focal_length 1: the focal length is
+known).
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypeAlias
+
+from calibrary.errors import InputError
+from calibrary.interop.colmap import ColmapCamera, model_named
+
+__all__ = ["DatabaseChange", "DatabaseRows", "Row", "change_of", "read_database", "write_database"]
+
+CAMERAS: Final = "SELECT camera_id, model, width, height, params, prior_focal_length FROM cameras"
+UPDATE: Final = (
+    "UPDATE cameras SET model = ?, width = ?, height = ?, params = ?, prior_focal_length = ? "
+    "WHERE camera_id = ?"
+)
+BUSY_S = 5.0
+
+Row: TypeAlias = tuple[int, int, int, int, bytes, int]
+"""camera_id, model, width, height, params, prior_focal_length."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DatabaseRows:
+    """What a database states of its cameras.
+
+    Attributes:
+        cameras: their rows by number, in order.
+        images: name and camera number of each image.
+    """
+
+    cameras: Mapping[int, Row]
+    images: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DatabaseChange:
+    """What is to be written into a database.
+
+    Attributes:
+        path: of the database.
+        before: the rows that are changed, as they are.
+        after: the same rows with the new parameters.
+    """
+
+    path: Path
+    before: tuple[Row, ...]
+    after: tuple[Row, ...]
+
+    @property
+    def restore(self) -> bytes:
+        """SQL that puts the cameras back as they were: ``sqlite3 database.db < FILE``."""
+        return f"BEGIN;\n{''.join(map(_restored, self.before))}COMMIT;\n".encode()
+
+
+def read_database(path: Path) -> DatabaseRows:
+    """The cameras of a database, and whose they are; nothing is written.
+
+    Raises:
+        InputError: there is no such file, or it is not a COLMAP database.
+    """
+    if not path.is_file():
+        raise InputError("no such file; run 'colmap feature_extractor' first", source=str(path))
+    try:
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+            images = connection.execute("SELECT name, camera_id FROM images").fetchall()
+            rows = connection.execute(f"{CAMERAS} ORDER BY camera_id").fetchall()
+    except sqlite3.Error as error:
+        raise InputError(f"cannot be read as a COLMAP database: {error}", source=str(path)) from None
+    return DatabaseRows(cameras={row[0]: row for row in rows}, images=tuple(images))
+
+
+def change_of(
+    path: Path, stored: DatabaseRows, cameras: Mapping[int, ColmapCamera], *, known: bool = True
+) -> DatabaseChange:
+    """New parameters for some of a database's cameras.
+
+    Args:
+        path: of the database.
+        stored: what it states.
+        cameras: what is to be written, by the number of the row.
+        known: whether the focal length is known; COLMAP refines one that is not from the start.
+
+    Raises:
+        InputError: a row has images of another size than its new camera, or there is no such row.
+    """
+    before, after = [], []
+    for number, camera in sorted(cameras.items()):
+        row = stored.cameras.get(number)
+        if row is None:
+            listed = ", ".join(map(str, list(stored.cameras)[:20])) or "none"
+            raise InputError(f"it has no camera {number}; it has {listed}", source=str(path))
+        if row[2:4] != (camera.width, camera.height):
+            raise InputError(
+                f"its camera {number} has images of {row[2]}×{row[3]}, and the calibration is of "
+                f"{camera.width}×{camera.height}",
+                source=str(path),
+            )
+        before.append(row)
+        after.append((number, *_columns(camera), int(known)))
+    return DatabaseChange(path=path, before=tuple(before), after=tuple(after))
+
+
+def write_database(change: DatabaseChange) -> None:
+    """Write all cameras, or none.
+
+    Raises:
+        InputError: the database is locked, cannot be written, or was changed since it was read; it is as it was.
+    """
+    try:
+        with (
+            closing(sqlite3.connect(change.path, timeout=BUSY_S, isolation_level=None)) as connection,
+            _transaction(connection),
+        ):
+            current = {row[0]: row for row in connection.execute(CAMERAS)}
+            if any(current.get(row[0]) != row for row in change.before):
+                raise InputError(
+                    "another program changed its cameras meanwhile; try again", source=str(change.path)
+                )
+            connection.executemany(UPDATE, [(*row[1:], row[0]) for row in change.after])
+    except sqlite3.Error as error:
+        raise InputError(f"cannot be written: {error}; it is as it was", source=str(change.path)) from None
+
+
+@contextmanager
+def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    connection.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+    except BaseException:
+        connection.execute("ROLLBACK")
+        raise
+    connection.execute("COMMIT")
+
+
+def _columns(camera: ColmapCamera) -> tuple[int, int, int, bytes]:
+    model = model_named(camera.model)
+    if model is None:
+        raise InputError(f"COLMAP has no model {camera.model!r}")
+    return model.number, camera.width, camera.height, struct.pack(f"<{len(camera.params)}d", *camera.params)
+
+
+def _restored(row: Row) -> str:
+    number, model, width, height, params, prior = row
+    values = f"model = {int(model)}, width = {int(width)}, height = {int(height)}, params = X'{bytes(params).hex()}'"
+    flag = f"prior_focal_length = {int(prior)}"
+    return f"UPDATE cameras SET {values}, {flag} WHERE camera_id = {int(number)};\n"  # noqa: S608  numbers only

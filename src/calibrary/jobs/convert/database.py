@@ -1,0 +1,131 @@
+"""Calibrations written into the cameras of an existing COLMAP database."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from calibrary import parsers
+from calibrary.atomic import write_files
+from calibrary.calibration import Calibration
+from calibrary.errors import InputError
+from calibrary.interop.colmap_database import (
+    DatabaseChange,
+    DatabaseRows,
+    change_of,
+    read_database,
+    write_database,
+)
+from calibrary.parsers.format import WriteVerdict
+
+__all__ = ["DATABASE", "EVERY", "Into", "write_into_database"]
+
+DATABASE: Final = "colmap_database"
+EVERY: Final = "all"
+FILE_FORMAT: Final = "colmap_binary"
+"""What measures how well COLMAP's models hold a calibration: its cameras are the database's."""
+MODEL: Final = "colmap/model"
+LISTED: Final = 12
+
+Into = Sequence[int] | str | None
+"""Numbers of the database's cameras, "all", or None for those that the calibrations can only be of."""
+
+
+def write_into_database(
+    calibrations: Sequence[Calibration],
+    path: Path,
+    *,
+    into: Into = None,
+    max_error_px: float | None = None,
+    allow_prior: bool = False,
+) -> tuple[WriteVerdict, DatabaseChange, Path]:
+    """Give cameras of a database new models and parameters; the images keep their cameras.
+
+    Args:
+        calibrations: one for all of the chosen cameras, or as many as there are of those.
+        path: the database, with its images.
+        into: which of its cameras.
+        max_error_px: the largest error that a refit to COLMAP's models may leave; 0.05 px when None.
+        allow_prior: whether a K that was not measured is written, as one whose focal length is not known.
+
+    Returns:
+        How exactly COLMAP holds them, what was changed, and the SQL file beside the database that puts back what
+        was there.
+
+    Raises:
+        InputError: there is no such database, it is not said which of its cameras is meant, an image size differs,
+            it is locked, or a K is only a guess.
+        UnsupportedModelError: COLMAP has no model that is near enough.
+    """
+    stored = read_database(path)
+    data, verdict = parsers.encode(
+        calibrations, FILE_FORMAT, max_error_px=max_error_px, allow_prior=allow_prior
+    )
+    copies = parsers.decode(data, name=path.name, format=FILE_FORMAT)
+    held = [item.to_colmap(dict(item.extras).get(MODEL)) for item in copies]
+    known = all(item.grade.is_metric for item in calibrations)
+    numbers = _numbers(calibrations, stored, into, path)
+    change = change_of(path, stored, {number: held[index] for number, index in numbers.items()}, known=known)
+    backup = _free(path)
+    write_files({backup: change.restore})
+    try:
+        write_database(change)
+    except InputError:
+        backup.unlink(missing_ok=True)
+        raise
+    return verdict, change, backup
+
+
+def _numbers(
+    calibrations: Sequence[Calibration], stored: DatabaseRows, into: Into, path: Path
+) -> Mapping[int, int]:
+    """Which calibration, by its index, each camera of the database gets."""
+    if isinstance(into, str):
+        chosen: Sequence[int] | None = tuple(stored.cameras)
+    else:
+        chosen = into
+    if chosen is not None:
+        if len(calibrations) == 1:
+            return dict.fromkeys(chosen, 0)
+        if len(chosen) != len(calibrations):
+            raise InputError(
+                f"there are {len(calibrations)} calibrations for {len(chosen)} cameras; choose one with --camera N",
+                source=str(path),
+            )
+        return {number: index for index, number in enumerate(chosen)}
+    own = [_own_number(item) for item in calibrations]
+    if len(own) > 1 and all(number in stored.cameras for number in own):
+        return {number: index for index, number in enumerate(own) if number is not None}
+    found: dict[int, int] = {}
+    for index, item in enumerate(calibrations):
+        size = item.intrinsics.image_size
+        fitting = [number for number, row in stored.cameras.items() if row[2:4] == size]
+        if len(fitting) != 1 or fitting[0] in found:
+            raise InputError(_which(item, fitting, stored), source=str(path))
+        found[fitting[0]] = index
+    return found
+
+
+def _own_number(item: Calibration) -> int | None:
+    """The number that a camera has in a file of COLMAP's with several."""
+    number = item.camera.sub_camera or ""
+    return int(number) if number.isdecimal() and item.provenance.tag == f"camera {number}" else None
+
+
+def _which(item: Calibration, fitting: Sequence[int], stored: DatabaseRows) -> str:
+    width, height = item.intrinsics.image_size
+    if not fitting:
+        sizes = ", ".join(dict.fromkeys(f"{row[2]}×{row[3]}" for row in stored.cameras.values())) or "none"
+        return f"none of its cameras has images of {width}×{height}, as the calibration; it has {sizes}"
+    listed = ", ".join(map(str, fitting[:LISTED])) + (", …" if len(fitting) > LISTED else "")
+    return (
+        f"{len(fitting)} of its cameras ({listed}) have images of {width}×{height}; say which get this K with "
+        "--into N,N,…, or --into all where one camera took all images"
+    )
+
+
+def _free(path: Path) -> Path:
+    """A name for the rows as they were that no earlier run has taken."""
+    names = (f"{path.name}.before{number}.sql" for number in ("", *(f"-{n}" for n in range(2, 10_000))))
+    return next(place for name in names if not (place := path.with_name(name)).exists())
