@@ -58,6 +58,8 @@ def read_to_the_end(read: Callable[[bytes], list[Calibration]], data: bytes) -> 
     except MissingTagError:
         raise
     except InputError as error:
+        if _fails_without_its_last_line(read, data, newline, error):
+            raise
         raise ParseError(f"{error.message}; {NOT_ENDED}", source=error.source, place=error.place) from None
     match = _LAST_WORD.search(tail)
     word = match[0].strip() if match else ""
@@ -73,6 +75,18 @@ def read_to_the_end(read: Callable[[bytes], list[Calibration]], data: bytes) -> 
             raise ParseError(f"{NOT_ENDED}: what it ends in, {shown(word)}, is used")
         found = [_common(item, changed) for item, changed in zip(found, other, strict=True)]
     return found
+
+
+def _fails_without_its_last_line(
+    read: Callable[[bytes], list[Calibration]], data: bytes, newline: bytes, error: InputError
+) -> bool:
+    """Whether the same is wrong with the file up to its last line, so that its end is not to blame."""
+    kept, found, _ = data.rpartition(newline)
+    try:
+        read(kept + newline if found else b"")
+    except InputError as other:
+        return (type(other), other.message, other.place) == (type(error), error.message, error.place)
+    return False
 
 
 def _endings(word: str) -> Iterator[str]:

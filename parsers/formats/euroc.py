@@ -13,14 +13,26 @@ In the format's own words::
     distortion_coefficients: [-0.28, 0.07, 0.0002, 0.00002]  # k1, k2, p1, p2
 
 The numbers are Kalibr's, the names of the models are not. Kimera-VIO has ``camera_id`` in place of sensor_type, says
-radtan as well, and hands both lenses to OpenCV; its omni, a Scaramuzza polynomial under keys of its own, is refused.
+radtan as well, and hands both lenses to OpenCV. Its omni cameras are OCamCalib's::
 
-Sources: ETH Zürich ASL, "The EuRoC MAV datasets", ``dataset_tools``; Kimera-VIO, ``src/frontend/CameraParams.cpp``.
+    camera_model: omni
+    intrinsics: []                                           # or those of a pinhole to undistort to
+    distortion_model: omni
+    distortion_coefficients: [875.1, 0.0, -3.0e-4, -4.8e-8, 1.7e-11]
+    omni_affine: [a, b, c]
+    omni_distortion_center: [1005.8, 743.0]                  # u, v
+
+A pixel is (u, v) = (1 a; b c)·(x, y) + centre, and its ray (x, y, d0 + d1·ρ + d2·ρ² + d3·ρ³ + d4·ρ⁴) with ρ² = x² + y².
+K is d0·(1 a; b c) brought to its upper triangle, as for OCamCalib's own file; it is not what ``intrinsics`` states.
+
+Sources: ETH Zürich ASL, "The EuRoC MAV datasets", ``dataset_tools``; Kimera-VIO, ``src/frontend/CameraParams.cpp`` and
+``src/frontend/Camera.cpp`` (BackProjectOmni).
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, CameraKey, Grade
@@ -34,6 +46,7 @@ from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure,
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._json_text import restored
 from calibrary.parsers.formats._opencv_lens import BrownWithoutK3, lens
+from calibrary.parsers.formats._taylor import taylor_lens, upper_triangle
 from calibrary.parsers.formats._yaml_text import flow, scalar
 
 __all__ = ["FORMAT"]
@@ -41,11 +54,17 @@ __all__ = ["FORMAT"]
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2"),
-    remarks=("equidistant's four are k1, k2, k3, k4",),
+    remarks=(
+        "equidistant's four are k1, k2, k3, k4",
+        "Kimera's omni has a ray's polynomial of the radius in px, from distorted to undistorted, as OCamCalib",
+    ),
 )
 
 
-OWN_KEYS = ("resolution", "camera_model", "intrinsics", "distortion_model", "distortion_coefficients")
+OWN_KEYS = (
+    "resolution", "camera_model", "intrinsics", "distortion_model", "distortion_coefficients", "omni_affine",
+    "omni_distortion_center", "omni_pol_inv",
+)  # fmt: skip
 LENSES = ("radial-tangential", "radtan", "equidistant", "none")
 PREFIX = "euroc/"
 
@@ -65,15 +84,15 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     tree = storage.load(data, source=context.name)
     width, height = tree["resolution"].numbers(2)
     size = context.size(strict.image_size(width, height, place="resolution"))
-    distortion = _distortion(tree)
-    fu, fv, cu, cv = tree["intrinsics"].numbers(4)
+    native, distortion, notes = _omni(tree) if tree["camera_model"].text() == "omni" else _pinhole(tree)
     return [
         Calibration(
             camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(Native(fx=fu, fy=fv, cx=cu, cy=cv), size),
+            intrinsics=CONVENTION.intrinsics(native, size),
             distortion=distortion,
             grade=Grade.CALIBRATED,
             provenance=context.provenance(),
+            notes=notes,
             extras=tuple(
                 (PREFIX + key, json.dumps(node.value, ensure_ascii=False))
                 for key, node in tree.entries()
@@ -102,9 +121,24 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return "".join(f"{row}\n" for row in rows).encode()
 
 
-def _distortion(tree: Node) -> Distortion:
+def _pinhole(tree: Node) -> tuple[Native, Distortion, tuple[str, ...]]:
     if tree["camera_model"].text() != "pinhole":
-        _refuse(tree["camera_model"], "pinhole")
+        _refuse(tree["camera_model"], "pinhole or omni")
+    fu, fv, cu, cv = tree["intrinsics"].numbers(4)
+    return Native(fx=fu, fy=fv, cx=cu, cy=cv), _distortion(tree), ()
+
+
+def _omni(tree: Node) -> tuple[Native, Distortion, tuple[str, ...]]:
+    polynomial, affine = tree["distortion_coefficients"], tree["omni_affine"]
+    distortion, f = taylor_lens(polynomial.numbers(5), place=polynomial.place or "")
+    a, b, c = affine.numbers(3)
+    fx, skew, fy, turn = upper_triangle(f, c, b, a, place=affine.place or "")
+    cu, cv = tree["omni_distortion_center"].numbers(2)
+    turned = f"the camera's frame is turned about its axis by {math.degrees(turn):.4f}° against Kimera's"
+    return Native(fx=fx, fy=fy, cx=cu, cy=cv, skew=skew), distortion, (turned,) if turn else ()
+
+
+def _distortion(tree: Node) -> Distortion:
     kind = tree["distortion_model"]
     if kind.text() == "none":
         return lens(())

@@ -23,13 +23,12 @@ import math
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.conventions import Origin
-from calibrary.distortion import Distortion
-from calibrary.distortion.scaramuzza import Scaramuzza
-from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Direction, Native, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._taylor import taylor_lens, upper_triangle
 from calibrary.parsers.formats._text_rows import text_of
 
 __all__ = ["FORMAT"]
@@ -49,7 +48,6 @@ MAX_BYTES = 64 * 1024
 """A hundred times what such a file contains."""
 MOST = 64
 """Coefficients in either function, as in the toolbox's own reader."""
-MOST_READ = 5
 PREFIX = "ocamcalib/"
 
 
@@ -64,12 +62,17 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
     direct, inverse, centre, affine, size = _rows(data)
     coefficients = _counted(direct, "direct mapping function")
-    lens, f = _lens(coefficients)
+    if not coefficients[0] < 0:
+        place = "direct mapping function"
+        raise ParseError(
+            f"a0 is {coefficients[0]:g}, expected a negative one: the axis points backwards", place=place
+        )
+    lens, f = taylor_lens([-value for value in coefficients], place="direct mapping function")
     row, column = strict.numbers(centre, count=2, place="center")
     c, d, e = strict.numbers(affine, count=3, place="affine parameters")
     height, width = strict.numbers(size, count=2, place="image size")
     image_size = context.size(strict.image_size(width, height, place="image size"))
-    fx, skew, fy, turn = _upper_triangle(f, c, d, e)
+    fx, skew, fy, turn = upper_triangle(f, c, d, e, place="affine parameters")
     native = Native(fx=fx, fy=fy, cx=column, cy=row, skew=skew)
     turned = f"the camera's frame is turned about its axis by {math.degrees(turn):.4f}° against OCamCalib's"
     return [
@@ -103,32 +106,6 @@ def _counted(row: str, place: str) -> tuple[float, ...]:
     if not 1 <= promised <= MOST:
         raise ParseError(f"{promised} coefficients, expected 1 to {MOST}", place=place)
     return strict.numbers(" ".join(rest), count=promised, place=place)
-
-
-def _lens(a: tuple[float, ...]) -> tuple[Distortion, float]:
-    """The lens and its focal length in px."""
-    a0, a1, a2, a3, a4 = (*a, 0.0, 0.0, 0.0, 0.0)[:MOST_READ]
-    place = "direct mapping function"
-    if not a0 < 0:
-        raise ParseError(f"a0 is {a0:g}, expected a negative one: the axis points backwards", place=place)
-    if a1 or any(a[MOST_READ:]):
-        raise UnsupportedModelError(
-            "it has a linear term or terms above the fourth power, which are not known here; calibrate with a "
-            "polynomial of order 4, the toolbox's own proposal, or with OpenCV's fisheye model",
-            place=place,
-        )
-    f = -a0
-    return Scaramuzza(c2=-a2 * f, c3=-a3 * f**2, c4=-a4 * f**3), f
-
-
-def _upper_triangle(f: float, c: float, d: float, e: float) -> tuple[float, float, float, float]:
-    """fx, skew, fy and the angle of the rotation Q in f·(1 e; d c) = (fx skew; 0 fy)·Q."""
-    length = math.hypot(d, c)
-    determinant = c - d * e
-    if not (length > 0 and determinant > 0):
-        raise ParseError("the affine parameters make no image", place="affine parameters")
-    sine, cosine = d / length, c / length
-    return f * determinant / length, f * (sine + e * cosine), f * length, math.atan2(sine, cosine)
 
 
 FORMAT = Format(

@@ -59,9 +59,47 @@ def test_radial_tangential_is_opencvs_first_four() -> None:
 def test_kimeras_files_are_the_same_without_a_sensor_type() -> None:
     assert read(KIMERA).distortion == read(FILE).distortion
     assert read(KIMERA).intrinsics == read(FILE).intrinsics
-    omni = KIMERA.replace("pinhole", "omni").replace("[433.2, 432.9, 371.6, 238.3]", "[]")
-    with pytest.raises(UnsupportedModelError, match="omni"):
-        read(omni)
+
+
+OMNI = (
+    KIMERA.replace("pinhole", "omni")
+    .replace("[433.2, 432.9, 371.6, 238.3]", "[]")
+    .replace(
+        "distortion_model: radtan\ndistortion_coefficients: [-0.2131, 0.0447, -0.00037, 8.1e-04]\n",
+        "distortion_model: omni\ndistortion_coefficients: [341.5, 0.0, -7.1e-04, -6.4e-08, 1.3e-10]\n"
+        "omni_affine: [0.0021, -0.0013, 0.9987]\nomni_distortion_center: [371.25, 238.5]\n",
+    )
+)
+
+
+def test_kimeras_omni_is_the_polynomial_of_its_back_projection() -> None:
+    u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(20, 730, 30), np.linspace(15, 465, 30)))
+    x, y = np.linalg.inv([[1.0, 0.0021], [-0.0013, 0.9987]]) @ np.vstack([u - 371.25, v - 238.5])
+    rho = np.hypot(x, y)
+    expected = np.column_stack([x, y, 341.5 - 7.1e-4 * rho**2 - 6.4e-8 * rho**3 + 1.3e-10 * rho**4])
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    camera = read(OMNI)
+    rays = camera.unproject(np.column_stack([u, v]) + 0.5)
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    # K has an upper triangle, so the frame is turned about its axis, by the angle that the note states.
+    turn = np.arctan2(-0.0013, 0.9987)
+    turned = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    np.testing.assert_allclose(rays, expected @ turned.T, rtol=0, atol=1e-12)
+    assert "turned about its axis by -0.0746°" in camera.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ("341.5, 0.0", "341.5, 0.2", "linear term"),
+        ("341.5, 0.0", "-341.5, 0.0", "above zero"),
+        ("0.9987]", "-0.9987]", "make no image"),
+        ("omni_distortion_center", "centre", "omni_distortion_center"),
+    ],
+)
+def test_an_omni_that_is_no_such_lens_is_refused(old: str, new: str, match: str) -> None:
+    with pytest.raises((ParseError, UnsupportedModelError), match=match):
+        read(OMNI.replace(old, new))
 
 
 def test_what_is_written_has_eurocs_keys_and_keeps_the_pose() -> None:
@@ -86,7 +124,7 @@ def test_none_is_no_distortion() -> None:
     assert read(text).distortion == NoDistortion()
 
 
-@pytest.mark.parametrize(("old", "new"), [("pinhole", "omni"), ("radial-tangential", "fov")])
+@pytest.mark.parametrize(("old", "new"), [("pinhole", "spherical"), ("radial-tangential", "fov")])
 def test_another_model_is_refused_by_name(old: str, new: str) -> None:
     with pytest.raises(UnsupportedModelError, match=new):
         read(FILE.replace(old, new))
