@@ -78,7 +78,7 @@ def test_radial_division_undistorts_as_the_program_does() -> None:
 def test_a_panorama_is_refused_with_the_reason() -> None:
     with pytest.raises(UnsupportedModelError, match="each pixel an angle"):
         read(FILE.replace("perspective", "equirectangular"))
-    with pytest.raises(UnsupportedModelError, match="no K describes them$"):
+    with pytest.raises(UnsupportedModelError, match=r"no K describes them$"):
         read(FILE.replace("perspective", "equirectangular").rstrip("\n"))
     with pytest.raises(UnsupportedModelError, match="radial_division"):
         read(FILE.replace("perspective", "omni"))
