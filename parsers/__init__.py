@@ -180,19 +180,18 @@ def read_unsized(
 def is_image_file(path: Path) -> bool:
     """Whether a file is read as an image: by its content; by its name alone where no calibration format claims it.
 
-    Raises:
-        InputError: it cannot be read, or is not a regular file.
+    Of a file that cannot be opened the name decides, and reading it says why.
     """
     from calibrary.parsers.imagery.reader import begins_as_image  # noqa: PLC0415  as the catalogue above
 
-    if begins_as_image(read_head(path, IMAGE_MARK_BYTES)):
-        return True
-    if not is_image(path):
-        return False
     try:
+        if begins_as_image(read_head(path, IMAGE_MARK_BYTES)):
+            return True
+        if not is_image(path):
+            return False
         identify(path)
     except InputError:
-        return True
+        return is_image(path)
     return False
 
 

@@ -32,6 +32,9 @@ REACH = 1e6
 """How many times longer or shorter than the image a length may be; the longest telescope's is a thousand."""
 
 
+LISTED_KEYS = 8
+
+
 @dataclass(frozen=True, slots=True)
 class Identity:
     """What a file is and why we think so.
@@ -235,4 +238,17 @@ def _unknown(content: Content) -> str:
             parse_json(content.data, source=content.name)
         except ParseError as error:
             message += f", and {error.message}" + (f" at {error.place}" if error.place else "")
+    message += _what_stands_in_it(content)
     return f"{message}; if you know what it is, say so with --format NAME"
+
+
+def _what_stands_in_it(content: Content) -> str:
+    """The outermost keys of a file that no format claims, and whether it is one of OpenCV's other files."""
+    tags = tuple(dict.fromkeys(content.xml_tags))
+    keys = tags[:1] if len(tags) == 1 else tags[1:] if tags else content.json_keys or content.yaml_keys
+    if not keys:
+        return ""
+    listed = ", ".join(map(shown, keys[:LISTED_KEYS])) + (", …" if len(keys) > LISTED_KEYS else "")
+    if content.xml_root == "opencv_storage" or content.first_line.startswith("%YAML:1.0"):
+        return f"; it is a file of OpenCV's without a camera matrix: it contains {listed}"
+    return f"; it contains {listed}"

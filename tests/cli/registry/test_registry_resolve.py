@@ -37,6 +37,18 @@ def test_an_image_gets_the_entry_of_its_camera(
     assert answer["known_by"].startswith("the image: Phantom 4 RTK")
 
 
+def test_an_image_is_one_by_its_content_and_not_by_its_name(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(focal_mm=None))
+    picture(tmp_path / "a.jpg", **TAGS).rename(tmp_path / "DJI_0001.original")
+    assert printed(capsys, "resolution-1", "resolve", tmp_path / "DJI_0001.original")["entry"]["id"] == P4R
+    xml(tmp_path / "lens.xml").rename(tmp_path / "lens.jpg")
+    code, _, err = run(capsys, "resolve", tmp_path / "lens.jpg")
+    assert code == 3
+    assert "is not an image; 'calibrary registry add FILE' takes a calibration file" in " ".join(err.split())
+
+
 def test_the_same_entry_answers_that_extract_would_take(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -96,7 +96,7 @@ def test_files_that_may_be_calibrations_are_remembered_in_one_order(tmp_path: Pa
     for name in ("b/x.xml", "a.txt", "c.jpg", "b-1/y.xml", "z.pdf"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
-    images = Listing([tmp_path], recursive=True, keep={".xml", ".txt"})
+    images = Listing([tmp_path], recursive=True, keep=lambda entry: entry.name.endswith((".xml", ".txt")))
     assert [image.name for image in images] == ["c.jpg"]
     assert [path.relative_to(tmp_path).as_posix() for path in images.beside] == [
         "a.txt",

@@ -15,7 +15,6 @@ from calibrary.jobs.exchange.argument import Reading, choose
 from calibrary.jobs.images.folders import find_files
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Format, WriteVerdict
-from calibrary.parsers.image_names import is_image
 from calibrary.parsers.plausible import refuse_implausible
 from calibrary.progress import Progress
 from calibrary.provenance import Grade
@@ -115,7 +114,9 @@ def _listed(sources: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
     """The files, each with whether it was named, by itself or by a pattern."""
     for one in sources:
         if one.is_dir():
-            yield from ((path, False) for path in find_files(one, recursive=True) if not is_image(path))
+            yield from (
+                (path, False) for path in find_files(one, recursive=True) if not parsers.is_image_file(path)
+            )
         elif one.exists() or not glob.has_magic(str(one)):
             yield one, True
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ from calibrary.registry.registry import Registry
 
 __all__ = ["Argument", "Reading", "choose", "entry_file", "read_argument", "read_arguments"]
 
-ENTRY_MARK: Final = b"calibrary/entry-"
+ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILINE)
 LISTED: Final = 8
 
 
@@ -180,7 +181,7 @@ def _entry(text: str, registry: Path | None) -> Argument:
 
 def entry_file(path: Path) -> bytes | None:
     """The bytes of a registry's entry, None of anything else."""
-    if path.suffix not in {".yaml", ".yml"} or path.stat().st_size > LARGEST_ENTRY:
+    if path.stat().st_size > LARGEST_ENTRY:
         return None
     data = path.read_bytes()
-    return data if ENTRY_MARK in data else None
+    return data if ENTRY_MARK.search(data) else None

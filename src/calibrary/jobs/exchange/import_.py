@@ -12,11 +12,11 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Final
 
+from calibrary import parsers
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.jobs.exchange.add import AddRequest, propose_file
 from calibrary.jobs.exchange.argument import Reading
 from calibrary.jobs.exchange.catalogue_entries import KIND, catalogue_entries
-from calibrary.parsers.image_names import is_image
 from calibrary.progress import log
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry, Status
@@ -203,7 +203,7 @@ def _files(folder: Path) -> Iterator[Path]:
         folders[:] = sorted(name for name in folders if name not in SKIPPED_FOLDERS)
         for name in sorted(names):
             path = Path(here, name)
-            if not name.startswith(".") and not is_image(path) and path.is_file():
+            if not name.startswith(".") and path.is_file() and not parsers.is_image_file(path):
                 yield path
 
 

@@ -8,6 +8,7 @@ from datetime import date
 from pathlib import Path
 from typing import Final
 
+from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.exchange.identity import image_day, image_key
@@ -198,7 +199,7 @@ def _meant(snapshot: Snapshot, word: str | None) -> Question:
         return Question(key=CameraKey(), known_by="what was said")
     path = Path(word)
     if path.is_file():
-        if not is_image(path):
+        if not parsers.is_image_file(path):
             raise InputError(
                 "is not an image; 'calibrary registry add FILE' takes a calibration file, and resolve an image of the "
                 "camera, or its KEY",

@@ -6,11 +6,13 @@ itself known to a few per cent only, and decides no more than that.
 
 from __future__ import annotations
 
+import os
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Final
 
 from calibrary import parsers
@@ -29,6 +31,7 @@ from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
 from calibrary.parsers.files import MAX_BYTES
+from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record
 from calibrary.validation import Verdict
@@ -38,20 +41,25 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ALTITUDE_M",
-    "SUFFIXES",
     "Candidates",
     "CheckedFile",
     "Rightness",
     "check_candidates",
     "contradictions",
     "find_candidates",
+    "may_be_calibration",
     "read_candidates",
 ]
 
-SUFFIXES: Final = frozenset(
+USUAL: Final = frozenset(
     {".xml", ".yml", ".yaml", ".json", ".cal", ".txt", ".cam", ".opt", ".ini", ".toml", ".npy"}
 )
+"""Names under which a file that cannot be read is reported; under any other name its content has to claim it."""
 LARGEST: Final = 4 << 20
+LARGEST_OF_ANY_NAME: Final = 256 << 10
+"""A file under another name; flight logs and the like, which are longer, are not opened."""
+MOST_OF_A_NAME: Final = 50
+"""More files of one unusual suffix are what a camera or a program writes for each image."""
 SEED: Final = re.compile(r".*_(seed|unproven)(\..+)?\.npy")
 """What extract itself calls no valid K."""
 
@@ -119,6 +127,16 @@ class Candidates:
     states_size: bool = True
 
 
+def may_be_calibration(entry: os.DirEntry[str]) -> bool:
+    """Whether a file beside the images is worth a look: by its name, or because it is short."""
+    if _suffix(entry.name) in USUAL:
+        return True
+    try:
+        return entry.stat().st_size <= LARGEST_OF_ANY_NAME
+    except OSError:
+        return False
+
+
 def find_candidates(
     paths: Sequence[Path], root: Path, cameras: Sequence[CameraReport | Camera]
 ) -> tuple[list[Candidates], list[tuple[str, str]]]:
@@ -131,7 +149,7 @@ def find_candidates(
     """
     found: list[Candidates] = []
     unreadable: list[tuple[str, str]] = []
-    for path in (path for path in paths if not SEED.fullmatch(path.name)):
+    for path in _calibration_files(paths):
         name = path.relative_to(root).as_posix()
         try:
             found.append(read_candidates(path, name, cameras, max_bytes=LARGEST))
@@ -140,6 +158,30 @@ def find_candidates(
         except (CalibraryError, OSError) as error:
             unreadable.append((name, str(error)))
     return found, unreadable
+
+
+def _calibration_files(paths: Sequence[Path]) -> Iterator[Path]:
+    """What may be a calibration by its name, and what is one by its content whatever its name."""
+    counts = Counter(_suffix(path.name) for path in paths)
+    for path in paths:
+        suffix = _suffix(path.name)
+        if SEED.fullmatch(path.name):
+            continue
+        if suffix in USUAL or (counts[suffix] <= MOST_OF_A_NAME and _is_claimed(path)):
+            yield path
+
+
+def _suffix(name: str) -> str:
+    return PurePath(name).suffix.lower()
+
+
+def _is_claimed(path: Path) -> bool:
+    """Whether a format claims a file by more than its shape."""
+    try:
+        found = parsers.identify(path)
+    except InputError:
+        return False
+    return found.sniff.sure is not Sure.WEAK and found.format.read is not None
 
 
 def read_candidates(
@@ -215,6 +257,8 @@ def contradictions(
     """What is beside the images and would be wrong for them, each in one sentence."""
     valid = [camera for camera in cameras if _reference(camera) is not None]
     for candidates in files:
+        if not any(one.grade.is_metric for one in candidates.calibrations):
+            continue  # where another program starts its adjustment, such as COLMAP's 1.2 × the longer side
         for found in check_candidates(candidates, valid, policy) if valid else ():
             if found.verdict is Rightness.OFF and found.camera is not None:
                 yield f"{found.file}, which is beside the images and is not used, is {found.message}"

@@ -9,7 +9,7 @@ from pathlib import Path
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault
-from calibrary.jobs.extract.beside import SUFFIXES, contradictions, find_candidates
+from calibrary.jobs.extract.beside import contradictions, find_candidates, may_be_calibration
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
 from calibrary.jobs.extract.fallback import Fallback, Sources, fall_back, outranking, read_matrix
@@ -71,7 +71,7 @@ def run(request: Request) -> Extraction:
     """
     knowledge = Knowledge.load(request.registry, request.lock)
     matrix = read_matrix(request.fallback_k) if request.fallback_k is not None else None
-    listing = Listing(request.images, recursive=request.recursive, keep=SUFFIXES)
+    listing = Listing(request.images, recursive=request.recursive, keep=may_be_calibration)
     if listing.known == 0:
         hint = "" if request.recursive else "; if they lie in sub-folders, add --recursive"
         source = ", ".join(map(str, request.images))

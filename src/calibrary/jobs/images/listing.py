@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
+from typing import TypeAlias
 
 from calibrary.errors import InputError
 from calibrary.jobs.images.folders import SkippedFile, walk
@@ -13,6 +14,8 @@ from calibrary.jobs.images.observation import Image, path_order
 from calibrary.parsers.image_names import is_image
 
 __all__ = ["LISTED", "Listing"]
+
+Keep: TypeAlias = Callable[[os.DirEntry[str]], bool]
 
 LISTED = 10_000
 """So many images are all named in a report; of more only the first few that say the same, unless all are asked for."""
@@ -28,13 +31,13 @@ class Listing:
         known: how many images there are; None where they are more than :data:`LISTED`.
     """
 
-    def __init__(self, given: Sequence[Path], *, recursive: bool, keep: Container[str] = frozenset()) -> None:
+    def __init__(self, given: Sequence[Path], *, recursive: bool, keep: Keep | None = None) -> None:
         """Finds the first images.
 
         Args:
             given: a folder, or images and folders.
             recursive: go into sub-folders.
-            keep: suffixes, in lower case, of other files that are remembered.
+            keep: says of another file whether it is remembered.
 
         Raises:
             InputError: none is given, or one is not there or cannot be read; a sub-folder is passed over then.
@@ -62,7 +65,7 @@ class Listing:
 
     @property
     def beside(self) -> tuple[Path, ...]:
-        """The files beside the images whose suffix was asked for, as far as the images were gone through."""
+        """The files beside the images that were to be remembered, as far as the images were gone through."""
         named = {path: path.relative_to(self.root).as_posix() for path in self._beside}
         return tuple(sorted(named, key=lambda path: path_order(named[path])))
 
@@ -93,5 +96,5 @@ class Listing:
                 place = f"{real}/{below}"
                 target = os.path.realpath(place) if entry.is_symlink() else None
                 yield Image(name=above + below, place=place, same_as=target)
-            elif path.suffix.lower() in self._keep:
+            elif self._keep is not None and self._keep(entry):
                 self._beside[path] = None

@@ -72,7 +72,8 @@ def classify_payload(
     images: list[Path] = []
     rest: list[Path] = []
     for path in find_files(folder, recursive=True):
-        (images if is_image(path) else rest).append(path)
+        # A raw file begins as a TIFF does, and is no frame of its own.
+        (images if is_image(path) and parsers.is_image_file(path) else rest).append(path)
         if len(images) + len(rest) > MOST_FILES:
             raise InputError(
                 f"contains over {MOST_FILES} files; give the folder of one payload", source=str(folder)
