@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final
 
 from platformdirs import user_data_path
 
+from calibrary.distortion.described import DOCUMENT
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.policy import FLEET, POLICIES, Policy
 from calibrary.records import Json, Meta, Record, from_json, to_json
@@ -46,6 +47,7 @@ TEXT: Final = """\
 # A registry of camera calibrations, written by calibrary; README.md explains how to read and review it.
 schema: "calibrary/registry-1"
 layout: {layout}
+# {models} has the formula of each distortion model with its parameters in order.
 # The newest schema that entries are written in; older ones are still read.
 entries: "calibrary/entry-{entries}"
 # The limits that an entry is checked against before it is approved: "fleet", "source", or limits of your own, as in
@@ -126,7 +128,7 @@ def configuration_yaml(policy: str = FLEET.name) -> bytes:
     Args:
         policy: one of those that ship, by name.
     """
-    return TEXT.format(layout=LAYOUT, entries=CURRENT, policy=policy).encode()
+    return TEXT.format(layout=LAYOUT, entries=CURRENT, policy=policy, models=DOCUMENT).encode()
 
 
 def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configuration:

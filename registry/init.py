@@ -12,6 +12,7 @@ from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
+from calibrary.distortion.described import DOCUMENT, document
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.records import Record, replace
 from calibrary.registry.configuration import CONFIGURATION_FILE, configuration_yaml
@@ -234,7 +235,8 @@ its file. `registry.yaml` is the configuration: the schema versions and the limi
 
 - `status`: `draft` is proposed (in `proposals/`), `approved` is used, `held` is used and protected
   from replacement, `retired` is no longer used.
-- `intrinsics` is K. `distortion` is separate: `null` is unknown, `model: none` means known to be none.
+- `intrinsics` is K. `distortion` is separate: `null` is unknown, `model: none` means known to be none. The formula of
+  each model, with its parameters in order, is in [DISTORTION.md](DISTORTION.md).
 - `grade`, best first: `calibrated` (measured on this unit), `adjusted` (from a bundle adjustment), `design` (the
   manufacturer's nominal value), `derived` (focal length over pixel pitch).
 - `digest` is a checksum over the numbers. To edit a number, delete that line and run `calibrary registry add FILE`.
@@ -332,6 +334,7 @@ def scaffold() -> dict[str, bytes]:
     return {
         CONFIGURATION_FILE: configuration_yaml(),
         "README.md": readme.encode(),
+        DOCUMENT: document("The models of the entries here, as calibrary describes them.").encode(),
         ".gitattributes": ATTRIBUTES + b"/cameras/**/*.yaml diff=calibrary\n",
         WORKFLOW: CHECK.format(requirement=_requirement()).encode(),
         HOOKS: PRE_COMMIT.format(requirement=_requirement()).encode(),

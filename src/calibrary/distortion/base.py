@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from typing import ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,6 +50,14 @@ class Distortion(Record, tag_field="model"):
     def names(cls) -> tuple[str, ...]:
         """The names of the coefficients, in the model's order."""
         return cls.__struct_fields__
+
+    @classmethod
+    def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
+        """With the formula and the order of the parameters, so that its reader needs no calibrary."""
+        said = inspect.cleandoc(cls.__doc__ or "").partition("\n\n")[2].partition("\n\nRaises:")[0]
+        plain = re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"\1", said).replace("::\n", ":\n").replace("``", "")
+        order = f"Parameters in order: {', '.join(cls.names()) or 'none'}. All models: docs/distortion.md."
+        return schema | {"description": f"{order}\n\n{plain}".strip()}
 
     @property
     def coefficients(self) -> dict[str, float]:

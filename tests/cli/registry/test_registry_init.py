@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.cli.main import main
+from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.policy import SOURCE
 from calibrary.registry.configuration import configuration_yaml, parse_configuration
@@ -24,6 +25,7 @@ FILES = [
     ".github/CODEOWNERS",
     ".github/workflows/registry-check.yml",
     ".pre-commit-config.yaml",
+    "DISTORTION.md",
     "README.md",
     "registry.yaml",
 ]
@@ -37,6 +39,15 @@ def test_a_registry_begins_with_one_commit_that_says_what_it_is(
     assert git(tmp_path / "fleet", "ls-files").splitlines() == FILES
     assert git(tmp_path / "fleet", "log", "--format=%s") == "Create a registry of camera calibrations"
     assert git(tmp_path / "fleet", "status", "--porcelain") == ""
+
+
+def test_a_registry_states_the_formulas_of_its_distortion_models(fleet: Path) -> None:
+    text = (fleet / "DISTORTION.md").read_text(encoding="utf-8")
+    for name, kind in MODELS.items():
+        section = text.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
+        assert all(f"`{parameter}`" in section for parameter in kind.names())
+        assert name == "none" or "```text\n" in section
+    assert "DISTORTION.md has the formula" in (fleet / "registry.yaml").read_text(encoding="utf-8")
 
 
 def test_this_folder_is_the_place_where_none_is_named(

@@ -1,0 +1,69 @@
+"""The models in words: each one's formula and the order of its parameters, for documents and schemas."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from typing import Final
+
+from calibrary.distortion import MODELS
+from calibrary.distortion.base import Distortion
+
+__all__ = ["DOCUMENT", "document", "marked_down"]
+
+DOCUMENT: Final = "DISTORTION.md"
+"""What the document is called where it lies beside calibrations."""
+
+HEAD: Final = """\
+A calibration here has K = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels from the outer corner of the top-left
+pixel, whose centre is (0.5, 0.5), and beside it one of these models. A point (X, Y, Z) of the camera frame (x right,
+y down, z forward) has x = X/Z, y = Y/Z; the model takes (x, y) to the distorted (x', y'), and u = fx·x' + skew·y' + cx,
+v = fy·y' + cy is where it is seen. The models of a lens that sees more than a plane shows take the ray itself. A
+model's name is `model` of the distortion in JSON and in a registry's entries; its parameters stand beside it under
+their names.
+
+"""
+
+
+def document(made_by: str) -> str:
+    """All models with their formulas and parameters, as Markdown.
+
+    Args:
+        made_by: what printed it, a sentence.
+    """
+    return f"# Distortion models\n\n{made_by}\n\n{HEAD}" + "\n".join(_sections())
+
+
+def _sections() -> Iterator[str]:
+    for name, kind in MODELS.items():
+        yield f"## {name}\n\nParameters in order: {_order(kind)}.\n\n{_said(kind)}\n"
+
+
+def _order(kind: type[Distortion]) -> str:
+    return ", ".join(f"`{item}`" for item in kind.names()) or "none"
+
+
+def _said(kind: type[Distortion]) -> str:
+    return marked_down(inspect.cleandoc(kind.__doc__ or ""))
+
+
+def marked_down(text: str) -> str:
+    """A docstring's reStructuredText as Markdown: literal blocks, code, and references to code."""
+    text = re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"`\1`", text).replace("``", "`")
+    lines: list[str] = []
+    block = False
+    for line in text.splitlines():
+        if block and line and not line.startswith(" "):
+            while lines and not lines[-1]:
+                lines.pop()
+            lines += ["```", ""]
+            block = False
+        if line.endswith("::") and not block:
+            lines += [line[:-1] if line != "::" else "", "", "```text"]
+            block = True
+        elif not (block and lines[-1] == "```text" and not line):
+            lines.append(line)
+    while lines and not lines[-1]:
+        lines.pop()
+    return "\n".join([*lines, "```"] if block else lines)
