@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,10 +103,16 @@ class Inversion:
     @classmethod
     def of(cls, lens: PolynomialMap, radius: float, farthest: float) -> Inversion:
         """Prepare ``lens``, one-to-one up to ``radius``, for distorted points up to ``farthest`` from the axis."""
-        unit = math.ldexp(1.0, min(lens.octave, 1000))
-        reach = min(unit, radius)
+        reach = min(_unit(lens), radius)
         while reach < radius and lens.radial(np.array([reach]))[0] < farthest:
             reach = min(2.0 * reach, radius)
+        return cls._reaching(lens, radius, reach)
+
+    @classmethod
+    @lru_cache(maxsize=64)
+    def _reaching(cls, lens: PolynomialMap, radius: float, reach: float) -> Inversion:
+        """Prepared, with a table up to the undistorted radius ``reach``; remembered, since it costs a millisecond."""
+        unit = _unit(lens)
         # Evenly spaced up to the length of the lens, geometrically beyond.
         r = unit * np.sinh(np.linspace(0.0, math.asinh(reach / unit), TABLE_NODES))
         image = lens.radial(r)
@@ -140,6 +147,11 @@ class Inversion:
         scale = np.interp(rho, self.seen_at, self.seen_from)
         np.divide(scale, rho, out=scale, where=rho > 0)
         return u * scale, v * scale
+
+
+def _unit(lens: PolynomialMap) -> float:
+    """The length that the lens is measured by."""
+    return math.ldexp(1.0, min(lens.octave, 1000))
 
 
 def _newton(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,13 +39,14 @@ class OpenCVDistortion(Distortion):
 
     def distort(self, xy: FloatArray) -> FloatArray:
         """Undistorted to distorted; NaN from :meth:`valid_radius` on."""
-        lens, sensor, radius = self._lens(), self._sensor(), self.valid_radius()
+        ready = _prepared(self)
+        lens, sensor, square = ready.lens, ready.sensor, ready.radius * ready.radius
 
         def image(x: FloatArray, y: FloatArray) -> Columns:
             u, v = lens.image(x, y)
             if sensor is not None:
                 u, v = _through(sensor, u, v)
-            u[~(x * x + y * y < radius * radius)] = np.nan
+            u[~(x * x + y * y < square)] = np.nan
             return finite_pair(u, v)
 
         return by_columns(image, xy, 2, 2)
@@ -51,15 +55,15 @@ class OpenCVDistortion(Distortion):
         """Distorted to undistorted, to machine precision; NaN where nothing inside :meth:`valid_radius` is seen."""
         xy = as_rows(xy, 2)
         out = np.empty_like(xy)
-        lens, sensor, radius = self._lens(), self._sensor(), self.valid_radius()
-        upright: FloatArray | None = None if sensor is None else np.asarray(np.linalg.inv(sensor))
+        ready = _prepared(self)
+        upright = ready.upright
 
         def image(rows: slice | NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
             u, v = xy[rows].T.copy()
             return (u, v) if upright is None else _through(upright, u, v)
 
         with np.errstate(all="ignore"):
-            inverse = Inversion.of(lens, radius, 2.0 * _largest(xy))
+            inverse = Inversion.of(ready.lens, ready.radius, 2.0 * _largest(xy))
             hard = [np.empty(0, dtype=np.intp)]
             for rows in blocks(len(xy)):
                 out[rows, 0], out[rows, 1], missed = inverse.swift(*image(rows))
@@ -69,6 +73,31 @@ class OpenCVDistortion(Distortion):
             for part in blocks(len(left)):
                 out[left[part], 0], out[left[part], 1] = inverse.patient(*image(left[part]))
         return out
+
+
+@dataclass(frozen=True, slots=True)
+class _Prepared:
+    """What a model needs for any point.
+
+    Attributes:
+        lens: the map in front of the sensor.
+        sensor: (3, 3) from the upright image to the sensor, None where it is upright.
+        upright: its inverse.
+        radius: :meth:`Distortion.valid_radius`.
+    """
+
+    lens: PolynomialMap
+    sensor: FloatArray | None
+    upright: FloatArray | None
+    radius: float
+
+
+@lru_cache(maxsize=256)
+def _prepared(model: OpenCVDistortion) -> _Prepared:
+    """Remembered, because a single point costs less than this."""
+    sensor = model._sensor()
+    upright: FloatArray | None = None if sensor is None else np.asarray(np.linalg.inv(sensor))
+    return _Prepared(model._lens(), sensor, upright, model.valid_radius())
 
 
 def _largest(xy: FloatArray) -> float:

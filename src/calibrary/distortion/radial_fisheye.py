@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from functools import partial
+from dataclasses import dataclass
+from functools import lru_cache, partial
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Columns, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional
-from calibrary.distortion.roots import inverse_of_rising
+from calibrary.distortion.roots import Rising, inverse_of_rising
 
 __all__ = ["RadialFisheye"]
 
-TABLE_NODES = 1024
+TABLE_NODES = 16_384
 
 
 class RadialFisheye(Omnidirectional):
@@ -31,33 +32,33 @@ class RadialFisheye(Omnidirectional):
 
     def distort_rays(self, rays: FloatArray) -> FloatArray:
         """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on, and straight back."""
-        return by_columns(partial(self._distorted, self.max_angle_rad()), rays, 3, 2)
+        return by_columns(partial(self._distorted, _prepared(self).limit), rays, 3, 2)
 
     def distort(self, xy: FloatArray) -> FloatArray:
         """Undistorted (x/z, y/z), so less than 90° off the axis, to distorted; NaN from :meth:`valid_radius` on."""
-        limit = self.max_angle_rad()
+        limit = _prepared(self).limit
         return by_columns(lambda x, y: self._distorted(limit, x, y, np.ones_like(x)), xy, 2, 2)
 
     def undistort_to_rays(self, xy: FloatArray) -> FloatArray:
         """(N, 2) distorted coordinates to (N, 3) unit directions; NaN from the image of :meth:`max_angle_rad` on."""
-        angles = self._angles()
+        ready = _prepared(self)
 
         def direction(x: FloatArray, y: FloatArray) -> Columns:
-            theta, x, y = self._polar(x, y, angles)
-            sine = np.sin(theta)
-            return x * sine, y * sine, np.cos(theta)
+            theta, rho = self._polar(x, y, ready)
+            stretch = np.sin(theta) / rho
+            return x * stretch, y * stretch, np.cos(theta)
 
         return by_columns(direction, xy, 2, 3)
 
     def undistort(self, xy: FloatArray) -> FloatArray:
         """Distorted to undistorted (x/z, y/z); NaN where the ray is 90° or more off the axis, or there is none."""
-        angles = self._angles()
+        ready = _prepared(self)
 
         def undistorted(x: FloatArray, y: FloatArray) -> Columns:
-            theta, x, y = self._polar(x, y, angles)
+            theta, rho = self._polar(x, y, ready)
             theta[theta >= math.pi / 2] = math.nan
-            tangent = np.tan(theta)
-            return x * tangent, y * tangent
+            stretch = np.tan(theta) / rho
+            return x * stretch, y * stretch
 
         return by_columns(undistorted, xy, 2, 2)
 
@@ -70,21 +71,35 @@ class RadialFisheye(Omnidirectional):
         stretch[~(theta < limit)] = math.nan
         return finite_pair(x * stretch, y * stretch)
 
-    def _angles(self) -> tuple[FloatArray, FloatArray]:
-        """Angles up to the limit and where they are seen, the start of the inverse."""
-        theta = np.linspace(0.0, self.max_angle_rad(), TABLE_NODES)
-        with np.errstate(all="ignore"):
-            return theta, np.maximum.accumulate(self._image(theta))
-
-    def _polar(
-        self, x: FloatArray, y: FloatArray, angles: tuple[FloatArray, FloatArray]
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """θ of every distorted point, and the unit vector towards it in the image."""
-        rho = np.hypot(x, y)
-        theta = inverse_of_rising(rho, *angles, self._miss_and_step)
+    def _polar(self, x: FloatArray, y: FloatArray, ready: _Prepared) -> tuple[FloatArray, FloatArray]:
+        """θ of every distorted point, and its distance from the axis, 1 on the axis itself."""
+        rho = np.sqrt(x * x + y * y)
+        theta = inverse_of_rising(rho, ready.table, self._miss_and_step)
         rho[rho == 0] = 1.0
-        return theta, x / rho, y / rho
+        return theta, rho
 
     def _miss_and_step(self, theta: FloatArray, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
         miss = self._image(theta) - rho
         return miss, miss / self._slope(theta)
+
+
+@dataclass(frozen=True, slots=True)
+class _Prepared:
+    """What a model needs for any point.
+
+    Attributes:
+        limit: :meth:`Distortion.max_angle_rad`.
+        table: the image radius of every angle up to it.
+    """
+
+    limit: float
+    table: Rising
+
+
+@lru_cache(maxsize=64)
+def _prepared(model: RadialFisheye) -> _Prepared:
+    """Remembered, because a single point costs less than this."""
+    limit = model.max_angle_rad()
+    theta = np.linspace(0.0, limit, TABLE_NODES)
+    with np.errstate(all="ignore"):
+        return _Prepared(limit, Rising.of(theta, np.maximum.accumulate(model._image(theta))))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
@@ -11,15 +12,17 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 
-__all__ = ["first_positive_root", "inverse_of_rising", "positive_roots"]
+__all__ = ["Rising", "first_positive_root", "inverse_of_rising", "positive_roots"]
 
 NEGLIGIBLE = 1e-200
 """Less than this, where the largest coefficient is about one, moves no root that can be computed with."""
 
-SETTLED = 1e-9
+SETTLED = 1e-8
 """A Newton step this short, relative to the solution, leaves an error of its square: nothing in float64."""
 
 SOLVER_STEPS = 60
+
+START_NODES = 16_384
 
 REAL = 1e-7
 """A double root comes out as a pair this close to the real axis: sqrt(machine epsilon), with room."""
@@ -57,27 +60,75 @@ def first_positive_root(coefficients: ArrayLike) -> float:
     return min(positive_roots(coefficients), default=math.inf)
 
 
+@dataclass(frozen=True, slots=True)
+class Rising:
+    """A function that rises from 0 up to a limit, tabulated for its inverse.
+
+    Attributes:
+        limit: the argument where it ends.
+        top: its value there.
+        starts: arguments of evenly spaced values from 0 to ``top``, to the table's precision.
+    """
+
+    limit: float
+    top: float
+    starts: FloatArray
+
+    @classmethod
+    def of(cls, nodes: FloatArray, image: FloatArray) -> Rising:
+        """From (M,) arguments that start at 0 and the function there, which does not fall."""
+        top = float(image[-1])
+        values = np.linspace(0.0, top, START_NODES) if math.isfinite(top) else np.zeros(START_NODES)
+        return cls(float(nodes[-1]), top, np.interp(values, image, nodes))
+
+    def start(self, wanted: FloatArray) -> FloatArray:
+        """(N,) arguments near those of the values ``wanted``; NaN where these are not below ``top``."""
+        at = wanted * ((START_NODES - 1) / self.top)
+        at[~(wanted < self.top)] = 0.0
+        cell = np.minimum(at.astype(np.intp), START_NODES - 2)
+        at -= cell
+        low = self.starts.take(cell)
+        found: FloatArray = low + at * (self.starts.take(cell + 1) - low)
+        found[~(wanted < self.top)] = math.nan
+        return found
+
+
 def inverse_of_rising(
     wanted: FloatArray,
-    nodes: FloatArray,
-    image: FloatArray,
+    table: Rising,
     miss_and_step: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
 ) -> FloatArray:
-    """Where a rising function takes the values ``wanted``; NaN where that is not below its last node.
+    """Where a rising function takes the values ``wanted``; NaN where that is not below its last value.
 
-    Newton's method from a tabulated start. A step that would leave the bracket halves it instead, so the
-    solution next to a limit, where the slope vanishes, is found as surely as any other.
+    Newton's method from a tabulated start. Nearly everywhere its first step settles the value; next to a limit, where
+    the slope vanishes, a step that would leave the bracket halves it instead, so the solution is found as surely.
 
     Args:
-        wanted: (N,) values.
-        nodes: (M,) arguments from 0 up to the limit.
-        image: (M,) the function there, not falling.
+        wanted: (N,) values, 0 or more.
+        table: the function.
         miss_and_step: from arguments and wanted values to the function less the values, and Newton's step.
     """
-    found: FloatArray = np.interp(wanted, image, nodes)
-    found[~(wanted < image[-1])] = math.nan
-    low, high = np.zeros_like(found), np.full_like(found, nodes[-1])
-    moving = np.flatnonzero(found > 0)
+    found = table.start(wanted)
+    to = found - miss_and_step(found, wanted)[1]
+    settled = np.abs(to - found) <= SETTLED * found
+    settled &= (to > 0) & (to <= table.limit)
+    moving = np.flatnonzero((wanted > 0) & (wanted < table.top) & ~settled)
+    np.copyto(found, to, where=settled)
+    if len(moving):
+        found[moving] = _bracketed(found[moving], wanted[moving], table.limit, miss_and_step)
+    found[~(found < table.limit)] = math.nan
+    return found
+
+
+def _bracketed(
+    found: FloatArray,
+    wanted: FloatArray,
+    limit: float,
+    miss_and_step: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
+) -> FloatArray:
+    """:func:`inverse_of_rising` by steps that never leave the bracket in which the solution lies."""
+    low, high = np.zeros_like(found), np.full_like(found, limit)
+    moving = np.arange(len(found))
     for _ in range(SOLVER_STEPS):
         at = found[moving]
         miss, step = miss_and_step(at, wanted[moving])
@@ -90,7 +141,6 @@ def inverse_of_rising(
         moving = moving[~(np.abs(to - at) <= SETTLED * at)]
         if len(moving) == 0:
             break
-    found[~(found < nodes[-1])] = math.nan
     return found
 
 

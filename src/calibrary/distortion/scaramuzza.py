@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Columns, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional, unit
-from calibrary.distortion.roots import first_positive_root, inverse_of_rising
+from calibrary.distortion.roots import Rising, first_positive_root, inverse_of_rising
 
 __all__ = ["Scaramuzza"]
 
@@ -49,9 +50,7 @@ class Scaramuzza(Omnidirectional):
 
     def distort_rays(self, rays: FloatArray) -> FloatArray:
         """(N, 3) directions to (N, 2) distorted coordinates; NaN from :meth:`max_angle_rad` on."""
-        nodes = np.sinh(np.linspace(0.0, math.asinh(self._end()), TABLE_NODES))
-        with np.errstate(all="ignore"):
-            angles = np.maximum.accumulate(np.arctan2(nodes, self._depth(nodes)))
+        table = _table(self)
 
         def miss_and_step(s: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
             depth = self._depth(s)
@@ -61,7 +60,7 @@ class Scaramuzza(Omnidirectional):
 
         def image(x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
             r = np.hypot(x, y)
-            stretch = inverse_of_rising(np.arctan2(r, z), nodes, angles, miss_and_step) / r
+            stretch = inverse_of_rising(np.arctan2(r, z), table, miss_and_step) / r
             stretch[(r == 0) & (z > 0)] = 0.0
             return finite_pair(x * stretch, y * stretch)
 
@@ -88,3 +87,11 @@ class Scaramuzza(Omnidirectional):
     def _depth(self, s: FloatArray) -> FloatArray:
         """The ray's component along the axis."""
         return 1.0 + s * s * (self.c2 + s * (self.c3 + s * self.c4))
+
+
+@lru_cache(maxsize=64)
+def _table(model: Scaramuzza) -> Rising:
+    """The angle at every image radius; remembered, because a single point costs less than this."""
+    nodes = np.sinh(np.linspace(0.0, math.asinh(model._end()), TABLE_NODES))
+    with np.errstate(all="ignore"):
+        return Rising.of(nodes, np.maximum.accumulate(np.arctan2(nodes, model._depth(nodes))))
