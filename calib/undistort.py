@@ -1,8 +1,9 @@
 """Pictures as a pinhole would have taken them, and the K that then holds.
 
-The maps come from :meth:`~calibrary.calibration.Calibration.project`: every pixel of the new picture asks the
-camera's own model where its ray was seen, so they are as exact as the model, whichever it is. OpenCV only
-interpolates between pixels.
+In the maps every pixel of the new picture asks the camera's own model where its ray was seen
+(:meth:`~calibrary.calibration.Calibration.project`), so they are as exact as the model, whichever it is. Where the lens
+is one of OpenCV's and all of the new picture lies where it is one-to-one, OpenCV computes the same numbers ten times
+faster; it also interpolates between pixels.
 
 The new K is one of a family: the camera's own, without skew, its focal lengths multiplied by one *zoom* while
 the principal point keeps its place in the frame. One number then settles what is kept: the largest zoom that
@@ -31,6 +32,9 @@ __all__ = ["MAX_ANGLE_DEG", "MAX_SIDE", "Interpolation", "Plan", "Undistorter", 
 
 Pixels: TypeAlias = NDArray[Any]
 """(H, W) or (H, W, channels), 8 or 16 bits or floating point."""
+
+_Where: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""x and y, (H, W) px from the centre of the first pixel: where each pixel of a picture lies in another."""
 
 MAX_ANGLE_DEG = 80.0
 """A plane shows less than 90° off the axis, and at 80° already stretches a pixel to six by thirty-three."""
@@ -215,16 +219,48 @@ class _Map:
 
 
 def _map(source: Calibration, K: Intrinsics, rows: slice) -> _Map:
+    x, y = _opencv_map(source, K, rows) or _own_map(source, K, rows)
+    (width, height), slack = source.intrinsics.image_size, ON_THE_EDGE_PX
+    # These count from the first pixel's centre; of what is nowhere (NaN) nothing is seen.
+    seen = (
+        (x >= -0.5 - slack) & (x <= width - 0.5 + slack) & (y >= -0.5 - slack) & (y <= height - 0.5 + slack)
+    )
+    x[~seen] = y[~seen] = -1.0
+    return _Map(rows, x, y, seen)
+
+
+def _opencv_map(source: Calibration, K: Intrinsics, rows: slice) -> _Where | None:
+    """OpenCV's map, None of a lens that is not its own, or where the picture leaves what that lens shows once."""
+    import cv2
+
+    lens = _refuse_unknown(source)
+    width, height = K.image_size
+    corners = _rays(K, np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]]))
+    if np.arctan(np.hypot(corners[:, 0], corners[:, 1])).max() >= lens.max_angle_rad():
+        return None
+    try:
+        camera, coefficients = source.to_opencv()
+    except UnsupportedModelError:
+        return None
+    cx, cy = K.cx - 0.5, K.cy - 0.5 - rows.start
+    new = np.array([[K.fx, 0.0, cx], [0.0, K.fy, cy], [0.0, 0.0, 1.0]])
+    size = (width, rows.stop - rows.start)
+    # Four coefficients are those of cv2.fisheye and of nothing else.
+    fisheye = coefficients is not None and len(coefficients) == 4
+    make = cv2.fisheye.initUndistortRectifyMap if fisheye else cv2.initUndistortRectifyMap
+    x, y = make(camera, coefficients, np.eye(3), new, size, cv2.CV_32FC1)
+    return np.asarray(x, np.float32), np.asarray(y, np.float32)
+
+
+def _own_map(source: Calibration, K: Intrinsics, rows: slice) -> _Where:
+    """Of any lens; NaN where the camera sees nothing."""
     columns = np.arange(K.image_size[0], dtype=np.float64)
     lines = np.arange(rows.start, rows.stop, dtype=np.float64)
     pixels = _grid(columns + 0.5, lines + 0.5)
-    seen_at = source.project(_rays(K, pixels))
-    seen = _inside(seen_at, source.intrinsics.image_size)
-    seen_at[~seen] = -0.5
     shape = (rows.stop - rows.start, K.image_size[0])
     # OpenCV counts from the first pixel's centre.
-    x, y = (seen_at - 0.5).astype(np.float32).T
-    return _Map(rows, x.reshape(shape).copy(), y.reshape(shape).copy(), seen.reshape(shape))
+    x, y = (source.project(_rays(K, pixels)) - 0.5).astype(np.float32).T
+    return x.reshape(shape).copy(), y.reshape(shape).copy()
 
 
 def _refuse_unknown(calibration: Calibration) -> Distortion:

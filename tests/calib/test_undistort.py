@@ -96,6 +96,23 @@ def test_the_maps_are_opencvs(distortion: Distortion, alpha: float | None) -> No
         assert np.abs(mine - peer)[seen].max() <= 1e-3
 
 
+@pytest.mark.parametrize("alpha", [None, 0.0, 1.0])
+@pytest.mark.parametrize("distortion", [BROWN, FISHEYE, BEYOND_180, Unified(xi=0.8)], ids=lambda d: d.model)
+def test_the_maps_are_the_models_own_projection(distortion: Distortion, alpha: float | None) -> None:
+    """OpenCV makes some of the maps; the model, which knows nothing of OpenCV, says what must be in them."""
+    calibration = camera(distortion)
+    made = plan(calibration, alpha=alpha)
+    undistorter = Undistorter(made)
+    x, y = undistorter.maps()
+    K = made.intrinsics
+    rows, columns = np.nonzero(undistorter.mask())
+    rays = np.column_stack(
+        [(columns + 0.5 - K.cx) / K.fx, (rows + 0.5 - K.cy) / K.fy, np.ones(len(rows))],
+    )
+    wanted = calibration.project(rays) - 0.5
+    assert np.abs(np.column_stack([x[rows, columns], y[rows, columns]]) - wanted).max() < 2e-4
+
+
 def test_the_picture_is_what_opencv_makes_of_it() -> None:
     calibration, image = camera(BROWN), noise()
     undistorter = Undistorter(plan(calibration), interpolation=Interpolation.LINEAR)
