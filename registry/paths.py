@@ -17,6 +17,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 from calibrary.calibration import CameraKey
+from calibrary.distortion.described import DOCUMENT
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.registry.git.names import is_safe_name
 
@@ -113,7 +114,14 @@ CAMERAS = "cameras"
 PROPOSALS = "proposals"
 DEEPEST = 8
 SINGLE_FILES = frozenset(
-    {".gitattributes", ".github/CODEOWNERS", ".pre-commit-config.yaml", "README.md", "registry.yaml"}
+    {
+        ".gitattributes",
+        ".github/CODEOWNERS",
+        ".pre-commit-config.yaml",
+        DOCUMENT,
+        "README.md",
+        "registry.yaml",
+    }
 )
 WORKFLOW = re.compile(r"\.github/workflows/[a-z0-9][a-z0-9._-]*\.yml\Z")
 SCHEMA = re.compile(r"schema/[a-z0-9][a-z0-9._-]*\.json\Z")

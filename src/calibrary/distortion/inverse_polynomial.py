@@ -15,8 +15,10 @@ __all__ = ["InversePolynomial"]
 class InversePolynomial(InverseModel):
     """Distorted to undistorted: USGS reports with P3 or P4, and the Stereo Pipeline's decentring by an angle.
 
-    What :class:`~calibrary.distortion.InverseBrown` says about the principal point, with tangential terms
-    that grow by (1 + p3·r² + p4·r⁴), and with s1·r² + s2·r⁴ added to x and s3·r² + s4·r⁴ to y.
+    With (x, y) the distorted point, r² = x² + y² and t = 1 + p3·r² + p4·r⁴, the undistorted point is::
+
+        x·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸) + (2·p1·x·y + p2·(r² + 2x²))·t + s1·r² + s2·r⁴
+        y·(1 + k1·r² + k2·r⁴ + k3·r⁶ + k4·r⁸) + (p1·(r² + 2y²) + 2·p2·x·y)·t + s3·r² + s4·r⁴
 
     Sources: D. C. Brown, "Decentering distortion of lenses", 1966, whose profile P1·r² + P2·r⁴ at an angle φ is
     the second pair; the SMAC adjustment of the USGS, whose P3 and P4 are the first.
