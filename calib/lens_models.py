@@ -14,7 +14,14 @@ import numpy as np
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import ImageSize, Intrinsics
-from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, Rational
+from calibrary.distortion import (
+    BrownConrady,
+    Distortion,
+    DoubleSphere,
+    KannalaBrandt,
+    Rational,
+    Unified,
+)
 from calibrary.errors import InputError
 
 __all__ = ["Projected", "Solvable"]
@@ -35,6 +42,18 @@ class Solvable(StrEnum):
     FISHEYE = "fisheye"
     BROWN = "brown"
     RATIONAL = "rational"
+    DOUBLE_SPHERE = "double_sphere"
+    MEI = "mei"
+
+    @property
+    def is_omnidirectional(self) -> bool:
+        """Whether it also describes what lies 90° and more off the axis."""
+        return self in {Solvable.FISHEYE, Solvable.DOUBLE_SPHERE, Solvable.MEI}
+
+    @property
+    def trades_terms(self) -> bool:
+        """Whether its coefficients nearly stand in for one another, so that its condition says little."""
+        return self in {Solvable.RATIONAL, Solvable.MEI}
 
     @property
     def coefficients(self) -> tuple[str, ...]:
@@ -48,9 +67,7 @@ class Solvable(StrEnum):
 
     def distortion(self, values: Mapping[str, float]) -> Distortion:
         """The lens with these coefficients; those the model does not solve for are zero."""
-        if self is Solvable.FISHEYE:
-            return KannalaBrandt(**{name: values[name] for name in self.coefficients})
-        kind = Rational if self is Solvable.RATIONAL else BrownConrady
+        kind = _kind(self)
         return kind(**{name: values.get(name, 0.0) for name in kind.names()})
 
     def intrinsics(self, values: Mapping[str, float], image_size: ImageSize) -> Intrinsics:
@@ -64,14 +81,27 @@ class Solvable(StrEnum):
             InputError: the camera has skew, or a distortion this model cannot hold.
         """
         theirs = {} if distortion is None else distortion.coefficients
-        fisheye = isinstance(distortion, KannalaBrandt)
+        fits = isinstance(distortion, _kind(self)) or (
+            not self.is_omnidirectional and isinstance(distortion, BrownConrady | Rational)
+        )
         if intrinsics.skew or (
             any(value and name not in self.coefficients for name, value in theirs.items())
-            or (bool(theirs) and fisheye is not (self is Solvable.FISHEYE))
+            or (bool(theirs) and not fits)
         ):
             raise InputError(f"a {self.value} model cannot hold {distortion} with skew {intrinsics.skew:g}")
         pinhole = [getattr(intrinsics, name) for name in PINHOLE]
         return np.array(pinhole + [theirs.get(name, 0.0) for name in self.coefficients])
+
+    def axial_focal(self, values: Mapping[str, float]) -> tuple[float, dict[str, float]]:
+        """Px: the focal length of the pinhole that the camera is near its axis, and its derivatives by name.
+
+        The sphere models' fx is (1 + ξ) times that, and hardly determined by itself.
+        """
+        fx = values["fx"]
+        if self not in {Solvable.DOUBLE_SPHERE, Solvable.MEI}:
+            return fx, {"fx": 1.0}
+        behind = 1.0 + values["xi"]
+        return fx / behind, {"fx": 1.0 / behind, "xi": -fx / behind**2}
 
     def project(self, parameters: FloatArray, points: FloatArray) -> Projected:
         """Pixels of points in the camera frame, with their derivatives.
@@ -82,12 +112,16 @@ class Solvable(StrEnum):
         """
         if self is Solvable.FISHEYE:
             return _fisheye(parameters, points)
+        if self is Solvable.DOUBLE_SPHERE:
+            return _double_sphere(parameters, points)
+        if self is Solvable.MEI:
+            return _mei(parameters, points)
         return _perspective(parameters, points, self.coefficients)
 
     def faces(self, parameters: FloatArray, points: FloatArray) -> BoolArray:
-        """(…,) which of (…, 3) points are where it can see: in front of a perspective lens, anywhere for a fisheye."""
+        """(…,) which of (…, 3) points are where it can see: in front of a perspective lens, anywhere for others."""
         del parameters
-        everywhere = self is Solvable.FISHEYE
+        everywhere = self.is_omnidirectional
         return np.asarray((points[..., 2] > 0) | everywhere)
 
     def is_possible(self, parameters: FloatArray) -> bool:
@@ -102,15 +136,41 @@ _COEFFICIENTS: Final[Mapping[Solvable, tuple[str, ...]]] = {
     Solvable.FISHEYE: ("k1", "k2", "k3", "k4"),
     Solvable.BROWN: ("k1", "k2", "p1", "p2", "k3"),
     Solvable.RATIONAL: PERSPECTIVE,
+    Solvable.DOUBLE_SPHERE: DoubleSphere.names(),
+    Solvable.MEI: Unified.names(),
 }
+
+
+def _kind(model: Solvable) -> type[Distortion]:
+    """The record of a model's coefficients."""
+    kinds: dict[Solvable, type[Distortion]] = {
+        Solvable.FISHEYE: KannalaBrandt,
+        Solvable.RATIONAL: Rational,
+        Solvable.DOUBLE_SPHERE: DoubleSphere,
+        Solvable.MEI: Unified,
+    }
+    return kinds.get(model, BrownConrady)
 
 
 def _perspective(parameters: FloatArray, points: FloatArray, coefficients: tuple[str, ...]) -> Projected:
     """OpenCV's rational model and all that it holds (:class:`~calibrary.distortion.Rational`)."""
-    value = dict.fromkeys(PERSPECTIVE, 0.0) | dict(zip(coefficients, parameters[4:].tolist(), strict=True))
-    p1, p2 = value["p1"], value["p2"]
     inverse_depth = 1.0 / points[..., 2]
     x, y = points[..., 0] * inverse_depth, points[..., 1] * inverse_depth
+    u, v, columns, (ux, cross, vy) = _in_the_plane(x, y, parameters[4:], coefficients)
+    by_point = np.empty((*points.shape[:-1], 2, 3))
+    by_point[..., 0, 0], by_point[..., 0, 1] = ux * inverse_depth, cross * inverse_depth
+    by_point[..., 1, 0], by_point[..., 1, 1] = cross * inverse_depth, vy * inverse_depth
+    by_point[..., 0, 2] = -(ux * x + cross * y) * inverse_depth
+    by_point[..., 1, 2] = -(cross * x + vy * y) * inverse_depth
+    return _in_pixels(parameters, u, v, columns, by_point)
+
+
+def _in_the_plane(
+    x: FloatArray, y: FloatArray, values: FloatArray, coefficients: tuple[str, ...]
+) -> tuple[FloatArray, FloatArray, list[tuple[FloatArray, FloatArray]], tuple[FloatArray, ...]]:
+    """Distorted u and v, their derivatives by each coefficient, and ∂u/∂x, ∂u/∂y = ∂v/∂x, ∂v/∂y."""
+    value = dict.fromkeys(PERSPECTIVE, 0.0) | dict(zip(coefficients, values.tolist(), strict=True))
+    p1, p2 = value["p1"], value["p2"]
     xx, yy, xy = x * x, y * y, x * y
     r2 = xx + yy
     r4, r6 = r2 * r2, r2 * r2 * r2
@@ -137,12 +197,50 @@ def _perspective(parameters: FloatArray, points: FloatArray, coefficients: tuple
     cross = 2 * slope * xy + 2 * p1 * x + 2 * p2 * y
     ux = gain + 2 * slope * xx + 2 * p1 * y + 6 * p2 * x
     vy = gain + 2 * slope * yy + 6 * p1 * y + 2 * p2 * x
-    by_point = np.empty((*points.shape[:-1], 2, 3))
-    by_point[..., 0, 0], by_point[..., 0, 1] = ux * inverse_depth, cross * inverse_depth
-    by_point[..., 1, 0], by_point[..., 1, 1] = cross * inverse_depth, vy * inverse_depth
-    by_point[..., 0, 2] = -(ux * x + cross * y) * inverse_depth
-    by_point[..., 1, 2] = -(cross * x + vy * y) * inverse_depth
-    return _in_pixels(parameters, u, v, columns, by_point)
+    return u, v, columns, (ux, cross, vy)
+
+
+def _mei(parameters: FloatArray, points: FloatArray) -> Projected:
+    """Mei and Rives's unified model (:class:`~calibrary.distortion.Unified`)."""
+    xi = parameters[4]
+    distance = np.linalg.norm(points, axis=-1)
+    divisor = points[..., 2] + xi * distance
+    by_divisor = xi * points / distance[..., None]
+    by_divisor[..., 2] += 1.0
+    divisor = np.where((divisor > 0) & (distance + xi * points[..., 2] > 0), divisor, np.nan)
+    x, y = points[..., 0] / divisor, points[..., 1] / divisor
+    u, v, columns, (ux, cross, vy) = _in_the_plane(x, y, parameters[5:], Unified.names()[1:])
+    # ∂(x, y)/∂point = (1 − (x, y)·∂divisor/∂point) / divisor
+    along_u, along_v = (ux * x + cross * y) / divisor, (cross * x + vy * y) / divisor
+    by_point = np.stack([-along_u[..., None] * by_divisor, -along_v[..., None] * by_divisor], axis=-2)
+    by_point[..., 0, 0] += ux / divisor
+    by_point[..., 0, 1] += cross / divisor
+    by_point[..., 1, 0] += cross / divisor
+    by_point[..., 1, 1] += vy / divisor
+    by_xi = (-along_u * distance, -along_v * distance)
+    return _in_pixels(parameters, u, v, [by_xi, *columns], by_point)
+
+
+def _double_sphere(parameters: FloatArray, points: FloatArray) -> Projected:
+    """Usenko's double sphere (:class:`~calibrary.distortion.DoubleSphere`)."""
+    xi, alpha = parameters[4:]
+    X, Y, Z = points[..., 0], points[..., 1], points[..., 2]
+    d1 = np.linalg.norm(points, axis=-1)
+    depth = xi * d1 + Z
+    d2 = np.sqrt(X * X + Y * Y + depth * depth)
+    divisor = alpha * d2 + (1 - alpha) * depth
+    seen = (divisor > 0) & (d1 + xi * Z > 0) & ((1 - alpha) * d2 + alpha * depth > 0)
+    divisor = np.where(seen, divisor, np.nan)
+    u, v = X / divisor, Y / divisor
+    by_depth = alpha * depth / d2 + 1 - alpha
+    by_divisor = (by_depth * xi / d1 + np.stack([alpha / d2, alpha / d2, 0 * d2])) * np.stack([X, Y, Z])
+    by_divisor[2] += by_depth
+    by_point = np.stack([-u * by_divisor, -v * by_divisor]) / divisor
+    by_point[0, 0] += 1 / divisor
+    by_point[1, 1] += 1 / divisor
+    by_xi, by_alpha = by_depth * d1 / divisor, (d2 - depth) / divisor
+    columns = [(-u * by_xi, -v * by_xi), (-u * by_alpha, -v * by_alpha)]
+    return _in_pixels(parameters, u, v, columns, np.moveaxis(by_point, (0, 1), (-2, -1)).copy())
 
 
 def _fisheye(parameters: FloatArray, points: FloatArray) -> Projected:

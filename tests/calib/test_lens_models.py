@@ -3,7 +3,7 @@ import pytest
 
 from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import Intrinsics
-from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, Rational
+from calibrary.distortion import BrownConrady, Distortion, DoubleSphere, KannalaBrandt, Rational, Unified
 from calibrary.errors import InputError
 
 from .solving import BROWN, camera
@@ -15,6 +15,8 @@ LENSES: dict[Solvable, Distortion] = {
     Solvable.BROWN: BROWN,
     Solvable.RATIONAL: Rational(k1=0.1, k2=-0.2, p1=1e-3, p2=-2e-3, k3=0.03, k4=0.05, k5=-0.1, k6=0.01),
     Solvable.FISHEYE: KannalaBrandt(k1=0.05, k2=-0.02, k3=0.004, k4=-0.001),
+    Solvable.DOUBLE_SPHERE: DoubleSphere(xi=-0.18, alpha=0.59),
+    Solvable.MEI: Unified(xi=1.3, k1=-0.2, k2=0.03, p1=1e-3, p2=-2e-3),
 }
 
 
@@ -58,8 +60,23 @@ def test_parameters_come_back_as_the_lens_they_were_taken_from(model: Solvable) 
     assert model.intrinsics(values, truth.intrinsics.image_size) == truth.intrinsics
 
 
+@pytest.mark.parametrize("model", [model for model in Solvable if model.is_omnidirectional])
+def test_what_lies_beside_and_behind_the_camera_is_projected_too(model: Solvable) -> None:
+    truth = camera(distortion=LENSES[model])
+    angles, turns = np.radians([80.0, 90.0, 100.0, 105.0]), np.array([0.3, 1.9, 3.6, 5.5])
+    rays = np.column_stack([np.sin(angles) * np.cos(turns), np.sin(angles) * np.sin(turns), np.cos(angles)])
+    pixels, _, by_point = model.project(model.values(truth.intrinsics, truth.distortion), rays)
+    np.testing.assert_allclose(pixels, truth.project(rays), atol=1e-9)
+    # Only the direction counts.
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", by_point, rays), 0.0, atol=1e-9)
+
+
 def test_a_lens_the_model_cannot_hold_is_refused() -> None:
     K = Intrinsics(fx=900, fy=900, cx=500, cy=400, image_size=(1000, 800))
-    for model, lens in ((Solvable.K1K2, BROWN), (Solvable.BROWN, LENSES[Solvable.FISHEYE])):
+    for model, lens in (
+        (Solvable.K1K2, BROWN),
+        (Solvable.BROWN, LENSES[Solvable.FISHEYE]),
+        (Solvable.MEI, BROWN),
+    ):
         with pytest.raises(InputError, match="cannot hold"):
             model.values(K, lens)
