@@ -21,6 +21,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import series_shift
 from calibrary.calib.misfit import corner_noise, misfit
 from calibrary.calib.model_choice import CLEARLY, Candidate, WarpTest, sound_share, warp_test
+from calibrary.calib.network import State
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.projection_difference import (
     ProjectionDifference,
@@ -117,6 +118,7 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
     quality = calibration.quality or Quality()
     seen = geometry(adjusted, usable.image_size)
     weak = identifiability(adjusted)
+    focal, focal_std = _axial_focal(adjusted.state, covariance)
     judged = Evidence(
         image_size=usable.image_size,
         is_board=network.is_planar,
@@ -128,8 +130,8 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
         ),
         corners_out=sum(len(view.corners_out) for view in views),
         geometry=seen,
-        fx=calibration.intrinsics.fx,
-        fx_std=quality.std["fx"],
+        fx=focal,
+        fx_std=focal_std,
         kappa2=quality.kappa2,
         rms_px=adjusted.rms_px,
         noise_px=noise,
@@ -206,6 +208,13 @@ def _covariance(
     C = lens_covariance(adjusted)
     between = sum((np.outer(shift, shift) for shift in left_out), np.zeros_like(C.matrix))
     return Covariance.from_matrix(C.names, (C.matrix if stated is None else stated) + between / inflation)
+
+
+def _axial_focal(state: State, covariance: Covariance) -> tuple[float, float]:
+    """Px, of the camera near its axis: the value and its standard deviation."""
+    focal, by = state.model.axial_focal(dict(zip(covariance.names, state.parameters.tolist(), strict=True)))
+    gradient = np.array([by.get(name, 0.0) for name in covariance.names])
+    return focal, math.sqrt(float(gradient @ covariance.matrix @ gradient))
 
 
 def _calibration(

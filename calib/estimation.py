@@ -7,17 +7,20 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
+from calibrary.calib.adjustment import adjust
 from calibrary.calib.assessment import Solved, assess
 from calibrary.calib.board import Board
 from calibrary.calib.board_shape import BoardShape, board_shape, laid_on
+from calibrary.calib.lens_change import as_model
 from calibrary.calib.lens_models import Solvable
+from calibrary.calib.model_choice import best_model
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations
 from calibrary.calib.rejection import Gate
 from calibrary.calib.result import CalibrationResult, Dismissal, DismissalReason
-from calibrary.calib.solve import Solution, solve
+from calibrary.calib.solve import Solution, choices, solve
 from calibrary.calib.verdict import LIMITS, Limits
-from calibrary.calibration import Intrinsics
+from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
 
@@ -77,7 +80,7 @@ def solved_views(
     usable, dropped = _usable(observations)
     network = Network.of(usable)
     solution = solve(network, usable.image_size, model=chosen, guess=guess, warp=warp, gate=gate)
-    solution, shape, before = _before_the_real_board(solution, asked=warp)
+    solution, shape, before = _before_the_real_board(solution, usable.image_size, chosen, asked=warp)
     return Solved(
         observations=observations,
         usable=usable,
@@ -90,9 +93,11 @@ def solved_views(
 
 
 def _before_the_real_board(
-    solution: Solution, *, asked: bool
+    solution: Solution, image_size: ImageSize, model: Solvable | None, *, asked: bool
 ) -> tuple[Solution, BoardShape | None, BoardShape | None]:
     """The solution on the board as its corners show it, where they show that it is bent, and its shape.
+
+    A lens model that was chosen before a flat board may have been chosen for the board's shape, so it is chosen again.
 
     Returns:
         The solution, the shape as it stands behind it, and the shape as the flat board's residuals show it.
@@ -102,12 +107,23 @@ def _before_the_real_board(
         return solution, flat, flat
     try:
         found = laid_on(solution.adjusted, solution.everything)
+        if found is None:
+            return solution, flat, flat
+        before, warped = solution.adjusted, solution.is_warped
+        better, candidates = best_model(found[0], image_size, choices(found[0], model), warp=warped)
+        if better.state.model is not solution.state.model:
+            before = adjust(before.network, as_model(before.state, better.state.model), warp=warped)
+            found = laid_on(before, solution.everything)
+            flat = board_shape(before) or flat
     except CalibrationError:
-        found = None
+        return solution, flat, flat
     if found is None:
         return solution, flat, flat
     adjusted, everything, shape = found
-    return replace(solution, adjusted=adjusted, everything=everything, is_lifted=True), shape, flat
+    lifted = replace(
+        solution, adjusted=adjusted, everything=everything, candidates=candidates, is_lifted=True
+    )
+    return lifted, shape, flat
 
 
 def _model(model: str | Solvable) -> Solvable | None:

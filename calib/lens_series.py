@@ -1,31 +1,41 @@
 """What the lens model's own series leaves out: its next radial term, and by how much it would bend the frame.
 
-Full Brown ends with r⁷, Kannala and Brandt's with θ⁹. A lens does not end there. Where corners were seen the next term
-shows in the residuals; beyond them, in the frame's corners, nothing does, and there it matters most.
+Full Brown ends with r⁷, Kannala and Brandt's model with θ⁹. A lens does not end there. Where corners were seen the
+next term shows in the residuals; beyond them, in the frame's corners, nothing does, and there it matters most. So the
+term is given a prior of what lenses do, and what the corners leave of it is part of the stated uncertainty: nearly
+nothing where corners were seen, all of the prior where none were.
 """
 
 from __future__ import annotations
+
+import math
+from typing import Final
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted
-from calibrary.calib.freed import freed
+from calibrary.calib.covariance import lens_covariance
+from calibrary.calib.freed import Freed, freed
 from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import ImageSize
-from calibrary.errors import InputError
+from calibrary.errors import CalibrationError, InputError
 
-__all__ = ["series_shift"]
+__all__ = ["missed_terms", "series_shift"]
 
-GRID = (17, 13)
-SHRUNK = 1.0
-"""z² up to which the term counts for nothing; a larger one counts for 1 − 1/z² of itself."""
+GRID: Final = (17, 13)
+PRIOR_OF_DISTORTION: Final = 0.05
+"""Standard deviation of the term in the frame's corner, as a share of the distortion there. Where Brown's terms fall
+by a factor of four from one to the next, as they do in drones' lenses, the fourth is 1 to 2 % of their sum; lenses
+that a rational model describes leave 4 %."""
+LEAST_PRIOR: Final = 5e-4
+"""Of the radius, for a lens whose distortion is next to nothing."""
 
 
 def series_shift(adjusted: Adjusted, image_size: ImageSize, inflation: float = 1.0) -> FloatArray | None:
     """(n,) the change of the model's own parameters that bends the frame as its next term would.
 
-    The frame as far out as corners were seen: further out the next term grows without anything to hold it.
+    Its size is the root mean square of what the corners and the prior leave of the term, value and uncertainty.
 
     Args:
         adjusted: the solution.
@@ -33,41 +43,94 @@ def series_shift(adjusted: Adjusted, image_size: ImageSize, inflation: float = 1
         inflation: of the variances, as the halves of the views show it.
 
     Returns:
-        None for a model that has no next term here (those leaner than Brown are asked for by name, the rational one has
-        three terms more), or where it cannot be told.
+        None for a model that has no next term here (those leaner than Brown are asked for by name), or where it cannot
+        be told.
     """
     state = adjusted.state
-    if state.model not in {Solvable.BROWN, Solvable.FISHEYE}:
+    found = _freed_term(adjusted)
+    if found is None:
         return None
-    found = freed(adjusted, lambda row: _next_term(adjusted, _inside(adjusted, row)), 1)
-    if found is None or not found.inverse[-1, -1] > 0:
-        return None
-    z2 = found.step[-1] ** 2 / (found.inverse[-1, -1] * adjusted.variance * inflation)
-    # A term that is mere noise is none: taken whole it would make every frame's corners uncertain (James and Stein).
-    step = found.step * max(0.0, 1.0 - SHRUNK / max(z2, 1e-300))
     (width, height), K = image_size, state.parameters
     x, y = (
         grid.ravel() for grid in np.meshgrid(np.linspace(0, width, GRID[0]), np.linspace(0, height, GRID[1]))
     )
     values = dict(zip(state.model.parameters, K.tolist(), strict=True))
+    observed = np.column_stack([(x - K[2]) / K[0], (y - K[3]) / K[1]])
     try:
-        rays = state.model.distortion(values).undistort_to_rays(
-            np.column_stack([(x - K[2]) / K[0], (y - K[3]) / K[1]])
-        )
-    except InputError:
+        rays = state.model.distortion(values).undistort_to_rays(observed)
+        covariance = lens_covariance(adjusted).matrix
+    except (InputError, CalibrationError):
         return None
-    pixels = adjusted.network.pixels[adjusted.network.seen]
-    reach = np.hypot(pixels[:, 0] - K[2], pixels[:, 1] - K[3]).max()
-    rays = rays[np.isfinite(rays).all(axis=1) & (np.hypot(x - K[2], y - K[3]) <= reach)]
-    if 2 * len(rays) < len(K) + 3:
+    has_ray = np.isfinite(rays).all(axis=1)
+    rays, observed = rays[has_ray], observed[has_ray]
+    size = len(K)
+    if 2 * len(rays) < size + 3:
         return None
     _, by_lens, by_point = state.model.project(K, rays)
-    size = len(K)
-    bent = by_lens.reshape(-1, size) @ step[:size] + _next_term(adjusted, rays)[:, 0] * step[-1]
+    by_lens = by_lens.reshape(-1, size)
+    term = _next_term(adjusted, rays)[:, 0]
+    size_of_term = _remaining(
+        found.step[-1],
+        found.inverse[-1, -1] * adjusted.variance * inflation,
+        _prior(state.model, rays, observed, term, K),
+    )
+    # Per unit of the term: the model's own parameters give way to it.
+    given_way = found.inverse[:size, -1] / found.inverse[-1, -1]
+    bend = (by_lens @ given_way + term) * size_of_term
     turn = np.stack([np.cross(axis, rays) for axis in np.eye(3)], axis=-1)
-    both = np.concatenate([by_lens, by_point @ turn], axis=-1).reshape(len(bent), -1)
-    scale = np.linalg.norm(both, axis=0)
-    return np.asarray((np.linalg.lstsq(both / scale, bent, rcond=None)[0] / scale)[:size])
+    both = np.concatenate([by_lens, (by_point @ turn).reshape(-1, 3)], axis=-1)
+    # The model cannot bend just so: it is to be near wherever the bend or the noise is small.
+    noise = np.einsum("ij,jk,ik->i", by_lens, covariance * inflation, by_lens)
+    weight = 1.0 / np.sqrt(bend**2 + noise)
+    weighed = both * weight[:, None]
+    scale = np.linalg.norm(weighed, axis=0)
+    if not (np.isfinite(weighed).all() and (scale > 0).all()):
+        return None
+    return np.asarray((np.linalg.lstsq(weighed / scale, bend * weight, rcond=None)[0] / scale)[:size])
+
+
+def missed_terms(adjusted: Adjusted) -> float:
+    """χ² of three degrees of freedom that a fisheye polynomial leaves: its next term, and decentering."""
+
+    def columns(row: int) -> FloatArray:
+        inside = _inside(adjusted, row)
+        fx, fy, cx, cy = adjusted.state.parameters[:4]
+        pixels = adjusted.state.model.project(adjusted.state.parameters, inside)[0]
+        x, y = (pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy
+        r2 = x * x + y * y
+        p1 = np.stack([2 * x * y * fx, (r2 + 2 * y * y) * fy], axis=1).reshape(-1, 1)
+        p2 = np.stack([(r2 + 2 * x * x) * fx, 2 * x * y * fy], axis=1).reshape(-1, 1)
+        return np.concatenate([_next_term(adjusted, inside), p1, p2], axis=1)
+
+    found = freed(adjusted, columns, 3)
+    return 0.0 if found is None else found.gain / adjusted.variance
+
+
+def _freed_term(adjusted: Adjusted) -> Freed | None:
+    if adjusted.state.model not in _HAVE_A_NEXT_TERM:
+        return None
+    found = freed(adjusted, lambda row: _next_term(adjusted, _inside(adjusted, row)), 1)
+    return found if found is not None and found.inverse[-1, -1] > 0 else None
+
+
+_HAVE_A_NEXT_TERM: Final = frozenset(Solvable) - {Solvable.K1K2, Solvable.K1K2K3, Solvable.K1K2P1P2}
+
+
+def _prior(model: Solvable, rays: FloatArray, observed: FloatArray, term: FloatArray, K: FloatArray) -> float:
+    """The term's standard deviation before any corner was seen."""
+    across = np.hypot(rays[:, 0], rays[:, 1])
+    ideal = np.arctan2(across, rays[:, 2]) if model.is_omnidirectional else across / rays[:, 2]
+    radius = np.linalg.norm(observed, axis=1)
+    at = int(np.argmax(radius))
+    share: float = max(PRIOR_OF_DISTORTION * abs(float(radius[at] / ideal[at]) - 1), LEAST_PRIOR)
+    reach = float(np.abs(term.reshape(-1, 2)[at] / K[:2]).max())
+    return share * float(radius[at]) / max(reach, 1e-300)
+
+
+def _remaining(value: float, variance: float, prior: float) -> float:
+    """Root mean square of a number that was measured and has a prior about zero."""
+    kept = prior**2 / (prior**2 + variance)
+    return math.sqrt((kept * value) ** 2 + kept * variance)
 
 
 def _inside(adjusted: Adjusted, row: int) -> FloatArray:
@@ -78,12 +141,22 @@ def _inside(adjusted: Adjusted, row: int) -> FloatArray:
     return np.asarray(points @ state.rotations[row].T + state.translations[row])
 
 
+_NEXT_POWER: Final = {Solvable.FISHEYE: 11, Solvable.DOUBLE_SPHERE: 7, Solvable.MEI: 9}
+"""Of the angle. The sphere models are no series of it; one of as many numbers would end there."""
+
+
 def _next_term(adjusted: Adjusted, points: FloatArray) -> FloatArray:
-    """(2N, 1) ∂px by the coefficient of r⁹ or θ¹¹ for (N, 3) points before the camera."""
-    fx, fy = adjusted.state.parameters[:2]
+    """(2N, 1) ∂px by the coefficient of r⁹ or of a power of θ for (N, 3) points before the camera."""
+    state = adjusted.state
+    fx, fy = state.parameters[:2]
     across = np.hypot(points[:, 0], points[:, 1])
-    if adjusted.state.model is Solvable.FISHEYE:
-        gain = np.arctan2(across, points[:, 2]) ** 11 / np.maximum(across, 1e-300)
+    if state.model.is_omnidirectional:
+        theta = np.arctan2(across, points[:, 2])
+        gain = theta ** _NEXT_POWER[state.model] / np.maximum(across, 1e-300)
     else:
-        gain = (across / points[:, 2]) ** 8 / points[:, 2]
+        r2 = (across / points[:, 2]) ** 2
+        gain = r2**4 / points[:, 2]
+        if state.model is Solvable.RATIONAL:
+            k4, k5, k6 = state.parameters[-3:]
+            gain = gain / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     return np.asarray((points[:, :2] * gain[:, None] * (fx, fy)).reshape(-1, 1))

@@ -11,7 +11,7 @@ The warp's two parameters are tested by an F-test instead, because a warped boar
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
@@ -20,14 +20,16 @@ import numpy as np
 
 from calibrary.calib.adjustment import Adjusted, adjust, reduce
 from calibrary.calib.covariance import MEANINGLESS, lens_condition
+from calibrary.calib.lens_change import as_model, widest_angle
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.network import LensT, State, linearise
+from calibrary.calib.lens_series import missed_terms
+from calibrary.calib.network import LensT, linearise
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError
 from calibrary.probability import f_tail
 from calibrary.records import Record, replace
 
-__all__ = ["CLEARLY", "Candidate", "WarpTest", "as_model", "best_model", "f_test", "sound_share", "warp_test"]
+__all__ = ["CLEARLY", "Candidate", "WarpTest", "best_model", "f_test", "sound_share", "warp_test"]
 
 
 PENALTY: Final = 5.4
@@ -36,11 +38,15 @@ CLEARLY: Final = 10.0
 """By so much a criterion must be better to say that a model which may not be taken is missed."""
 WARP_LEVEL: Final = 0.01
 WORST_CONDITION: Final = 1e8
-WORST_RATIONAL: Final = 1e13
-"""Numerator and denominator nearly cancel in every rational lens, which harms no pixel; past this nothing is left
-of float64's sixteen digits."""
+WORST_RATIONAL: Final = 1e14
+"""Numerator and denominator nearly cancel in every rational lens, as ξ and k1 do in Mei's, which harms no pixel; past
+this nothing is left of float64's sixteen digits."""
 CAREFUL: Final = 1.0
-"""Damping of the first steps into a rational lens."""
+"""Damping of the first steps into a lens whose terms nearly cancel."""
+SPHERES: Final = frozenset({Solvable.DOUBLE_SPHERE, Solvable.MEI})
+MISSED_TERMS: Final = 21.1
+"""χ² of three that noise alone passes once in ten thousand times: what a fisheye polynomial must leave of its next term
+and of decentering before the sphere models are tried."""
 FIRST_ORDER_SHARE: Final = 0.5
 """A larger model is tried when the slope alone promises this share of what it must gain."""
 FISHEYE_FROM_RAD: Final = math.radians(40)
@@ -102,17 +108,31 @@ def best_model(
         CalibrationError: none of them can be solved at all.
     """
     tried: list[tuple[Candidate, Adjusted]] = []
-    for model in sorted(models, key=lambda m: len(m.parameters)):
-        # From the model before, which is nearer than the one the corners came with may be.
-        same_kind = [
-            pair[1] for pair in tried if (pair[0].model is Solvable.FISHEYE) is (model is Solvable.FISHEYE)
-        ]
-        nearest = min(same_kind, key=lambda adjusted: adjusted.rss, default=current)
-        if model is Solvable.RATIONAL and same_kind and not _pays(nearest, model, warp=warp):
+    for model in sorted(models, key=lambda m: (m is Solvable.RATIONAL, m in SPHERES, len(m.parameters))):
+        # From the models before, which are nearer than the one the corners came with may be.
+        before = [adjusted for _, adjusted in tried]
+        kin = [one for one in before if one.state.model.is_omnidirectional is model.is_omnidirectional]
+        nearest = min(kin, key=lambda adjusted: adjusted.rss, default=current)
+        if kin and (
+            not _pays(nearest, model, warp=warp)
+            if model is Solvable.RATIONAL
+            else model in SPHERES and missed_terms(nearest) < MISSED_TERMS
+        ):
             continue
-        with suppress(CalibrationError):
-            begin = CAREFUL if model is Solvable.RATIONAL and nearest.state.model is not model else 0.0
-            adjusted = adjust(current.network, as_model(nearest.state, model), warp=warp, damping=begin)
+        found = []
+        for begin in _beginnings(nearest, before, model, warp=warp):
+            careful = model in SPHERES or model is Solvable.RATIONAL
+            with suppress(CalibrationError):
+                found.append(
+                    adjust(
+                        current.network,
+                        as_model(begin.state, model, widest_angle(begin)),
+                        warp=warp,
+                        damping=CAREFUL if careful and begin.state.model is not model else 0.0,
+                    )
+                )
+        if found:
+            adjusted = min(found, key=lambda one: one.rss)
             tried.append((_candidate(adjusted, image_size), adjusted))
     candidates = tuple(candidate for candidate, _ in tried)
     if not tried:
@@ -122,6 +142,23 @@ def best_model(
     # Where nothing is determined the simplest is taken all the same: the verdict will say what is wrong with the views.
     allowed = [pair for pair in tried if pair[0].refused is None] or tried[:1]
     return min(allowed, key=lambda pair: pair[0].criterion)[1], candidates
+
+
+def _beginnings(
+    nearest: Adjusted, before: Sequence[Adjusted], model: Solvable, *, warp: bool
+) -> Iterator[Adjusted]:
+    """Cameras to begin a model's search from.
+
+    From a perspective polynomial the way to a strong rational lens is a long valley; a fisheye is at its end already.
+    """
+    yield nearest
+    if model is not Solvable.RATIONAL or widest_angle(nearest) < FISHEYE_FROM_RAD:
+        return
+    wide = [one for one in before if one.state.model.is_omnidirectional]
+    if not wide:
+        with suppress(CalibrationError):
+            wide.append(adjust(nearest.network, as_model(nearest.state, Solvable.FISHEYE), warp=warp))
+    yield from sorted(wide, key=lambda one: one.rss)[:1]
 
 
 def warp_test(near: Adjusted[LensT]) -> tuple[WarpTest, Adjusted[LensT], Adjusted[LensT]]:
@@ -148,24 +185,6 @@ def f_test(rss: float, rss_with: float, extra: int, dof_with: int) -> tuple[floa
     return f, f_tail(extra, dof_with, f)
 
 
-def as_model(state: State, model: Solvable) -> State:
-    """The same camera as a starting point for another model."""
-    if state.model is model:
-        return state
-    values = dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
-    if state.model is Solvable.RATIONAL:
-        # The quotient's power series.
-        k1 = values["k1"] - values["k4"]
-        k2 = values["k2"] - values["k5"] - values["k4"] * k1
-        k3 = values["k3"] - values["k6"] - values["k5"] * k1 - values["k4"] * k2
-        values |= {"k1": k1, "k2": k2, "k3": k3}
-    if (state.model is Solvable.FISHEYE) is not (model is Solvable.FISHEYE):
-        values |= _across(values, to_fisheye=model is Solvable.FISHEYE)
-    return replace(
-        state, model=model, parameters=np.array([values.get(name, 0.0) for name in model.parameters])
-    )
-
-
 def sound_share(adjusted: Adjusted, image_size: ImageSize) -> tuple[float, float]:
     """How much of the frame has one ray to each pixel: of what corners were seen in, and of all of it.
 
@@ -185,24 +204,6 @@ def sound_share(adjusted: Adjusted, image_size: ImageSize) -> tuple[float, float
         return 0.0, 0.0
     sound = np.asarray(np.isfinite(rays).all(axis=1), dtype=np.bool_)
     return float(sound[covered].mean()) if covered.any() else 0.0, float(sound.mean())
-
-
-def _across(values: Mapping[str, float], *, to_fisheye: bool) -> dict[str, float]:
-    """The first radial term of tan θ and θ traded for one another; the rest is left to the adjustment.
-
-    tan θ = θ + θ³/3 + …, so a perspective r·(1 + k1·r²) is θ·(1 + (k1 + 1/3)·θ²) near the axis.
-    """
-    shift = 1 / 3 if to_fisheye else -1 / 3
-    return {
-        "k1": values["k1"] + shift,
-        "k2": 0.0,
-        "k3": 0.0,
-        "k4": 0.0,
-        "k5": 0.0,
-        "k6": 0.0,
-        "p1": 0.0,
-        "p2": 0.0,
-    }
 
 
 def _pays(smaller: Adjusted, model: Solvable, *, warp: bool) -> bool:
@@ -230,13 +231,12 @@ def _candidate(adjusted: Adjusted, image_size: ImageSize) -> Candidate:
     criterion = n * math.log(max(adjusted.rss, 1e-300) / max(n, 1)) + PENALTY * k
     cond = lens_condition(adjusted)
     refused = None
-    worst = WORST_RATIONAL if adjusted.state.model is Solvable.RATIONAL else WORST_CONDITION
+    worst = WORST_RATIONAL if adjusted.state.model.trades_terms else WORST_CONDITION
     if cond > worst:
         refused = "these views do not determine its parameters"
     elif (
-        adjusted.state.model in {Solvable.RATIONAL, Solvable.FISHEYE}
-        and sound_share(adjusted, image_size)[0] < 1
-    ):
+        adjusted.state.model.is_omnidirectional or adjusted.state.model is Solvable.RATIONAL
+    ) and sound_share(adjusted, image_size)[0] < 1:
         refused = "its distortion is not monotonic where corners were seen"
     return Candidate(
         model=adjusted.state.model,

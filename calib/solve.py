@@ -16,15 +16,9 @@ import numpy as np
 
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.geometry import duplicates
+from calibrary.calib.lens_change import as_model, widest_angle
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.model_choice import (
-    FISHEYE_FROM_RAD,
-    Candidate,
-    WarpTest,
-    as_model,
-    best_model,
-    warp_test,
-)
+from calibrary.calib.model_choice import FISHEYE_FROM_RAD, Candidate, WarpTest, best_model, warp_test
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.rejection import Gate, screened
 from calibrary.calib.start import start
@@ -32,16 +26,22 @@ from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = ["Solution", "solve"]
+__all__ = ["Solution", "choices", "solve"]
 
 
 ROUNDS: Final = 4
 FEWEST_POSES: Final = 3
 """Each pose of a plane gives two equations for K's four numbers; two can do it only where nothing else is unknown."""
-ALL: Final = (Solvable.BROWN, Solvable.FISHEYE, Solvable.RATIONAL)
+ALL: Final = (
+    Solvable.BROWN,
+    Solvable.FISHEYE,
+    Solvable.RATIONAL,
+    Solvable.DOUBLE_SPHERE,
+    Solvable.MEI,
+)
 """To choose from. Nothing leaner than full Brown: of a coefficient too small to be seen its standard deviation says so,
 and one that is set to zero for being small moves fx and the frame's edge by up to 11 σ of what is then stated."""
-PERSPECTIVE: Final = tuple(model for model in ALL if model is not Solvable.FISHEYE)
+PERSPECTIVE: Final = tuple(model for model in ALL if not model.is_omnidirectional)
 POOR_START_PX: Final = 2.0
 """A perspective start that misses by more than this may be no perspective camera at all: a fisheye is tried."""
 
@@ -112,7 +112,6 @@ def solve(
         CalibrationError: no camera explains the corners, or they do not determine one.
     """
     gate = gate or Gate()
-    models = (model,) if model is not None else ALL
     current = _first(network, image_size, model, guess)
     repeats = duplicates(current, image_size)
     if repeats:
@@ -122,13 +121,21 @@ def solve(
     tested: WarpTest | None = None
     candidates: tuple[Candidate, ...] = ()
     for _ in range(ROUNDS):
-        sensible = models if len(models) == 1 or _is_wide(current) else PERSPECTIVE
-        current, candidates, tested = _chosen(current, image_size, sensible, warp=warp and network.is_planar)
+        current, candidates, tested = _chosen(
+            current, image_size, choices(current, model), warp=warp and network.is_planar
+        )
         seen = screened(network, current, gate)
         if (seen == current.network.seen).all():
             break
         current = adjust(network.only(seen), current.state, warp=_is_bent(current))
     return Solution(adjusted=current, everything=network, repeats=repeats, warp=tested, candidates=candidates)
+
+
+def choices(current: Adjusted, model: Solvable | None) -> Sequence[Solvable]:
+    """The models to choose from for these corners: the one that was asked for, or those that may differ here."""
+    if model is not None:
+        return (model,)
+    return ALL if widest_angle(current) > FISHEYE_FROM_RAD else PERSPECTIVE
 
 
 def _first(
@@ -138,7 +145,7 @@ def _first(
     first = model or Solvable.BROWN
     try:
         found = start(network, image_size, first, guess)
-        if model is Solvable.FISHEYE:
+        if model is not None and model.is_omnidirectional:
             return found
         with suppress(CalibrationError):
             # Outliers are told from a plain lens by the richest model that a start can bear.
@@ -190,11 +197,3 @@ def _without(rows: Sequence[int], network: Network) -> Network:
             "between the frames"
         )
     return network.only(seen)
-
-
-def _is_wide(adjusted: Adjusted) -> bool:
-    """Whether corners lie so far off the axis that a fisheye model means something else than a perspective one."""
-    state, network = adjusted.state, adjusted.network
-    inside = network.points @ state.rotations.transpose(0, 2, 1) + state.translations[:, None, :]
-    angle = np.arctan2(np.hypot(inside[..., 0], inside[..., 1]), inside[..., 2])
-    return bool(angle[network.seen].max() > FISHEYE_FROM_RAD)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import Adjusted, adjust
+from calibrary.calib.lens_change import as_model, widest_angle
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network, State
 from calibrary.calib.opencv_state import one_thread
@@ -32,6 +33,8 @@ FIRST_STEPS: Final = (3, 40, 1e-6)
 """OpenCV's COUNT + EPS: as near as the adjustment needs to take over, far nearer than the next minimum is."""
 FISHEYE_SCALES: Final = (0.25, 0.32, 0.4, 0.5, 0.65)
 """fx / max(W, H) tried for a fisheye: 180° across the frame is 0.32."""
+CAREFUL: Final = 1.0
+"""Damping of the first steps from one omnidirectional model into another."""
 WIDEST_START_RAD: Final = 1.3
 """Corners further off the axis say little in a tangent plane; they are left out of a fisheye's first poses."""
 
@@ -49,14 +52,15 @@ def start(network: Network, image_size: ImageSize, model: Solvable, guess: Intri
     Args:
         network: every view has corners that count.
         image_size: (width, height) px.
-        model: to be solved for. The perspective models all begin from k1, k2, p1, p2.
+        model: to be solved for. The perspective models all begin from k1, k2, p1, p2, the omnidirectional ones from
+            Kannala and Brandt's.
         guess: taken instead of the seed.
 
     Raises:
         CalibrationError: no way leads anywhere.
     """
     first = guess or seed(image_size)
-    if model is Solvable.FISHEYE:
+    if model.is_omnidirectional:
         states = _fisheye_states(network, image_size, guess)
     else:
         states = _perspective_states(network, image_size, first)
@@ -71,6 +75,9 @@ def start(network: Network, image_size: ImageSize, model: Solvable, guess: Intri
             f"no {model.value} camera explains these corners: are they all of this board, in its order, "
             "and of one camera at one focus?"
         )
+    if model.is_omnidirectional and model is not Solvable.FISHEYE:
+        other = as_model(best.state, model, widest_angle(best))
+        return adjust(network, other, damping=CAREFUL)
     return best
 
 

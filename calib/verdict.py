@@ -48,7 +48,7 @@ class Limits(Record):
         cells_wanted: fraction of 8 × 6 cells with a corner.
         depth_wanted: farthest over nearest corner.
         focal_std_wanted, focal_std_needed: relative, of fx, the variance factor included.
-        condition_needed: of the normal matrix of the polynomial models; the rational one has its own.
+        condition_needed: of the normal matrix, but for the models whose terms stand in for one another.
         rms_wanted, rms_needed: over the noise of single corners.
         rms_wanted_px, rms_needed_px: of 20 megapixels, smaller frames in proportion but never below half of it.
         lost_views_wanted: fraction of the views rejected as outliers.
@@ -96,7 +96,7 @@ class Evidence:
         repeats: that show the pose of another.
         views_out, corners_out: that were rejected as outliers.
         geometry: how the board was held.
-        fx, fx_std: px, the standard deviation without the variance factor.
+        fx, fx_std: px, of the camera near its axis; the standard deviation without the variance factor.
         kappa2: the variance factor; None where there were too few views.
         rms_px: of the residuals.
         noise_px: of one coordinate, as neighbouring corners show it.
@@ -251,7 +251,7 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
     elif everywhere < 1:
         yield Finding(
             rule="valid-region",
-            severity=Severity.NOTE if e.model is Solvable.FISHEYE else Severity.UNPROVEN,
+            severity=Severity.NOTE if e.model.is_omnidirectional else Severity.UNPROVEN,
             measured=everywhere,
             limit=1.0,
             message=f"{everywhere:.0%} of the frame have a direction; the rest, where no corner was seen, has none",
@@ -277,7 +277,7 @@ def _focal_length(e: Evidence, limits: Limits) -> Iterator[Finding]:
         f"the standard deviation of fx is {spread:.2%}, need {limits.focal_std_wanted:.2%}",
         "take more views, with more tilt",
     )
-    if e.model is not Solvable.RATIONAL:
+    if not e.model.trades_terms:
         yield from _at_most(
             "undetermined",
             e.condition,

@@ -42,7 +42,17 @@ examples:
 
 exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or the registry's check objects; 3 unreadable input
 """
-LENS_MODELS = ("auto", "k1k2", "k1k2k3", "k1k2p1p2", "brown", "rational", "fisheye")
+LENS_MODELS = (
+    "auto",
+    "k1k2",
+    "k1k2k3",
+    "k1k2p1p2",
+    "brown",
+    "rational",
+    "fisheye",
+    "double_sphere",
+    "mei",
+)
 EXIT_NOT_PASSED = 1
 
 
