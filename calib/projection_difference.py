@@ -51,6 +51,9 @@ CENTRE: Final = 0.25
 STEP_RAD: Final = 1e-6
 STEP_SIGMAS: Final = 0.05
 LARGEST_STEP: Final = 1e-3
+LONGEST_STEP_PX: Final = 0.5
+SHORTER: Final = 8.0
+MAX_SHORTER: Final = 8
 MAX_TURNS: Final = 20
 SETTLED_RAD: Final = 1e-10
 """A ten-thousandth of a thousandth of a pixel at any focal length."""
@@ -172,14 +175,14 @@ def projection_difference(
     R, seen = _fitted(second, rays, flat, W)
     std, propagated = None, None
     if covariances is not None:
-        G = _sensitivity(first, second, R, flat, covariances)
+        G, known = _sensitivity(first, second, R, flat, covariances)
         if given is None:
             J = _seen_by_turn(second, rays @ R.T, seen)
-            W = _inverse_variance(_remaining(J, W * seen, G), seen)
+            W = _inverse_variance(_remaining(J, W * seen, G), seen & known)
             R, seen = _fitted(second, rays, flat, W)
         J = _seen_by_turn(second, rays @ R.T, seen)
         propagated = _remaining(J, W * seen, G).reshape(len(flat), 2, -1)
-        std = np.where(seen, _worst(propagated), np.nan)
+        std = np.where(seen & known, _worst(propagated), np.nan)
     vectors = np.where(seen[:, None], second.project(rays @ R.T) - flat, np.nan)
     region = seen if std is None else seen & (np.nan_to_num(std, nan=np.inf) <= trusted_px)
     grid = pixels.shape[:2]
@@ -281,14 +284,15 @@ def _sensitivity(
     R: FloatArray,
     flat: FloatArray,
     covariances: tuple[Covariance, Covariance],
-) -> FloatArray:
-    """(2N, n₁ + n₂) G·L, L the root of both covariances; zero where something is not seen."""
+) -> tuple[FloatArray, BoolArray]:
+    """(2N, n₁ + n₂) G·L, L the root of both covariances, and at which pixels it is known; zero at the others."""
     rays = first.unproject(flat)
     by_first = _spread(first, covariances[0], lambda other: second.project(other.unproject(flat) @ R.T))
     by_second = _spread(second, covariances[1], lambda other: other.project(rays @ R.T))
     both = np.concatenate([by_first, by_second], axis=-1)
-    both[~np.isfinite(both).all(axis=(1, 2))] = 0.0
-    return both.reshape(2 * len(flat), -1)
+    known = np.asarray(np.isfinite(both).all(axis=(1, 2)), dtype=np.bool_)
+    both[~known] = 0.0
+    return both.reshape(2 * len(flat), -1), known
 
 
 def _spread(calibration: Calibration, covariance: Covariance, pixels: _PixelsOf) -> FloatArray:
@@ -304,12 +308,23 @@ def _spread(calibration: Calibration, covariance: Covariance, pixels: _PixelsOf)
         # A focal length that nothing determines must not be taken through zero.
         steep = max((abs(moves.get(name, 0.0)) / value for name, value in focal.items()), default=0.0)
         step = min(STEP_SIGMAS, LARGEST_STEP / steep) if steep > 0 else STEP_SIGMAS
-        up, down = (
-            pixels(_changed(calibration, {name: way * by for name, by in moves.items()}))
-            for way in (step, -step)
-        )
+        for _ in range(MAX_SHORTER):
+            up, down = (
+                pixels(_changed(calibration, {name: way * by for name, by in moves.items()}))
+                for way in (step, -step)
+            )
+            # A lens whose terms cancel bends far from straight along what nothing determines.
+            if _most(up - down) <= LONGEST_STEP_PX:
+                break
+            step /= SHORTER
         columns.append((up - down) / (2 * step))
     return np.stack(columns, axis=-1)
+
+
+def _most(moved: FloatArray) -> float:
+    """Px, the largest of the moves that are numbers; ``inf`` where fewer than half of them are."""
+    known = moved[np.isfinite(moved)]
+    return float(np.abs(known).max()) if 2 * len(known) >= moved.size else math.inf
 
 
 def _changed(calibration: Calibration, by: Mapping[str, float]) -> Calibration:
