@@ -148,7 +148,8 @@ def stretch(adjusted: Adjusted[LensT]) -> tuple[Stretch, FloatArray] | None:
     """One length of the print against the other, and (n,) by which the lens moves when it is free.
 
     Without the prior in the value, for it is a measurement; with it in the shift, for a board that was never rolled
-    does not determine it. None for points that are no board.
+    does not determine it. The shift is that of the root mean square which corners and prior leave of the stretch. None
+    for points that are no board.
     """
     network, size = adjusted.network, len(adjusted.state.parameters)
     if not network.is_planar:
@@ -161,7 +162,9 @@ def stretch(adjusted: Adjusted[LensT]) -> tuple[Stretch, FloatArray] | None:
     if alone is None or held is None or not alone.inverse[-1, -1] > 0:
         return None
     std = math.sqrt(alone.inverse[-1, -1] * adjusted.variance)
-    return Stretch(value=float(alone.step[-1]), std=std), held.step[:size]
+    remaining = math.hypot(held.step[-1], math.sqrt(held.inverse[-1, -1] * adjusted.variance))
+    shift = held.inverse[:size, -1] / held.inverse[-1, -1] * remaining
+    return Stretch(value=float(alone.step[-1]), std=std), shift
 
 
 def _moved(adjusted: Adjusted[LensT], row: int, axis: int) -> FloatArray:
