@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibrary.calib.estimation import MAP_SHAPE, estimate
+from calibrary.calib.assessment import MAP_SHAPE
+from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_change import as_model
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import State
