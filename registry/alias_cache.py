@@ -1,14 +1,15 @@
 """The index over all entries that finding one needs, cached between runs and updated from git.
 
-It holds the aliases of cameras, and the entries whose path does not follow from their camera. Reading a
-hundred thousand entries for them takes seconds; of a registry that was read before only the differences are read.
-The file is in the user's cache folder and may be deleted at any time.
+It holds the aliases of cameras, the labels of units, and the entries whose path does not follow from their camera.
+Reading a hundred thousand entries for them takes seconds; of a registry that was read before only the differences are
+read. The file is in the user's cache folder and may be deleted at any time.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,16 +19,19 @@ from typing import Final
 from platformdirs import user_cache_path
 
 from calibrary.atomic import write_files
-from calibrary.errors import CalibraryError
+from calibrary.errors import CalibraryError, InputError
+from calibrary.registry.entry_yaml import LARGEST_ENTRY
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.objects import HEX
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import CAMERAS
 from calibrary.registry.resolution import AliasMap, is_keyed, scan_aliases
+from calibrary.strictyaml import load_yaml
 
-__all__ = ["Names", "names_at", "names_kept"]
+__all__ = ["Names", "label_in", "names_at", "names_kept"]
 
-VERSION: Final = 1
+VERSION: Final = 2
+LABEL: Final = re.compile(rb"^label:.*$", re.MULTILINE)
 
 Alias = tuple[str, str, str]
 """Make and model as match keys, and the folder of the camera that is so called."""
@@ -40,11 +44,13 @@ class Names:
     Attributes:
         commit: whose entries.
         aliases: by path.
+        labels: of the units, by the entry's path.
         irregular: paths that no key gives.
     """
 
     commit: str
     aliases: Mapping[str, tuple[Alias, ...]]
+    labels: Mapping[str, str]
     irregular: tuple[str, ...]
 
     @property
@@ -114,10 +120,11 @@ def _keep(names: Names, file: Path) -> None:
 def _read_whole(repo: Repository, commit: str) -> Names:
     listing = repo.listing(commit, CAMERAS)
     paths = sorted(listing)
-    contents = repo.read_many([listing[path] for path in paths])
+    aliases, labels = _said(zip(paths, repo.read_many([listing[path] for path in paths]), strict=True))
     return Names(
         commit=commit,
-        aliases=_aliases(zip(paths, contents, strict=True)),
+        aliases=aliases,
+        labels=labels,
         irregular=tuple(path for path in paths if not is_keyed(path)),
     )
 
@@ -126,26 +133,43 @@ def _brought_up(repo: Repository, known: Names, commit: str) -> Names:
     """The earlier index, with the entries that differ replaced."""
     differing = changed(repo, known.commit, commit, CAMERAS)
     there = {file.path: file.after for file in differing if file.after is not None}
-    contents = repo.read_many([*there.values()])
+    new_aliases, new_labels = _said(zip(there, repo.read_many([*there.values()]), strict=True))
     touched = {file.path for file in differing}
     aliases = {path: names for path, names in known.aliases.items() if path not in touched}
+    labels = {path: label for path, label in known.labels.items() if path not in touched}
     irregular = {path for path in known.irregular if path not in touched}
     return Names(
         commit=commit,
-        aliases=aliases | _aliases(zip(there, contents, strict=True)),
+        aliases=aliases | new_aliases,
+        labels=labels | new_labels,
         irregular=tuple(sorted(irregular | {path for path in there if not is_keyed(path)})),
     )
 
 
-def _aliases(files: Iterable[tuple[str, bytes]]) -> dict[str, tuple[Alias, ...]]:
-    found = {}
+def label_in(data: bytes) -> str | None:
+    """The label that an entry's file states; its one line is read, and not the entry."""
+    if (line := LABEL.search(data)) is None:
+        return None
+    try:
+        stated = load_yaml(line[0], source="label", max_bytes=LARGEST_ENTRY, max_depth=1)
+    except InputError:
+        return None
+    label = stated.get("label") if isinstance(stated, dict) else None
+    return label if isinstance(label, str) else None
+
+
+def _said(files: Iterable[tuple[str, bytes]]) -> tuple[dict[str, tuple[Alias, ...]], dict[str, str]]:
+    """The aliases and the labels, by path."""
+    found, labels = {}, {}
     for path, data in files:
+        if (label := label_in(data)) is not None:
+            labels[path] = label
         named = scan_aliases([(path, data)])
         if named:
             found[path] = tuple(
                 (make, model, folder) for (make, model), folders in named.items() for folder in folders
             )
-    return found
+    return found, labels
 
 
 def _document(names: Names) -> bytes:
@@ -153,6 +177,7 @@ def _document(names: Names) -> bytes:
         "version": VERSION,
         "commit": names.commit,
         "aliases": {path: [list(alias) for alias in aliases] for path, aliases in names.aliases.items()},
+        "labels": dict(names.labels),
         "irregular": list(names.irregular),
     }
     return json.dumps(document, ensure_ascii=True, separators=(",", ":")).encode()
@@ -167,6 +192,7 @@ def _kept(file: Path) -> Names | None:
         return Names(
             commit=document["commit"],
             aliases={_text(path): _of_entry(aliases) for path, aliases in document["aliases"].items()},
+            labels={_text(path): _text(label) for path, label in document["labels"].items()},
             irregular=tuple(_text(path) for path in document["irregular"]),
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):

@@ -29,8 +29,17 @@ __all__ = ["approvals_of", "digest_as_proposed", "unmet", "unmet_with"]
 
 
 def digest_as_proposed(entry: Entry) -> str:
-    """The id of an entry's file as it was proposed: what an approval is of."""
-    return blob_id(entry_yaml(replace(entry, status=Status.DRAFT, reason=None)))
+    """The id of an entry's file as it was proposed, without what is not approved: what an approval is of.
+
+    A label, tags and notes are for people, and change on any day without another look at K. Whatever decides which K is
+    used for which image is approved: the calibration, its camera, days, firmware, tolerance and other names.
+    """
+    plain = replace(entry.calibration, notes=())
+    return blob_id(
+        entry_yaml(
+            replace(entry, calibration=plain, status=Status.DRAFT, reason=None, label=None, tags=())
+        )
+    )
 
 
 def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:

@@ -83,6 +83,11 @@ def approving(
         entry = _with_status(proposed.entry, Status.APPROVED, reason)
         if validity is not None:
             entry = replace(entry, validity=validity)
+        if proposed.is_pending and here.current is not None:
+            # What its keeper calls it since it was proposed is no part of what is approved.
+            entry = replace(
+                entry, label=here.current.label or entry.label, tags=here.current.tags or entry.tags
+            )
         is_here = here.proposed_oid is not None and here.proposed_oid == proposed.oid
         if proposed.is_pending and here.current is not None and entry.reason is None:
             same = replace(entry, reason=here.current.reason) == here.current

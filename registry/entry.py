@@ -17,7 +17,7 @@ from calibrary.records.limits import require_declared
 from calibrary.registry import entry_form
 from calibrary.registry.entry_form import BLOCKS_WITH_EXTENSIONS, UNSTATED
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.paths import id_of, path_of
+from calibrary.registry.paths import id_of, path_of, unit_folder
 
 __all__ = [
     "UNSTATED",
@@ -31,8 +31,15 @@ __all__ = [
 ]
 
 
+LABEL: Final = "^[^-\\s=+@/,;'\"][^@/,;\\u0000-\\u001f\\u007f]*$"
+"""A label is written where a KEY is, and in tables: it does not begin as a flag or a formula does, nor contain what
+divides a KEY (``@`` and ``/``) or a list."""
+TAG: Final = "^[a-z0-9][a-z0-9._-]*$"
+
 Text: TypeAlias = Annotated[str, Meta(min_length=1, max_length=1000)]
 Length: TypeAlias = Annotated[float, Meta(gt=0)]
+Label: TypeAlias = Annotated[str, Meta(max_length=40, pattern=LABEL)]
+Tag: TypeAlias = Annotated[str, Meta(max_length=40, pattern=TAG)]
 Stated = Meta(extra_json_schema={"minProperties": 1})
 """A block that says nothing is left out."""
 
@@ -147,6 +154,9 @@ class EntryFields(Record):
             policy (3 % under ``fleet``).
         supersedes: the id of the entry it took the place of.
         override: why K is used although it contradicts what is known of the camera.
+        label: what its keeper calls the unit, "P4R-03"; of one unit only. Like the tags and notes, it decides nothing
+            about which K is used and is not part of what is approved.
+        tags: short words to find entries by.
         extensions: the file's ``x-`` fields as they are; one inside a block goes by ``block/x-name``.
     """
 
@@ -160,6 +170,8 @@ class EntryFields(Record):
     tolerance: Annotated[float, Meta(gt=0, le=1)] | None = None
     supersedes: Text | None = None
     override: Text | None = None
+    label: Label | None = None
+    tags: tuple[Tag, ...] = ()
     extensions: Mapping[str, Any] = {}
 
 
@@ -196,6 +208,13 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
         if not grade.is_metric:
             raise InputError(f"a K of grade {grade.value} is a guess, and a registry takes no guesses")
         require_declared(self)
+        # A pattern's end is also before a last line's end.
+        for name, texts in (("label", (self.label or "",)), ("tags", self.tags)):
+            if any(text != " ".join(text.split()) or not text.isprintable() for text in texts):
+                raise InputError(
+                    "has blanks at an end, several in a row, or what cannot be printed", place=name
+                )
+        force_setattr(self, "tags", tuple(sorted(set(self.tags))))
         entry_form.require_entry_values(self.calibration)
         for name in self.extensions:
             block, _, key = name.rpartition("/")
@@ -242,6 +261,11 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
     def id(self) -> str:
         """Its path without ``cameras/`` and ``.yaml``."""
         return id_of(self.path)
+
+    @property
+    def unit(self) -> str | None:
+        """Its unit's folder, which all entries of the unit share; None where it is of every unit of the model."""
+        return unit_folder(self.path) if self.calibration.camera.serial is not None else None
 
     @property
     def notes(self) -> tuple[str, ...]:

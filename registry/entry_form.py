@@ -48,8 +48,8 @@ UNSTATED: Final = Provenance(kind="unstated")
 BLOCKS_WITH_EXTENSIONS: Final = ("camera", "sensor", "quality", "provenance")
 """Blocks that take ``x-`` fields beside the file itself; K and distortion take none."""
 
-ORDER: Final = ("schema", "status", "reason", "digest", "camera", "intrinsics", "distortion", "sensor", "grade",
-    "quality", "provenance", "aliases", "validity", "tolerance", "supersedes", "override", "notes",
+ORDER: Final = ("schema", "status", "reason", "digest", "camera", "label", "tags", "intrinsics", "distortion", "sensor",
+    "grade", "quality", "provenance", "aliases", "validity", "tolerance", "supersedes", "override", "notes",
     "extras")  # fmt: skip
 """The blocks of a file from its top; one that is not named here comes behind them."""
 

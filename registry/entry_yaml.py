@@ -72,7 +72,7 @@ LAYOUT: Final = Layout(
     nulls=frozenset(
         {"distortion", "camera.firmware.min", "camera.firmware.max", "validity.from", "validity.until"}
     ),
-    rows=frozenset({"quality.covariance.names"}),
+    rows=frozenset({"quality.covariance.names", "tags"}),
     triangles=frozenset({"quality.covariance.upper"}),
     quoted_keys=frozenset({"extras"}),
 )

@@ -11,14 +11,15 @@ from __future__ import annotations
 import hashlib
 import re
 import unicodedata
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 from calibrary.calibration import CameraKey
 from calibrary.distortion.described import DOCUMENT
-from calibrary.errors import InputError, RegistryError, UnknownCameraError
+from calibrary.errors import AmbiguousCameraError, InputError, RegistryError, UnknownCameraError
+from calibrary.known_camera import SERIAL_HASH_DIGITS, hash_serial
 from calibrary.registry.git.names import is_safe_name
 
 if TYPE_CHECKING:
@@ -43,6 +44,9 @@ __all__ = [
     "proposal_path",
     "scripts",
     "slug",
+    "the_one",
+    "unit_folder",
+    "unit_paths",
 ]
 
 LONGEST_TEXT: Final = 1000
@@ -157,6 +161,10 @@ ROOT: Final = "cameras/"
 PROPOSED: Final = "proposals/"
 """What is proposed, at the path that it would have in use; nothing of it is used before it is approved."""
 SUFFIX: Final = ".yaml"
+UNIT: Final = "sn-"
+"""Begins the name of a unit's folder; the hash of its serial number follows."""
+SHORTEST_HASH: Final = 4
+HEX_DIGITS: Final = frozenset("0123456789abcdef")
 LONGEST_LEAF: Final = 110
 
 MOST_LISTED: Final = 8
@@ -195,7 +203,7 @@ def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
     leaf = "+".join(parts)
     if len(leaf) > LONGEST_LEAF:
         leaf = f"{parts[0]}~{hashlib.sha256(leaf.encode()).hexdigest()[:10]}"
-    unit = f"sn-{slug(camera.serial)}/" if camera.serial is not None else ""
+    unit = f"{UNIT}{slug(camera.serial)}/" if camera.serial is not None else ""
     return f"{folder_of(camera.make, camera.model)}{unit}{leaf}{SUFFIX}"
 
 
@@ -231,14 +239,71 @@ def find_path(paths: Collection[str], key: str) -> str:
         UnknownCameraError: none; the message names those that are nearly so called.
         RegistryError: several; the message names them.
     """
-    found = find_paths(paths, key)
+    return the_one(find_paths(paths, key), paths, key)
+
+
+def the_one(found: Sequence[str], paths: Collection[str], key: str) -> str:
+    """The only one of the entries that a KEY may mean; errors as of :func:`find_path`."""
     if len(found) == 1:
         return found[0]
     if not found:
         raise UnknownCameraError(f"{key}: no such camera in the registry{_nearly(paths, key)}")
     listed = ", ".join(id_of(path) for path in found[:MOST_LISTED])
     more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
-    raise RegistryError(f"{key} fits {len(found)} entries: {listed}{more}; name one of them")
+    raise AmbiguousCameraError(f"{key} fits {len(found)} entries: {listed}{more}; name one of them")
+
+
+def unit_paths(
+    paths: Collection[str],
+    key: str,
+    *,
+    labels: Callable[[], Mapping[str, str]],
+    makes: Callable[[], Mapping[str, str]],
+) -> list[str]:
+    """Every entry of the units that a KEY may mean: by label, by serial number, or by how the hash of that begins.
+
+    Args:
+        paths: of all entries.
+        key: any of these, and behind a slash how the variant begins: ``P4R-03``, ``1ZNBJ1A00C00ED``, ``0e25/5472``.
+        labels: gives the label of each entry that has one, by path.
+        makes: gives the makes of the units as their entries write them, by the names of their folders.
+    """
+    word, _, variant = key.strip("/").partition("/")
+    named = match_key(word)
+    labelled = [path for path, label in labels().items() if match_key(label) == named and path in paths]
+    if not labelled:
+        by_unit: dict[str, list[str]] = {}
+        for path in paths:
+            if (unit := unit_folder(path)) is not None:
+                by_unit.setdefault(unit, []).append(path)
+        units = _by_hash(by_unit, word) or _by_serial(by_unit, word, makes)
+        labelled = [path for unit in units for path in by_unit[unit]]
+    return sorted(path for path in labelled if id_of(path).rpartition("/")[2].startswith(variant.lower()))
+
+
+def unit_folder(path: str) -> str | None:
+    """The folder in ``cameras/`` of the unit that an entry is of; None where it is of every unit of its model."""
+    folder = in_use_path(path).rpartition("/")[0]
+    return f"{folder}/" if folder.rpartition("/")[2].startswith(UNIT) else None
+
+
+def _by_hash(units: Collection[str], word: str) -> set[str]:
+    digits = word.lower().removeprefix(UNIT)
+    if len(digits) < SHORTEST_HASH or len(digits) > SERIAL_HASH_DIGITS or not {*digits} <= HEX_DIGITS:
+        return set()
+    return {unit for unit in units if unit.rpartition(f"/{UNIT}")[2].startswith(digits)}
+
+
+def _by_serial(units: Collection[str], word: str, makes: Callable[[], Mapping[str, str]]) -> set[str]:
+    """The units whose serial number this is, as it is or, by default, hashed."""
+    if len(word) < SHORTEST_HASH or not units:
+        return set()
+    hashes = {folder: hash_serial(make, word) for folder, make in makes().items()}
+    return {
+        unit
+        for unit in units
+        if unit.rpartition(f"/{UNIT}")[2][:-1] in {slug(word), hashes.get(unit.split("/")[1])}
+    }
 
 
 def find_paths(paths: Collection[str], key: str) -> list[str]:
@@ -267,14 +332,14 @@ def _fits_from(parts: Sequence[str], asked: Sequence[str]) -> bool:
         return False
     part, is_variant = parts[len(whole)], parts[len(whole)] == parts[-1]
     # A make or model is said in full; what comes after it may be cut short, a unit's folder as well.
-    if part.startswith("sn-") and last.lower().startswith("sn-"):
+    if part.startswith(UNIT) and last.lower().startswith(UNIT):
         return part.startswith(last.lower())
     return part.startswith(last.lower()) if is_variant else _is(part, last)
 
 
 def _is_unit(part: str, word: str) -> bool:
     """Whether a word begins the name of a unit's folder: ``sn-0e25``."""
-    return part.startswith("sn-") and len(word) > len("sn-") and part.startswith(word.lower())
+    return part.startswith(UNIT) and len(word) > len(UNIT) and part.startswith(word.lower())
 
 
 def _is(part: str, word: str) -> bool:

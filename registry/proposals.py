@@ -376,6 +376,8 @@ def _proposal(
     for known in (here.proposed, current):
         if known is not None:
             entry = _with_current(entry, known, edited=edited)
+    if entry.label is None and entry.unit is not None:
+        entry = replace(entry, label=snapshot.label_of(entry.unit))
     for known, path, oid in ((current, entry.path, here.oid), (here.proposed, here.path, here.proposed_oid)):
         if known is None:
             continue
@@ -463,6 +465,8 @@ def _with_current(entry: Entry, current: Entry, *, edited: bool) -> Entry:
         sensor=entry.sensor or current.sensor,
         tolerance=entry.tolerance if entry.tolerance is not None else current.tolerance,
         supersedes=entry.supersedes or current.supersedes,
+        label=entry.label or current.label,
+        tags=entry.tags or current.tags,
         extensions={**extensions, **entry.extensions},
     )
 

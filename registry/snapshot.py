@@ -18,9 +18,9 @@ from types import MappingProxyType
 from typing import Annotated, Any
 
 from calibrary.calibration import CameraKey
-from calibrary.errors import InputError, RegistryError, UnknownCameraError
+from calibrary.errors import InputError, RegistryError
 from calibrary.records import Json, Meta, Record
-from calibrary.registry.alias_cache import names_at, names_kept
+from calibrary.registry.alias_cache import label_in, names_at, names_kept
 from calibrary.registry.configuration import Configuration
 from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
@@ -32,7 +32,7 @@ from calibrary.registry.paths import (
     PROPOSALS,
     PROPOSED,
     ROOT,
-    find_path,
+    find_paths,
     folder_of,
     id_of,
     in_use_path,
@@ -40,6 +40,9 @@ from calibrary.registry.paths import (
     is_proposal,
     match_key,
     proposal_path,
+    the_one,
+    unit_folder,
+    unit_paths,
 )
 from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
 from calibrary.registry.writing import parsed
@@ -290,11 +293,9 @@ class Snapshot:
             UnknownCameraError: nothing of that name is proposed, and no entry is so called.
             RegistryError: the KEY fits several.
         """
-        proposed = {in_use_path(path): path for path in self.proposed if is_entry(path)}
-        try:
-            return self.get(proposed[find_path(proposed, in_use_path(key))])
-        except UnknownCameraError:
-            return self.get(key)
+        name = in_use_path(key)
+        waiting = f"{PROPOSED}{name.removeprefix(ROOT)}"
+        return self.get(waiting if self.matching(waiting) else key)
 
     def get(self, key: str) -> StoredEntry:
         """The entry that a KEY means; the proposal, where nothing of that name is in use.
@@ -311,14 +312,52 @@ class Snapshot:
 
     def find(self, key: str) -> str:
         """The path of the entry that a KEY means; errors as of :meth:`get`."""
-        if not is_proposal(key):
-            try:
-                return find_path(self.paths, key)
-            except UnknownCameraError:
-                if not self.proposed:
-                    raise
+        return the_one(self.matching(key), {*self.paths, *map(in_use_path, self.proposed)}, key)
+
+    def matching(self, key: str) -> list[str]:
+        """The paths of all entries that a KEY may mean; the proposals, where nothing of that name is in use.
+
+        Args:
+            key: as of :func:`calibrary.registry.paths.find_paths`, else a unit's label, its serial number or how the
+                hash of that begins; behind it and a slash how the variant begins.
+        """
         proposed = {in_use_path(path): path for path in self.proposed if is_entry(path)}
-        return proposed[find_path(proposed, in_use_path(key))]
+        name = in_use_path(key)
+        if not is_proposal(key) and (found := find_paths(self.paths, name) or self.of_unit(self.paths, name)):
+            return found
+        if not proposed:
+            return []
+        return [proposed[path] for path in find_paths(proposed, name) or self.of_unit(proposed, name)]
+
+    def of_unit(self, paths: Collection[str], key: str) -> list[str]:
+        """Of some paths in ``cameras/`` those that a KEY by a unit's label or serial number may mean."""
+        return unit_paths(paths, key, labels=lambda: self.labels, makes=self._makes)
+
+    @cached_property
+    def labels(self) -> Mapping[str, str]:
+        """The label of every entry that has one, by its path in ``cameras/``; of what is only proposed too."""
+        proposed = sorted(path for path in self.proposed if is_entry(path))
+        waiting = zip(map(in_use_path, proposed), self.read_many(proposed), strict=True)
+        found = {path: label for path, data in waiting if (label := label_in(data)) is not None}
+        if self.repo is not None and self.commit is not None:
+            return found | dict(names_at(self.repo, self.commit).labels)
+        return found | {path: label for path, data in self.files() if (label := label_in(data)) is not None}
+
+    def label_of(self, unit: str | None) -> str | None:
+        """The label of a unit, by its folder in ``cameras/``."""
+        if unit is None:
+            return None
+        return next((label for path, label in sorted(self.labels.items()) if path.startswith(unit)), None)
+
+    def _makes(self) -> dict[str, str]:
+        """The makes of units as their entries write them, by the names of their folders."""
+        found: dict[str, str] = {}
+        for path in (*self.paths, *self.proposed):
+            folder = path.split("/")[1]
+            if folder not in found and unit_folder(path) is not None:
+                with suppress(RegistryError):
+                    found[folder] = self._parsed(path, self.read(path)).calibration.camera.make or ""
+        return found
 
     def index(self) -> RegistryIndex:
         """All entries, for callers that resolve many cameras.

@@ -7,8 +7,7 @@ size and the raw EXIF and XMP; exif, facts and xmp turn those into facts; reader
 from __future__ import annotations
 
 from calibrary.parsers.image_names import IMAGE_SUFFIXES
-from calibrary.parsers.imagery.identity import hash_serial
 from calibrary.parsers.imagery.reader import read_metadata, read_source
 from calibrary.parsers.imagery.source import Source, open_source
 
-__all__ = ["IMAGE_SUFFIXES", "Source", "hash_serial", "open_source", "read_metadata", "read_source"]
+__all__ = ["IMAGE_SUFFIXES", "Source", "open_source", "read_metadata", "read_source"]

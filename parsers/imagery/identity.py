@@ -1,16 +1,11 @@
-"""Who took an image: clean names, and serial numbers that never leave as they came."""
+"""Who took an image: clean names and serial numbers."""
 
 from __future__ import annotations
 
-import hashlib
-
-__all__ = ["MAX_TEXT", "SERIAL_HASH_DIGITS", "clean_serial", "clean_text", "hash_serial"]
+__all__ = ["MAX_TEXT", "clean_serial", "clean_text"]
 
 MAX_TEXT = 200
 """Longer than any make, model or firmware name seen (a Parrot release string has 60 characters)."""
-
-SERIAL_HASH_DIGITS = 16
-"""64 bits: two of a million cameras share a hash with a chance of 3e-8."""
 
 
 def clean_text(raw: str | bytes) -> str | None:
@@ -28,16 +23,6 @@ def clean_serial(raw: str | bytes | None) -> str | None:
     if text is None or not any(character.isalnum() and character != "0" for character in text):
         return None
     return text
-
-
-def hash_serial(make: str | None, serial: str) -> str:
-    """What stands for a serial number wherever anything is written down.
-
-    Two makers may number alike, so the maker is part of it. It keeps the number from readers of a registry;
-    anyone who can list every serial number of a maker can still find it.
-    """
-    digest = hashlib.sha256(b"calibrary serial\0" + (make or "").encode() + b"\0" + serial.encode())
-    return digest.hexdigest()[:SERIAL_HASH_DIGITS]
 
 
 def _decode(raw: bytes) -> str:

@@ -6,12 +6,12 @@ import os
 from dataclasses import dataclass
 
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.known_camera import hash_serial
 from calibrary.parsers.imagery import heif, jpeg, png, tiff
 from calibrary.parsers.imagery.exif import ExifValues, read_block
 from calibrary.parsers.imagery.facts import ExifFacts, exif_facts
 from calibrary.parsers.imagery.gdal import read_gdal_metadata
 from calibrary.parsers.imagery.head import Head
-from calibrary.parsers.imagery.identity import hash_serial
 from calibrary.parsers.imagery.schemas import SerialRank
 from calibrary.parsers.imagery.source import Source, open_source
 from calibrary.parsers.imagery.xmp import XmpFacts, read_xmp

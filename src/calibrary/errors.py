@@ -15,6 +15,7 @@
     ├── ValidationError                  a policy was broken: .report
     ├── RegistryError
     │   ├── UnknownCameraError (KeyError)
+    │   ├── AmbiguousCameraError         a KEY is of several entries; they are named
     │   └── ConflictError                the entry has changed since it was read
     ├── CalibrationError                 a calibration could not be computed
     └── MissingExtraError (ImportError)  a library that the job needs is not installed
@@ -28,6 +29,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 __all__ = [
+    "AmbiguousCameraError",
     "AmbiguousFormatError",
     "BadRationalError",
     "CalibraryError",
@@ -146,6 +148,10 @@ class UnknownCameraError(RegistryError, KeyError):
 
     def __str__(self) -> str:
         return Exception.__str__(self)
+
+
+class AmbiguousCameraError(RegistryError):
+    """A KEY fits several entries; the message names them."""
 
 
 class ConflictError(RegistryError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Any, Final, TypeAlias
@@ -12,12 +13,14 @@ from calibrary.records.limits import require_declared
 
 __all__ = [
     "BANDS",
+    "SERIAL_HASH_DIGITS",
     "SUB_CAMERAS",
     "KnownCamera",
     "Name",
     "Projection",
     "SensorWidth",
     "Text",
+    "hash_serial",
     "normalise_sub_camera",
 ]
 
@@ -47,6 +50,20 @@ _SPELLINGS: Final = {
 _WORDS: Final = {text: word for word, texts in _SPELLINGS.items() for text in texts.split()}
 _LONGEST_TEXT: Final = 200
 _LONGEST_WORD: Final = 48
+
+
+SERIAL_HASH_DIGITS: Final = 16
+"""64 bits: two of a million cameras share a hash with a chance of 3e-8."""
+
+
+def hash_serial(make: str | None, serial: str) -> str:
+    """What stands for a serial number wherever anything is written down.
+
+    Two makers may number alike, so the maker is part of it. It keeps the number from readers of a registry;
+    anyone who can list every serial number of a maker can still find it.
+    """
+    digest = hashlib.sha256(b"calibrary serial\0" + (make or "").encode() + b"\0" + serial.encode())
+    return digest.hexdigest()[:SERIAL_HASH_DIGITS]
 
 
 def normalise_sub_camera(text: str) -> str | None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from calibrary.calibration import CameraKey
-from calibrary.parsers.imagery import hash_serial
+from calibrary.known_camera import hash_serial
 from calibrary.records import replace
 
 __all__ = ["CameraLike", "hash_serial", "overlay"]

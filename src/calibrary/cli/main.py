@@ -13,6 +13,7 @@ from calibrary.cli.commands import Command, add_commands
 from calibrary.cli.parser import Parser
 from calibrary.cli.signals import exit_code
 from calibrary.errors import (
+    AmbiguousCameraError,
     CalibraryError,
     CalibrationError,
     MissingExtraError,
@@ -194,7 +195,7 @@ def _printable(error: Exception) -> str:
 def _exit_code(error: CalibraryError) -> int:
     if isinstance(error, ValidationError | CalibrationError):
         return EXIT_POLICY
-    if isinstance(error, MissingExtraError):
+    if isinstance(error, AmbiguousCameraError | MissingExtraError):
         return EXIT_USAGE
     return EXIT_REGISTRY if isinstance(error, RegistryError) else EXIT_INPUT
 

@@ -12,7 +12,7 @@ import pytest
 
 from calibrary.calibration import Grade, Quality
 from calibrary.cli.main import main
-from calibrary.parsers.imagery import hash_serial
+from calibrary.known_camera import hash_serial
 from calibrary.records import replace
 from calibrary.registry.configuration import default_place
 from calibrary.registry.entry import Alias, Status

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.parsers.imagery import hash_serial, read_metadata
+from calibrary.known_camera import hash_serial
+from calibrary.parsers.imagery import read_metadata
 from calibrary.registry.entry import Alias, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from calibrary.parsers.imagery import hash_serial
+from calibrary.known_camera import hash_serial
 from calibrary.parsers.imagery.identity import clean_serial
 from calibrary.parsers.imagery.schemas import PROPERTIES
 from tests.imagery import ExifField, ExifTags, GpsPosition, XmpItem, attributes

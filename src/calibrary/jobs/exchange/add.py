@@ -15,8 +15,8 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
 from calibrary.errors import InputError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.exchange.argument import Reading, choose, entry_file
-from calibrary.parsers.imagery import hash_serial, read_metadata
-from calibrary.parsers.imagery.identity import SERIAL_HASH_DIGITS
+from calibrary.known_camera import SERIAL_HASH_DIGITS, hash_serial
+from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.plausible import refuse_implausible
 from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Entry, Validity
