@@ -38,6 +38,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "registry-log-1": "calibrary.registry.history:LogReport",
     "registry-blame-1": "calibrary.registry.history:BlameReport",
     "registry-change-1": "calibrary.registry.proposals:ChangeReport",
+    "registry-units-1": "calibrary.registry.units:UnitsReport",
     "registry-sync-1": "calibrary.registry.sync:SyncReport",
     "registry-begun-1": "calibrary.registry.init:InitReport",
     "catalogue-listing-1": "calibrary.catalogue:CatalogueListing",

@@ -36,9 +36,7 @@ def digest_as_proposed(entry: Entry) -> str:
     """
     plain = replace(entry.calibration, notes=())
     return blob_id(
-        entry_yaml(
-            replace(entry, calibration=plain, status=Status.DRAFT, reason=None, label=None, tags=())
-        )
+        entry_yaml(replace(entry, calibration=plain, status=Status.DRAFT, reason=None, label=None, tags=()))
     )
 
 

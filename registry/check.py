@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, groupby
 from types import MappingProxyType
 from typing import Final
@@ -29,6 +30,8 @@ from calibrary.registry.paths import (
     match_key,
     path_of,
     scripts,
+    slug,
+    unit_folder,
 )
 from calibrary.registry.resolution import answering
 from calibrary.validation import Finding, Severity, validate
@@ -103,6 +106,7 @@ def check(
             for rule in _RULES:
                 findings += rule(path, entry, policy)
             findings += tree.references(path, entry)
+            findings += tree.labels(path, entry)
             # A proposal stands beside what it is to replace.
             before = former.get(in_use_path(path)) or (
                 group.get(in_use_path(path)) if is_proposal(path) else None
@@ -140,6 +144,8 @@ class _Tree:
         self.entries = entries
         self.paths: Sequence[str] = sorted(entries)
         self._named: dict[tuple[str, str], dict[str, str]] = {}
+        self._labels: dict[str, dict[str, str]] = {}
+        self._units: dict[str, tuple[str, str]] = {}
 
     def names(self) -> Iterator[Finding]:
         """Paths that a file system without letter case takes for one."""
@@ -170,6 +176,37 @@ class _Tree:
             if entry.is_usable:
                 names = match_key(alias.make), match_key(alias.model)
                 self._named.setdefault(names, {}).setdefault(own, path)
+
+    @cached_property
+    def _words(self) -> dict[str, str]:
+        """Makes and models as KEYs have them, each with an entry of it."""
+        return {word: path for path in self.paths for word in in_use_path(path).split("/")[1:3]}
+
+    def labels(self, path: str, entry: Entry) -> Iterator[Finding]:
+        """What else is called as this entry is: a unit has one label, and no other unit has it."""
+        if entry.label is None:
+            return
+        unit = unit_folder(path) or in_use_path(path)
+        if unit_folder(path) is None:
+            message = f"{entry.label} is the label of one unit, and the entry is of every unit of its model"
+            yield _finding(path, "label", f"{message}; state its serial number", Severity.WARNING)
+        units = self._labels.setdefault(match_key(entry.label), {})
+        units.setdefault(unit, path)
+        first = next(iter(units))
+        if first != unit:
+            message = f"{entry.label} is the label of {units[first]} as well, of another unit"
+            yield _finding(path, "label", f"{message}; 'calibrary registry label KEY OTHER' gives it another")
+        label, other = self._units.setdefault(unit, (entry.label, path))
+        if label != entry.label:
+            message = f"its unit is {entry.label} here and {label} in {other}"
+            yield _finding(
+                path, "label", f"{message}; 'calibrary registry label KEY ONE' says one", Severity.WARNING
+            )
+        taken = self._words.get(slug(entry.label))
+        if taken is not None:
+            yield _finding(
+                path, "label", f"{entry.label} names the cameras of {taken}; call the unit otherwise"
+            )
 
     def _superseded(self, path: str, entry: Entry, target: str) -> Iterator[Finding]:
         there = f"{ROOT}{target}{SUFFIX}"

@@ -11,6 +11,7 @@ from typing import Annotated, Final, Literal
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
+from calibrary.registry.alias_cache import label_in
 from calibrary.registry.approvals import digest_as_proposed, unmet
 from calibrary.registry.check import CheckReport, check, check_order
 from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, configuration_at
@@ -31,6 +32,7 @@ from calibrary.registry.paths import (
     in_use_path,
     is_entry,
     is_proposal,
+    match_key,
 )
 from calibrary.registry.snapshot import Snapshot, StoredEntry, entry_paths, proposal_paths, read_entry_file
 from calibrary.validation import Finding, Severity
@@ -401,11 +403,18 @@ def _met(repo: Repository, listed: Mapping[str, str], touched: Collection[str]) 
     met = {path for path in listed if path in touched or (_model(path) in models and not is_proposal(path))}
     rest = sorted(path for path in listed.keys() - met if not is_proposal(path))
     ids = [id_of(path).encode() for path in touched]
+    own = {path for path in touched if path in listed}
+    labels = {
+        match_key(label)
+        for data in repo.read_many([listed[path] for path in sorted(own)])
+        if (label := label_in(data)) is not None
+    }
     for path, data in zip(rest, repo.read_many([listed[path] for path in rest]), strict=True):
         aliases, supersedes = (word in data for word in MENTIONS)
         if aliases or (supersedes and any(name in data for name in ids)):
             met.add(path)
-    own = {path for path in touched if path in listed}
+        if labels and (label := label_in(data)) is not None and match_key(label) in labels:
+            met.add(path)
     for path, data in zip(sorted(own), repo.read_many([listed[path] for path in sorted(own)]), strict=True):
         met |= _spoken_of(path, data, listed)
     return met

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from datetime import date
 from enum import StrEnum
@@ -207,13 +208,8 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
             raise InputError("an entry's firmware is a range of its own, not part of its camera")
         if not grade.is_metric:
             raise InputError(f"a K of grade {grade.value} is a guess, and a registry takes no guesses")
+        self._require_words()
         require_declared(self)
-        # A pattern's end is also before a last line's end.
-        for name, texts in (("label", (self.label or "",)), ("tags", self.tags)):
-            if any(text != " ".join(text.split()) or not text.isprintable() for text in texts):
-                raise InputError(
-                    "has blanks at an end, several in a row, or what cannot be printed", place=name
-                )
         force_setattr(self, "tags", tuple(sorted(set(self.tags))))
         entry_form.require_entry_values(self.calibration)
         for name in self.extensions:
@@ -222,6 +218,19 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
                 raise InputError(
                     f"{name!r:.60} is not a field of this entry, expected x-… or, in a block it has, block/x-…"
                 )
+
+    def _require_words(self) -> None:
+        """Refuse a label or tag that is none, in words that say more than their pattern does."""
+        label = self.label
+        if label is not None and (
+            re.search(LABEL, label) is None or label != " ".join(label.split()) or not label.isprintable()
+        ):
+            expected = "a name such as P4R-03, without @ / , ; and not beginning with - = + or a quote"
+            raise InputError(f"{label!r:.60} is not a label, expected {expected}", place="label")
+        wrong = next((tag for tag in self.tags if not re.fullmatch(TAG, tag)), None)
+        if wrong is not None:
+            expected = "small letters, digits and . _ -"
+            raise InputError(f"{wrong!r:.60} is not a tag, expected {expected}", place="tags")
 
     def _has(self, block: str) -> bool:
         absent = {

@@ -6,15 +6,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from msgspec import field
 
+from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.records import Record, flat, to_json
+from calibrary.records.schema import schema
 from calibrary.registry.entry import Entry
+from calibrary.registry.entry_form import PARAMETERS
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 
 __all__ = [
@@ -25,6 +29,7 @@ __all__ = [
     "entry_fields",
     "entry_rows",
     "entry_text",
+    "known_fields",
     "std_of",
 ]
 
@@ -61,6 +66,24 @@ def entry_fields(entry: Entry) -> dict[str, Field]:
     if document["distortion"] is None:
         document["distortion"] = "unknown"
     return {name: value for name, value in flat(document).items() if name not in NOT_SHOWN}
+
+
+@cache
+def known_fields() -> frozenset[str]:
+    """Every field that an entry may have, whatever its lens; not what its maps and ``x-`` fields are called."""
+    document = schema(Entry)
+
+    def names(part: Mapping[str, Any], prefix: str) -> Iterator[str]:
+        for one in (part, *part.get("anyOf", ()), *part.get("oneOf", ())):
+            if "$ref" in one:
+                yield from names(document["$defs"][one["$ref"].rpartition("/")[2]], prefix)
+            for name, inner in one.get("properties", {}).items():
+                below = [*names(inner, f"{prefix}{name}.")]
+                yield from below or [f"{prefix}{name}"]
+
+    std = {f"quality.std.{name}" for name in PARAMETERS}
+    lenses = {f"distortion.{name}" for model in MODELS.values() for name in model.names()}
+    return frozenset({*names(document, ""), *std, *lenses} - NOT_SHOWN)
 
 
 def differences(before: Entry | None, after: Entry) -> tuple[FieldChange, ...]:

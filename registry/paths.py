@@ -268,7 +268,7 @@ def unit_paths(
         labels: gives the label of each entry that has one, by path.
         makes: gives the makes of the units as their entries write them, by the names of their folders.
     """
-    word, _, variant = key.strip("/").partition("/")
+    word, _, variant = key.removeprefix(ROOT).strip("/").partition("/")
     named = match_key(word)
     labelled = [path for path, label in labels().items() if match_key(label) == named and path in paths]
     if not labelled:

@@ -19,7 +19,7 @@ from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.writing import Change, Written
-from calibrary.registry.paths import ROOT, SUFFIX, folder_of, proposal_path
+from calibrary.registry.paths import ROOT, SUFFIX, folder_of, match_key, proposal_path
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
@@ -31,6 +31,7 @@ __all__ = [
     "change_report",
     "checked",
     "differs_in_status_only",
+    "needs_no_approval",
     "proposal_of",
     "propose",
     "require_digests",
@@ -38,6 +39,8 @@ __all__ = [
 ]
 
 SHORT_DIGEST: Final = re.compile("[0-9a-f]{8,40}")
+NOT_APPROVED: Final = frozenset({"label", "tags", "notes"})
+"""Fields for people, which decide nothing about which K is used; :mod:`calibrary.registry.approvals` says why."""
 BY_HAND: Final = "numbers changed by hand"
 MOST_UNITS: Final = 8
 """Units that are asked what a camera's K may be, where nothing stands for its model."""
@@ -230,29 +233,48 @@ def propose(
 
 
 def checked(
-    snapshot: Snapshot, items: Sequence[Proposal], verb: str | None = None, *, force: str | None = None
+    snapshot: Snapshot,
+    items: Sequence[Proposal],
+    verb: str | None = None,
+    *,
+    force: str | None = None,
+    only_new: bool = False,
 ) -> Proposals:
     """Proposals with the findings of :func:`calibrary.registry.check.check` on all that would be written.
 
     Only the entries that they can affect are read: those of their models, of their aliases, and those they
-    supersede; what was wrong with others before is left to ``calibrary registry check``.
+    supersede; what was wrong with others before is left to ``calibrary registry check``. With ``only_new`` so is what
+    was wrong with these: a label is not kept from an entry because its K is.
     """
     due = [one for one in items if one.changes]
     if not due:
         return Proposals(items=tuple(items), verb=verb)
     policy = snapshot.configuration.policy
-    before = {path: snapshot.read(path) for path in _concerned(snapshot.paths, [one.entry for one in due])}
+    concerned = {*_concerned(snapshot.paths, [one.entry for one in due]), *_called_alike(snapshot, due)}
+    before = {path: snapshot.read(path) for path in concerned}
+    if only_new:
+        before |= {one.path: snapshot.read(one.path) for one in due if one.base is not None}
     own = {one.path: one.data for one in due if one.data is not None}
     gone = {path for one in due for path, _ in one.replaced}
     former = {one.entry.path: one.current for one in due if one.current is not None}
     known = set(check(before, policy).findings) if before else set()
     left = {path: data for path, data in before.items() if path not in gone}
     found = check({**left, **own}, policy, former).findings
-    findings = tuple(finding for finding in found if finding.place in own or finding not in known)
+    findings = tuple(
+        finding for finding in found if finding not in known or (finding.place in own and not only_new)
+    )
     if force is not None and (contradicted := _contradicted(findings)):
         forced = [_forced(one, force) if one.path in contradicted else one for one in items]
         return checked(snapshot, forced, verb)
     return Proposals(items=tuple(items), findings=findings, verb=verb)
+
+
+def _called_alike(snapshot: Snapshot, due: Sequence[Proposal]) -> Iterator[str]:
+    """The entries in use that have the label of one that is written, whichever camera they are of."""
+    labels = {match_key(one.entry.label) for one in due if one.entry.label is not None}
+    if labels:
+        labelled = snapshot.labels.items()
+        yield from (path for path, label in labelled if match_key(label) in labels and path in snapshot.paths)
 
 
 def _contradicted(findings: Sequence[Finding]) -> set[str | None]:
@@ -321,6 +343,11 @@ def proposal_of(
     )
 
 
+def needs_no_approval(one: Proposal) -> bool:
+    """Whether nothing changes but what an approval is not of."""
+    return {change.name for change in one.changes} <= NOT_APPROVED
+
+
 def differs_in_status_only(one: Proposal) -> bool:
     """Whether nothing changes but whether and why it is used."""
     return {change.name for change in one.changes} <= {"status", "reason"}
@@ -376,8 +403,7 @@ def _proposal(
     for known in (here.proposed, current):
         if known is not None:
             entry = _with_current(entry, known, edited=edited)
-    if entry.label is None and entry.unit is not None:
-        entry = replace(entry, label=snapshot.label_of(entry.unit))
+    entry = replace(entry, label=entry.label or snapshot.label_of(entry.unit))
     for known, path, oid in ((current, entry.path, here.oid), (here.proposed, here.path, here.proposed_oid)):
         if known is None:
             continue

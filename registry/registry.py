@@ -36,7 +36,7 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, Written, identity
 from calibrary.registry.history import EntryRevision, FieldOrigin
 from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
-from calibrary.registry.proposals import Proposal, Proposals, differs_in_status_only
+from calibrary.registry.proposals import Proposal, Proposals, differs_in_status_only, needs_no_approval
 from calibrary.registry.snapshot import Snapshot, StoredEntry, in_its_place, read_entry_file
 from calibrary.registry.sync import Choice
 from calibrary.registry.writing import Note, note_of, parsed, write_changes
@@ -230,7 +230,11 @@ class Registry:
         # The history of an entry goes on across its approval.
         moved = [(old, one.path) for one in due for old, _ in one.replaced if one.base is None]
         note = note or note_of(subject or proposals.subject, [one.entry for one in due], reason)
-        approved = [one for one in due if one.entry.status is Status.APPROVED and one.data is not None]
+        approved = [
+            one
+            for one in due
+            if one.entry.status is Status.APPROVED and one.data is not None and not needs_no_approval(one)
+        ]
         note = replace(note, approved=[digest_as_proposed(one.entry) for one in approved])
         if missing := self._missing(approved, author):
             return self._recorded(approved, missing, note, author=author, branch=branch)

@@ -321,13 +321,17 @@ class Snapshot:
             key: as of :func:`calibrary.registry.paths.find_paths`, else a unit's label, its serial number or how the
                 hash of that begins; behind it and a slash how the variant begins.
         """
+        if not is_proposal(key) and (found := self.in_use(key)):
+            return found
         proposed = {in_use_path(path): path for path in self.proposed if is_entry(path)}
         name = in_use_path(key)
-        if not is_proposal(key) and (found := find_paths(self.paths, name) or self.of_unit(self.paths, name)):
-            return found
         if not proposed:
             return []
         return [proposed[path] for path in find_paths(proposed, name) or self.of_unit(proposed, name)]
+
+    def in_use(self, key: str) -> list[str]:
+        """The paths in ``cameras/`` of all entries that a KEY may mean."""
+        return find_paths(self.paths, key) or self.of_unit(self.paths, key)
 
     def of_unit(self, paths: Collection[str], key: str) -> list[str]:
         """Of some paths in ``cameras/`` those that a KEY by a unit's label or serial number may mean."""

@@ -164,6 +164,8 @@ def entries(draw: st.DrawFn) -> Entry:
         validity=maybe(st.builds(Validity, first=st.dates(), last=st.just(date.max))),
         tolerance=maybe(st.floats(1e-6, 1)),
         supersedes=maybe(texts()),
+        label=maybe(st.sampled_from(["P4R-03", "Drohne 3 (Süd)", "№ 7 #1"])),
+        tags=tuple(draw(st.lists(st.sampled_from(["survey", "lab", "2026", "a.b_c-d"]), max_size=3))),
         extensions=draw(
             st.dictionaries(st.sampled_from(["x-a", "x-b.c", "camera/x-d", "provenance/x-e"]), _plain())
         ),

@@ -23,7 +23,7 @@ from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written
 from calibrary.registry.locking import Lock, lock_yaml, pinned, usable_paths
-from calibrary.registry.paths import find_path
+from calibrary.registry.paths import the_one
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding
@@ -169,7 +169,7 @@ def locked(snapshot: Snapshot, what: Sequence[str | Path], *, recursive: bool) -
             paths += found
             unanswered += without
         else:
-            paths.append(find_path(snapshot.index().paths, str(one)))
+            paths.append(the_one(snapshot.in_use(str(one)), snapshot.paths, str(one)))
     if not what:
         paths = usable_paths(snapshot)
     if not paths:

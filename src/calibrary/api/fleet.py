@@ -14,14 +14,18 @@ from calibrary.api.stated import CameraLike, overlay
 from calibrary.errors import RegistryError
 from calibrary.progress import Progress, labelled
 from calibrary.registry.configuration import default_place, find_registry
+from calibrary.registry.editing import assigned, edit, labelling, parse_assignment, retagged
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.init import folder_for, init, init_from
+from calibrary.registry.paths import unit_folder
 from calibrary.registry.proposals import require_digests
+from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.sync import Choice, remote_named
 
 if TYPE_CHECKING:
     from calibrary.api.exchange import ImportResult, Reading, Stated
+    from calibrary.api.units import UnitsChange
     from calibrary.registry.git.remotes import Pulled
 
 COMMIT: Final = re.compile("[0-9a-f]{7,40}")
@@ -57,6 +61,8 @@ class Fleet(FleetView):
         force: str | None = None,
         branch: str | None = None,
         valid: Validity | None = None,
+        label: str | None = None,
+        tags: Sequence[str] = (),
     ) -> ProposedChange:
         """The entries that a calibration file, an image or an entry's file would become; nothing is written yet.
 
@@ -73,6 +79,8 @@ class Fleet(FleetView):
             force: why to take a K that contradicts what is known of its camera; it stays visible.
             branch: to propose it on, for a pull request; the one that is checked out when not given.
             valid: the days that images may be of for it; every day when not given.
+            label: what the unit is called, "P4R-03"; as it is called already when not given.
+            tags: short words to find it by.
 
         Raises:
             InputError: it cannot be read, its camera is not known, or its K is a guess.
@@ -97,6 +105,8 @@ class Fleet(FleetView):
             force=force,
             branch=branch,
             validity=valid,
+            label=label,
+            tags=tuple(tags),
         )
         proposals = propose_file(self.registry, Path(file), reading or Reading(), request)
         return ProposedChange(self.registry, proposals, Path(file), branch=branch)
@@ -155,6 +165,81 @@ class Fleet(FleetView):
         if digests or seen:
             require_digests(proposals, (*digests, *seen))
         return ProposedChange(self.registry, proposals)
+
+    def propose_label(self, key: str, label: str | None) -> ProposedChange:
+        """All entries of a unit with a label, or without one; nothing is written yet.
+
+        Args:
+            key: of the unit, such as "dji/fc6310r/sn-0e25", its serial number or its label; or of one of its entries.
+            label: as "P4R-03"; None takes it away.
+
+        Raises:
+            InputError: it is not a label.
+            RegistryError: there is no such unit, or several.
+        """
+        registry = self.registry
+        return ProposedChange(registry, labelling(registry.snapshot(), key, label))
+
+    def propose_edit(
+        self,
+        keys: Sequence[str] = (),
+        assignments: Sequence[str] = (),
+        *,
+        where: Sequence[str] = (),
+        add_tags: Sequence[str] = (),
+        remove_tags: Sequence[str] = (),
+        approve: bool = False,
+    ) -> ProposedChange:
+        """Labels, tags, notes or days of many entries; nothing is written yet.
+
+        Labels, tags and notes are written where the entry is. Other days are a proposal, unless ``approve`` is said.
+
+        Args:
+            keys: of entries; of a unit's label, all of the unit.
+            assignments: as "tags+=survey", "notes=spare lens", "valid-until=2026-05-01".
+            where: conditions as of :meth:`FleetView.listing`; all entries that they choose, beside those of the keys.
+            add_tags: that these entries get.
+            remove_tags: that they lose.
+            approve: use other days at once, if the check has nothing against it.
+
+        Raises:
+            InputError: a condition, field or value is none.
+            RegistryError: there is no such entry.
+        """
+        registry = self.registry
+        snapshot = registry.snapshot()
+        said = [parse_assignment(text) for text in assignments]
+        steps = [assigned(said), retagged(add_tags, remove_tags)]
+        paths = dict.fromkeys(path for key in keys for path in self._meant(snapshot, key))
+        if where:
+            paths |= dict.fromkeys(one.path for one in self.listing(where=where).entries)
+        words = list(
+            dict.fromkeys([*(one.field for one in said), *(["tags"] if add_tags or remove_tags else [])])
+        )
+        edits = dict.fromkeys(paths, lambda entry: steps[1](steps[0](entry)))
+        verb = f"Set {', '.join(words)} of"
+        return ProposedChange(registry, edit(snapshot, edits, verb=verb, approve=approve))
+
+    @staticmethod
+    def _meant(snapshot: Snapshot, key: str) -> list[str]:
+        """The entry that a KEY means, or all entries of the one unit that it means."""
+        found = snapshot.matching(key)
+        units = {unit_folder(path) for path in found}
+        return found if len(units) == 1 and None not in units else [snapshot.find(key)]
+
+    def import_units(self, file: str | Path) -> UnitsChange:
+        """What a table of units says of labels, tags and notes; nothing is written yet.
+
+        Args:
+            file: as :meth:`FleetView.export_units` writes it, saved by any spreadsheet; or of one's own, with the
+                columns ``serial`` and ``label``.
+
+        Raises:
+            InputError: it cannot be read, or is not such a table. What is wrong with a row is in the result.
+        """
+        from calibrary.api.units import UnitsChange
+
+        return UnitsChange.of(self.registry, Path(file))
 
     def _looked_at(self, keys: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
         """KEYs without their revision, and the ids of the files that those with one had there.

@@ -30,6 +30,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.fields import differences
 from calibrary.registry.history import recorded
 from calibrary.registry.paths import in_use_path
+from calibrary.registry.query import parse_where, select
 from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 
@@ -138,11 +139,28 @@ class FleetView:
         return Question(key=known.key, known_by="what was said")
 
     def listing(
-        self, words: Sequence[str] = (), *, statuses: Collection[str] = (), grades: Collection[str] = ()
+        self,
+        words: Sequence[str] = (),
+        *,
+        statuses: Collection[str] = (),
+        grades: Collection[str] = (),
+        where: Sequence[str] = (),
+        sort: str | None = None,
     ) -> EntryListing:
-        """The entries whose id holds every word, of these statuses and grades; of all where none are given.
+        """The entries whose id or label holds every word, of these statuses and grades; of all where none are given.
 
         A proposal is listed where it is of a camera that has no entry in use, and wherever drafts are asked for.
+
+        Args:
+            words: parts of the id or of the label.
+            statuses: of the entries.
+            grades: of the entries.
+            where: conditions such as "grade=calibrated date<2025-01-01 label~P4R"; :mod:`calibrary.registry.query` says
+                how they are written.
+            sort: fields such as "date,-fx", the - for the largest first; by id when not given.
+
+        Raises:
+            InputError: a condition or a field is none.
 
         >>> [stored.id for stored in calibrary.open_registry("fleet").listing(["fc6310r"]).entries]
         ['dji/fc6310r/5472x3648']
@@ -157,11 +175,13 @@ class FleetView:
         found = tuple(
             stored
             for stored in (*snapshot.entries(unreadable=unreadable.append), *waiting)
-            if all(word.lower() in stored.id for word in words)
+            if all(word.lower() in f"{stored.id} {stored.entry.label or ''}".lower() for word in words)
             and (not statuses or stored.entry.status.value in statuses)
             and (not grades or stored.entry.calibration.grade.value in grades)
         )
-        return EntryListing(tuple(sorted(found, key=lambda one: one.id)), tuple(unreadable))
+        conditions = [one for text in where for one in parse_where(text)]
+        chosen = select(sorted(found, key=lambda one: one.id), conditions, sort)
+        return EntryListing(chosen.entries, tuple(unreadable), chosen, {*snapshot.paths, *snapshot.proposed})
 
     def show(self, key: str, *, against: str | None = None) -> ShownEntry:
         """One entry.
@@ -334,6 +354,21 @@ class FleetView:
         from calibrary.api.exchange import exported
 
         return exported(self.snapshot, format, Path(out), statuses, max_error_px)
+
+    def export_units(self, out: str | Path, *, where: Sequence[str] = (), excel: bool = False) -> int:
+        """Write the entries as a table for a spreadsheet, a row each; how many there are.
+
+        Args:
+            out: the CSV file.
+            where: conditions as of :meth:`listing`; all entries when not given.
+            excel: as Excel reads it where the comma is the decimal sign.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        from calibrary.api.units import write_units
+
+        return write_units(self.listing(where=where), Path(out), excel=excel)
 
     def lock(self, what: Sequence[str | Path] = (), *, recursive: bool = False) -> LockResult:
         """Pin entries as they are, so that a run can be repeated on the same ones; nothing is written yet.

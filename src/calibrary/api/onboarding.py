@@ -88,6 +88,7 @@ def onboard(
     trust: str | None = None,
     only: str | None = None,
     stated: Stated | None = None,
+    label: str | None = None,
     workers: int = 0,
     progress: Progress | None = None,
 ) -> OnboardResult:
@@ -106,6 +107,7 @@ def onboard(
         trust: "board", "file" or "tags": the source to trust where sources disagree and nothing else decides.
         only: a part of the name of the cameras that are meant.
         stated: date, tool and operator of calibrations that do not say them.
+        label: what the unit is called, "P4R-03"; a K that serves the whole model gets none.
         workers: processes; 0 decides by itself.
         progress: called with (done, in all, what): files that are sorted, then frames that are searched.
 
@@ -133,6 +135,7 @@ def onboard(
         trusted=Kind(trust) if trust is not None else None,
         only=only,
         stated=stated or Stated(),
+        label=label,
         workers=workers,
         progress=progress,
     )

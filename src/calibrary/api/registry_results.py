@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
@@ -13,7 +13,7 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.jobs.exchange.add import save_file
 from calibrary.jobs.exchange.resolve import Answer, resolution_report
-from calibrary.records import Json, to_json
+from calibrary.records import Json, replace, to_json
 from calibrary.registry import history, snapshot
 from calibrary.registry.check_registry import Checked, document_of
 from calibrary.registry.entry import Entry, Status
@@ -32,6 +32,7 @@ from calibrary.registry.history import (
 from calibrary.registry.init import DRIVER, DRIVER_COMMAND, Initialised, install_driver
 from calibrary.registry.paths import id_of
 from calibrary.registry.proposals import Proposals, change_report
+from calibrary.registry.query import Selection, short_ids
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import RejectedEntry
 from calibrary.registry.snapshot import Snapshot, StoredEntry
@@ -117,10 +118,24 @@ class FleetAnswer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EntryListing:
-    """Entries of a registry, and what is wrong with those that cannot be read."""
+    """Entries of a registry, and what is wrong with those that cannot be read.
+
+    Attributes:
+        entries: chosen and sorted.
+        unreadable: of entries that cannot be read.
+        chosen: the same with every field of each.
+        paths: of all entries of the registry.
+    """
 
     entries: tuple[StoredEntry, ...]
     unreadable: tuple[RegistryError, ...]
+    chosen: Selection
+    paths: Collection[str]
+
+    def short_ids(self) -> list[str]:
+        """KEYs of the entries, with the hashes of units as short as they may be."""
+        short = short_ids(self.paths)
+        return [short[one.path] for one in self.entries]
 
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
@@ -235,7 +250,7 @@ class ProposedChange:
 
         found = {}
         for one in self.proposals.due:
-            if one.current is None or one.current.calibration == one.entry.calibration:
+            if one.current is None or _unnoted(one.current) == _unnoted(one.entry):
                 continue
             with suppress(CalibraryError):
                 found[one.entry.id] = compare(
@@ -261,6 +276,11 @@ class ProposedChange:
     def to_dict(self) -> dict[str, Json]:
         """What was written, or would be, as plain data for JSON (schemas/registry-change-1.schema.json)."""
         return to_json(change_report(self.registry.repo.path, self.proposals, self.written))
+
+
+def _unnoted(entry: Entry) -> Calibration:
+    """What of an entry is compared in pixels."""
+    return replace(entry.calibration, notes=())
 
 
 @dataclass(slots=True, eq=False)

@@ -10,7 +10,7 @@ from calibrary.cli.reading import image_size
 if TYPE_CHECKING:
     from calibrary.calibration import CameraKey
 
-__all__ = ["add_camera_flags", "camera_of"]
+__all__ = ["add_camera_flags", "add_label_flag", "camera_of"]
 
 TEXTS = ("make", "model", "sub_camera", "lens", "capture_mode", "firmware")
 
@@ -36,6 +36,13 @@ def add_camera_flags(parser: argparse.ArgumentParser, *, with_image_size: bool =
         )
     group.add_argument("--serial", metavar="NUMBER", help="of one unit; only a hash of it is kept")
     group.add_argument("--firmware", metavar="VERSION", help="as the camera writes it")
+
+
+def add_label_flag(parser: argparse.ArgumentParser) -> None:
+    """Add ``--label``."""
+    parser.add_argument(
+        "--label", metavar="NAME", help="what you call the unit, as P4R-03; a KEY from then on"
+    )
 
 
 def camera_of(arguments: argparse.Namespace, known: CameraKey) -> CameraKey:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from calibrary.cli.calibrate.flags import number
-from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.camera_flags import add_camera_flags, add_label_flag, camera_of
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
 from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask, deciding_screen
@@ -80,6 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", metavar="TEXT", help="only cameras whose name holds this, such as M3T wide")
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
     add_stated_flags(parser)
+    add_label_flag(parser)
     parser.add_argument(
         "--workers", type=_count, default=0, metavar="N", help="processes that look at images"
     )
@@ -145,6 +146,7 @@ def _onboarded(arguments: argparse.Namespace, remarks: Screen) -> OnboardResult:
             trust=arguments.trust,
             only=arguments.only,
             stated=stated_of(arguments),
+            label=arguments.label,
             workers=arguments.workers,
             progress=bar,
         )

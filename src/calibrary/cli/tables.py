@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.text import Text
 
-__all__ = ["Column", "facts", "fitted"]
+__all__ = ["Column", "facts", "fitted", "single_lines"]
 
 GAP = 2
 BELOW = 4
@@ -76,6 +76,44 @@ def fitted(
         shown = {i for i, cell in zip(kept, beside, strict=True) if cell.plain}
         lines += _stacked([(columns[i], row[i]) for i in range(len(columns)) if i not in shown], width)
     return lines
+
+
+def single_lines(
+    columns: Sequence[Column], rows: Sequence[Sequence[str]], width: int
+) -> tuple[list[Text], list[str]]:
+    """The lines of a table of one line a row, and the names of the columns that are left out for it.
+
+    The columns of the highest ranks leave until the table is no wider than ``width``; those of rank 0 never do, and
+    make longer lines rather than more of them. Cells are in rich's markup.
+    """
+    from rich.text import Text
+
+    cells = [[Text.from_markup(cell, style=columns[i].style) for i, cell in enumerate(row)] for row in rows]
+    kept = [i for i in range(len(columns)) if any(row[i].plain for row in cells)]
+    widths = {i: max(_wide(columns[i].name), *(row[i].cell_len for row in cells)) for i in kept}
+    left_out = []
+    while sum(widths[i] + GAP for i in kept) - GAP > width:
+        leaving = max(kept, key=lambda i: (columns[i].rank, i))
+        if columns[leaving].rank == 0:
+            break
+        kept.remove(leaving)
+        left_out.append(columns[leaving].name)
+    lines = []
+    for row in ([Text(column.name, "bold") for column in columns], *cells):
+        line = Text()
+        for i in kept:
+            padding = " " * (widths[i] - row[i].cell_len)
+            gap = " " * GAP if i != kept[0] else ""
+            line += Text(gap) + (Text(padding) + row[i] if columns[i].right else row[i] + Text(padding))
+        line.rstrip()
+        lines.append(line)
+    return lines, left_out
+
+
+def _wide(name: str) -> int:
+    from rich.cells import cell_len
+
+    return cell_len(name)
 
 
 def facts(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:

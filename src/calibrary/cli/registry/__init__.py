@@ -20,6 +20,10 @@ LISTED = (
     ("approve", "put entries to use"),
     ("hold", "use entries and pin them"),
     ("retire", "stop using entries"),
+    ("label", "say what you call a unit, and name it so from then on"),
+    ("tag", "give entries tags, or take them away"),
+    ("set", "set labels, tags, notes or days of many entries"),
+    ("units", "export the units as a table for a spreadsheet, and import it"),
     ("log", "list the revisions of an entry, or of all"),
     ("blame", "show who last changed each field"),
     ("export", "write all entries for another program"),
@@ -30,7 +34,7 @@ LISTED = (
     ("site", "write the registry as web pages"),
     ("serve", "show the registry in a browser on this machine"),
 )
-MODULES = {"import": "import_", "list": "list_"}
+MODULES = {"import": "import_", "list": "list_", "set": "set_"}
 """Of the commands whose names Python has for itself."""
 
 DESCRIPTION = "Keep the fleet's calibrations: one YAML file a camera, in git, with history and review."
@@ -38,8 +42,11 @@ EXAMPLES = """\
 The registry is the one named with --registry, else $CALIBRARY_REGISTRY, else the nearest registry.yaml in this
 folder or above it, else your own.
 
-KEY is make/model[/variant] in any case, as short as it is unambiguous: fc6310r, dji/fc6310r. KEY@REV is what it
-was: at a commit, tag or branch, on a day (fc6310r@2026-05-01), or for a firmware (fc6310r@firmware:01.09).
+KEY is make/model[/variant] in any case, as short as it is unambiguous: fc6310r, dji/fc6310r. A unit's label (P4R-03),
+its serial number, or how the hash of that begins (0e25) are KEYs too; P4R-03/5472 is one of its entries.
+
+KEY@REV is what it was: at a commit, tag or branch, on a day (fc6310r@2026-05-01), or for a firmware
+(fc6310r@firmware:01.09).
 
 exit codes: 0 good; 1 something is wrong with an entry; 2 usage; 3 an input cannot be read; 4 the registry.
 """

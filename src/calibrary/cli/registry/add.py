@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.camera_flags import add_camera_flags, add_label_flag, camera_of
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.reading import add_reading_flags, reading_of
 from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
@@ -33,6 +33,7 @@ examples:
   calibrary registry add flight/DJI_0001.JPG                what the image's metadata say
   calibrary registry add cameras.txt --camera 2 --sub-camera ''    the second camera, without the file's own number
   calibrary registry add cameras/dji/fc6310r/5472x3648.yaml --reason "focus was re-set"
+  calibrary registry add camera.xml --serial 0V2LG3H0 --label P4R-03      of one unit, and what you call it
   calibrary registry add camera.xml --branch new-lens       for a pull request
 
 What is added is proposed: it lies in proposals/, beside what is in use, until it is approved. K is held against the
@@ -68,6 +69,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="propose it on this branch, for a pull request; made if it is not there",
     )
     add_validity_flags(parser)
+    add_label_flag(parser)
+    parser.add_argument(
+        "--tag", action="append", metavar="WORD", help="to find it by; several times for several"
+    )
     add_force_flag(parser)
     parser.add_argument(
         "--override-held", action="store_true", help="take the place of an entry that a person pinned"
@@ -134,6 +139,8 @@ def _proposed(arguments: argparse.Namespace) -> ProposedChange:
         force=force_of(arguments),
         branch=arguments.branch,
         valid=validity_of(arguments),
+        label=arguments.label,
+        tags=arguments.tag or (),
     )
 
 

@@ -24,6 +24,7 @@ __all__ = [
     "show_changes",
     "show_conflict",
     "show_differences",
+    "show_edits",
     "show_findings",
     "show_written",
 ]
@@ -40,6 +41,36 @@ def show_changes(screen: Screen, proposals: Iterable[Proposal]) -> None:
             screen.show(change_table(one.changes, screen.width - 2, only_after=one.is_new), indent=2)
         for warning in one.warnings:
             screen.say(f"  [yellow]note[/] {plain(warning)}")
+
+
+EDITED = (
+    Column(name="entry"),
+    Column(name="field", style="dim"),
+    Column(name="before", rank=1, wraps=True),
+    Column(name="after", wraps=True),
+)
+
+
+def show_edits(screen: Screen, proposals: Iterable[Proposal]) -> None:
+    """What many entries say anew, a row a field."""
+    from calibrary.cli.console import plain
+
+    proposals = [*proposals]
+    rows = [
+        (
+            plain(one.entry.id),
+            change.name,
+            plain(field_text(change.before)),
+            plain(field_text(change.after)),
+        )
+        for one in proposals
+        for change in one.changes
+    ]
+    if rows:
+        screen.show(fitted(EDITED, rows, screen.width))
+    for one in proposals:
+        for warning in one.warnings:
+            screen.say(f"[yellow]note[/] {plain(one.entry.id)}: {plain(warning)}")
 
 
 CHANGED = (

@@ -101,13 +101,28 @@ def decide(
     status: str,
     *,
     is_agreed: Callable[[argparse.Namespace, ProposedChange], bool] = lambda *_: True,
+    as_table: bool = False,
 ) -> int:
-    """Show what changes, write it if that is agreed, and show the commit; 1 where the check finds an error."""
+    """Show what changes, write it if that is agreed, and show the commit; 1 where the check finds an error.
+
+    Args:
+        arguments: of the command.
+        change: to show and write.
+        status: that the entries have then, or what was done to them.
+        is_agreed: whether to write it.
+        as_table: show the changes of all entries as one table, as suits a few fields of many.
+    """
     from calibrary.cli.console import errors, out
-    from calibrary.cli.registry.changes import show_changes, show_differences, show_findings, show_written
+    from calibrary.cli.registry.changes import (
+        show_changes,
+        show_differences,
+        show_edits,
+        show_findings,
+        show_written,
+    )
 
     screen, proposals, code = out(arguments), change.proposals, 0
-    show_changes(screen, proposals.items)
+    (show_edits if as_table else show_changes)(screen, proposals.items)
     show_differences(screen, change)
     show_findings(screen, proposals.findings)
     if proposals.errors:
@@ -121,6 +136,8 @@ def decide(
         )
     elif proposals.due:
         screen.say("nothing was written")
+    elif as_table:
+        screen.say("nothing to change: the registry says all of it already")
     if arguments.json:
         print_json(change.to_dict())
     return code

@@ -1,29 +1,44 @@
-"""``calibrary registry list``: the cameras of the fleet."""
+"""``calibrary registry list``: the cameras of the fleet, chosen and sorted by any field."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.parser import Parser
 from calibrary.cli.registry.place import add_registry_flag, opened
-from calibrary.cli.tables import Column, fitted
+from calibrary.cli.tables import Column, single_lines
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from calibrary.api.registry_results import EntryListing
     from calibrary.cli.console import Screen
     from calibrary.registry.snapshot import StoredEntry
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
+__all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "add_where_flag", "run"]
 
-DESCRIPTION = "List the cameras of the fleet, one row an entry."
-EXAMPLES = """\
+DESCRIPTION = "List the cameras of the fleet, one line an entry, chosen and sorted by any of their fields."
+CONDITIONS = """\
+conditions, of which all have to hold:
+  field=VALUE     is one of VALUE,VALUE…; of tags, has one        field!=VALUE   is none of them
+  field~TEXT      holds one of TEXT,TEXT…, in any case            field!~TEXT    holds none of them
+  field<VALUE     also <=, >, >=: numbers, days, text             field, !field  is stated, is not stated
+A day may be cut short: date=2026-05. Values with blanks or commas are quoted: notes~"spare lens".
+Fields: id label unit tags notes status grade firmware make model serial lens focal size fx fy cx cy date tool operator
+rms sigma from until distortion …, and every field that 'calibrary registry show KEY' prints: quality.views, k1.
+"""
+EXAMPLES = f"""\
 examples:
   calibrary registry list
   calibrary registry list dji --status approved
+  calibrary registry list --where 'grade=calibrated date<2025-01-01 label~P4R' --sort date,-fx
+  calibrary registry list --where 'tags=survey !until' --columns label,fx,sigma,date
   calibrary registry list --at 2026-05-01 --json
-"""
+  calibrary registry list --format csv > fleet.csv
+
+{CONDITIONS}"""
 
 
 EXIT_UNREADABLE = 1
@@ -31,9 +46,27 @@ GRADES = ("calibrated", "adjusted", "design", "derived")
 """Those of an entry: the metric ones of :class:`calibrary.calibration.Grade`, without what that module loads."""
 
 
+class _ListParser(Parser):
+    """Takes the ``-fx`` of ``--sort -fx`` for a field, where argparse sees a flag."""
+
+    # The base has four overloads of this one signature; Any says the same as all of them.
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As the base, from the arguments after the command's name."""
+        words = list(args or ())
+        if "--sort" in words[:-1]:
+            at = words.index("--sort")
+            words[at : at + 2] = [f"--sort={words[at + 1]}"]
+        return super().parse_known_args(words, namespace)
+
+
+PARSER = _ListParser
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("words", nargs="*", metavar="WORD", help="only entries whose id holds every word")
+    parser.add_argument(
+        "words", nargs="*", metavar="WORD", help="only entries whose id or label holds every word"
+    )
     parser.add_argument(
         "--status",
         action="append",
@@ -46,9 +79,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=GRADES,
         help="only entries of this grade; may be given several times",
     )
+    add_where_flag(parser)
+    parser.add_argument("--sort", metavar="FIELDS", help="by these, as date,-fx; - for the largest first")
+    parser.add_argument("--columns", metavar="FIELDS", help="show these, as label,fx,date")
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
     add_registry_flag(parser)
     add_json_flag(parser)
+    parser.add_argument(
+        "--format", choices=("table", "csv"), default="table", help="csv for a spreadsheet; default: table"
+    )
+
+
+def add_where_flag(parser: argparse.ArgumentParser) -> None:
+    """Add ``--where``."""
+    parser.add_argument(
+        "--where",
+        action="append",
+        default=[],
+        metavar="CONDITIONS",
+        help="only entries of which these hold; see below",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -56,52 +106,91 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import errors, note, out, plain
 
     found = opened(arguments, arguments.at).listing(
-        arguments.words, statuses=arguments.status or (), grades=arguments.grade or ()
+        arguments.words,
+        statuses=arguments.status or (),
+        grades=arguments.grade or (),
+        where=arguments.where,
+        sort=arguments.sort,
     )
+    named = found.chosen.columns(arguments.columns) if arguments.columns is not None else None
     if arguments.json:
         print_json(found.to_dict())
-    else:
-        _show(out(arguments), found.entries)
-        if not found.entries and not found.unreadable:
-            note(arguments).say("no entry fits; 'calibrary registry add FILE' puts one in")
+    elif arguments.format == "csv":
+        _print_csv(found, named)
+    elif found.entries:
+        _show(out(arguments), note(arguments), found, named)
+    elif not found.unreadable:
+        note(arguments).say("no entry fits; 'calibrary registry add FILE' puts one in")
     for error in found.unreadable:
         errors().say(f"[red]not listed[/] {plain(str(error))}")
     return EXIT_UNREADABLE if found.unreadable else 0
 
 
 COLUMNS = (
+    Column(name="label"),
     Column(name="entry"),
     Column(name="status", rank=1),
-    Column(name="grade", rank=3),
     Column(name="fx px", rank=2, right=True),
-    Column(name="cx px", rank=6, right=True),
-    Column(name="cy px", rank=6, right=True),
-    Column(name="distortion", rank=5),
+    Column(name="grade", rank=3),
     Column(name="made on", rank=4),
+    Column(name="tags", rank=5),
+    Column(name="distortion", rank=6),
+    Column(name="cx px", rank=7, right=True),
+    Column(name="cy px", rank=7, right=True),
 )
 STYLES = {"approved": "green", "held": "cyan", "draft": "yellow", "retired": "dim"}
+K_FIELDS = tuple(f"intrinsics.{name}" for name in ("fx", "fy", "cx", "cy"))
+CSV_FIELDS = ("label", "id", "status", "grade", *K_FIELDS, "provenance.date", "firmware", "tags")
 
 
-def _show(screen: Screen, listed: Sequence[StoredEntry]) -> None:
+def _show(screen: Screen, remarks: Screen, found: EntryListing, named: Sequence[str] | None) -> None:
     from calibrary.cli.console import plain
 
-    rows = []
-    for stored in listed:
-        calibration, status = stored.entry.calibration, stored.entry.status.value
-        state = "proposed" if stored.is_pending else status
-        state += ", proposal pending" if stored.proposal is not None else ""
-        K = calibration.intrinsics
-        rows.append(
-            (
-                plain(stored.id),
-                f"[{STYLES[status]}]{state}[/]",
-                calibration.grade.value,
-                f"{K.fx:.2f}",
-                f"{K.cx:.2f}",
-                f"{K.cy:.2f}",
-                calibration.distortion.model if calibration.distortion is not None else "unknown",
-                plain(calibration.provenance.date or ""),
-            )
-        )
-    if rows:
-        screen.show(fitted(COLUMNS, rows, screen.width))
+    if named is not None:
+        columns = tuple(Column(name=field.rpartition(".")[2]) for field in named)
+        rows = [tuple(plain(_text(row.get(field))) for field in named) for row in found.chosen.rows]
+    else:
+        columns = COLUMNS
+        rows = [_row(one, short) for one, short in zip(found.entries, found.short_ids(), strict=True)]
+    lines, left_out = single_lines(columns, rows, screen.width)
+    screen.show(lines)
+    if left_out and remarks.is_terminal:
+        remarks.say(f"[dim]left out in this width: {', '.join(left_out)}; --columns chooses others[/]")
+
+
+def _row(stored: StoredEntry, short: str) -> tuple[str, ...]:
+    from calibrary.cli.console import plain
+
+    entry, status = stored.entry, stored.entry.status.value
+    calibration = entry.calibration
+    K, lens = calibration.intrinsics, calibration.distortion
+    state = "proposed" if stored.is_pending else status
+    state += ", proposal pending" if stored.proposal is not None else ""
+    return (
+        plain(entry.label or ""),
+        plain(short),
+        f"[{STYLES[status]}]{state}[/]",
+        f"{K.fx:.2f}",
+        calibration.grade.value,
+        plain((calibration.provenance.date or "")[:10]),
+        plain(" ".join(entry.tags)),
+        lens.model if lens is not None else "unknown",
+        f"{K.cx:.2f}",
+        f"{K.cy:.2f}",
+    )
+
+
+def _text(value: object) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(map(str, value))
+    return f"{value:.10g}" if isinstance(value, float) else "" if value is None else str(value)
+
+
+def _print_csv(found: EntryListing, named: Sequence[str] | None) -> None:
+    import sys
+
+    from calibrary.api.units import csv_text
+
+    fields = named or CSV_FIELDS
+    rows = [[row.get(field) for field in fields] for row in found.chosen.rows]
+    sys.stdout.write(csv_text([field.rpartition(".")[2] for field in fields], rows))

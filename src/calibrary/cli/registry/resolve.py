@@ -78,6 +78,7 @@ def _show(screen: Screen, found: FleetAnswer, resolution: Resolution) -> None:
     at = f" at {found.commit[:12]}" if found.commit is not None else ""
     rows = [
         ("camera", f"{found.camera}, by {found.answer.question.known_by}"),
+        ("label", entry.label or ""),
         ("entry", f"{resolution.path}{at}, {entry.status.value}"),
         ("reason", resolution.why.removeprefix(f"{resolution.path} ")),
         ("adapted", made.adaptation or "no, it is of this size"),

@@ -105,7 +105,8 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
     from calibrary.cli.tables import facts
 
     stored = shown.stored
-    screen.say(f"[bold]{plain(stored.id)}[/]")
+    label = f"{stored.entry.label}  " if stored.entry.label is not None else ""
+    screen.say(f"[bold]{plain(label + stored.id)}[/]")
     place = [
         ("file", stored.path),
         ("digest of the file", (stored.oid or "")[:12]),

@@ -78,6 +78,8 @@ class AddRequest:
         force: why to take a K that contradicts what is known of its camera.
         branch: on which they are proposed; None for the one that is checked out.
         validity: the days that images may be of for them; None leaves what an entry's file states.
+        label: what the keeper calls the unit; None leaves what it is called.
+        tags: added to those of the entry.
     """
 
     key: Callable[[CameraKey], CameraKey] = lambda known: known
@@ -90,6 +92,8 @@ class AddRequest:
     force: str | None = None
     branch: str | None = None
     validity: Validity | None = None
+    label: str | None = None
+    tags: tuple[str, ...] = ()
 
 
 def propose_file(registry: Registry, path: Path, reading: Reading, request: AddRequest) -> Proposals:
@@ -226,6 +230,8 @@ def _from_calibration(
             ),
             firmware=request.firmware,
             validity=request.validity,
+            label=request.label,
+            tags=request.tags,
         ), tuple(warnings)
     except InputError as error:
         raise type(error)(error.message, source=source.name, place=error.place) from None
@@ -250,7 +256,8 @@ def _from_entry(entry: Entry, request: AddRequest) -> tuple[Entry, tuple[str, ..
         notes=_notes(entry.calibration, request),
     )
     firmware, validity = request.firmware or entry.firmware, request.validity or entry.validity
-    return replace(entry, calibration=calibration, firmware=firmware, validity=validity), warnings
+    named = replace(entry, label=request.label or entry.label, tags=(*entry.tags, *request.tags))
+    return replace(named, calibration=calibration, firmware=firmware, validity=validity), warnings
 
 
 def _notes(calibration: Calibration, request: AddRequest) -> tuple[str, ...]:

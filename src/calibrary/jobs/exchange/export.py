@@ -6,8 +6,6 @@ left out and reported, and so is how exactly it represents the rest.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +21,7 @@ from calibrary.records import Meta, Record
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.snapshot import StoredEntry
+from calibrary.registry.spreadsheet import csv_text
 
 __all__ = ["TABLES", "Export", "ExportReport", "Exported", "NotExported", "export", "report_of"]
 
@@ -278,12 +277,8 @@ def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: flo
 
 
 def _csv(stored: Sequence[StoredEntry]) -> bytes:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    for one in stored:
-        writer.writerow({name: _cell(value) for name, value in _row(one).items()})
-    return text.getvalue().encode()
+    rows = (_row(one) for one in stored)
+    return csv_text(COLUMNS, ([row[name] for name in COLUMNS] for row in rows)).encode()
 
 
 def _row(one: StoredEntry) -> dict[str, str | float | None]:
@@ -324,15 +319,6 @@ def _row(one: StoredEntry) -> dict[str, str | float | None]:
         "sha256": made.sha256,
         "date": made.date,
     }
-
-
-def _cell(value: str | float | None) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, str):
-        # A spreadsheet takes text that begins so for a formula, and a camera's name is anybody's text.
-        return f"'{value}" if value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
-    return repr(value)
 
 
 def _yaml(stored: Sequence[StoredEntry]) -> bytes:

@@ -10,7 +10,7 @@ from typing import Final
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize
-from calibrary.errors import InputError, RegistryError
+from calibrary.errors import AmbiguousCameraError, InputError
 from calibrary.jobs.exchange.identity import image_day, image_key
 from calibrary.parsers.image_names import is_image
 from calibrary.records import Record, replace
@@ -18,7 +18,7 @@ from calibrary.registry.approvals import approvals_of
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Approval, Recorded, recorded
-from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path
+from calibrary.registry.paths import find_path, id_of, proposal_path, unit_folder
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.writing import parsed
@@ -66,6 +66,7 @@ class UsedEntry(Record):
     Attributes:
         id: its longest KEY.
         path: of its file.
+        label: what its keeper calls the unit.
         status: approved or held.
         reason: why it has this status.
         tolerance: how far a K of this camera may lie from this one, as a share of fx.
@@ -86,6 +87,7 @@ class UsedEntry(Record):
     approved: tuple[Approval, ...] = ()
     override: str | None = None
     proposal: str | None = None
+    label: str | None = None
 
 
 class ResolutionReport(Record, tag_field="schema", tag="calibrary/resolution-1"):
@@ -191,6 +193,7 @@ def _used(snapshot: Snapshot, found: Resolution) -> UsedEntry:
         approved=approved,
         override=entry.override,
         proposal=beside if beside in snapshot.proposed else None,
+        label=entry.label,
     )
 
 
@@ -214,25 +217,26 @@ def _meant(snapshot: Snapshot, word: str | None) -> Question:
 
 def _of_key(snapshot: Snapshot, word: str) -> Question:
     index = snapshot.index()
-    paths = find_paths(index.paths, word)
+    paths = snapshot.in_use(word)
     if not paths:
         return _by_name(index, word)
     models = {tuple(id_of(path).split("/")[:2]) for path in paths}
     if len(models) > 1:
         names = sorted("/".join(model) for model in models)
         more = f" and {len(names) - SEVERAL} more" if len(names) > SEVERAL else ""
-        raise RegistryError(
+        raise AmbiguousCameraError(
             f"{word} fits {len(names)} models: {', '.join(names[:SEVERAL])}{more}; name one of them"
         )
     return Question(key=_stated(snapshot, paths), known_by=f"the KEY {word}", index=index)
 
 
 def _stated(snapshot: Snapshot, paths: Sequence[str]) -> CameraKey:
-    """All that a single entry states; of several of a model, what they have in common."""
+    """All that a single entry states; of several of a model or a unit, what they have in common."""
     first = _entry(snapshot, paths[0])
     camera = first.calibration.camera
     if len(paths) > 1:
-        return CameraKey(make=camera.make, model=camera.model)
+        serial = camera.serial if len({unit_folder(path) for path in paths}) == 1 else None
+        return CameraKey(make=camera.make, model=camera.model, serial=serial)
     firmware = first.firmware
     return replace(camera, firmware=(firmware.min or firmware.max) if firmware is not None else None)
 

@@ -63,6 +63,7 @@ class Request:
         trusted: whom to believe where estimates disagree and nothing else decides.
         only: a part of the name of the cameras that are meant; None for all.
         stated: of the making of calibrations whose source does not say it.
+        label: what the keeper calls the unit that the payload is; None leaves what it is called.
         workers: processes; 0 decides by itself.
         progress: called with how many are done, of how many, and of what: files, then frames.
     """
@@ -76,6 +77,7 @@ class Request:
     trusted: Kind | None = None
     only: str | None = None
     stated: Stated = field(default_factory=Stated)
+    label: str | None = None
     workers: int = 0
     progress: Progress | None = field(default=None, compare=False)
 

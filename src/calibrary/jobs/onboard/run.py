@@ -199,6 +199,8 @@ def _proposed(
     result = board.result if board is not None else None
     try:
         entry = entry_for(camera, comparison, serves, payload, board=result, stated=request.stated)
+        if entry.unit is not None:
+            entry = replace(entry, label=request.label)
         proposals = registry.propose([entry])
     except (InputError, RegistryError) as error:
         return replace(so_far, reason=str(error), advice="see the current entry: calibrary registry list")

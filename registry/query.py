@@ -1,0 +1,278 @@
+"""Choosing and sorting entries by any of their fields: ``grade=calibrated date<2025-01-01 label~P4R``.
+
+Conditions are divided by blanks and all have to hold::
+
+    field=VALUE[,VALUE…]   is one of these             field!=VALUE   is none of these
+    field~TEXT[,TEXT…]     holds one of these          field!~TEXT    holds none of these
+    field<VALUE  <=  >  >= is less, more               field / !field is stated / is not stated
+
+A value with blanks or commas is put in quotes. Text is compared without regard to case; a list (tags, notes) by its
+members. Numbers are compared as numbers. A day may be cut short: ``date=2026-05`` is any day of May, and
+``date<2025`` none of 2025 or later. A field that an entry does not state fits none but ``!field``, ``!=`` and ``!~``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from operator import ge, gt, le, lt
+from typing import Any, Final, TypeAlias
+
+from calibrary.errors import InputError
+from calibrary.registry.fields import entry_fields, known_fields
+from calibrary.registry.paths import PROPOSED, UNIT, in_use_path, is_proposal, match_key, unit_folder
+from calibrary.registry.snapshot import StoredEntry
+
+__all__ = [
+    "SHORT_NAMES",
+    "Condition",
+    "Row",
+    "Selection",
+    "find_field",
+    "parse_where",
+    "select",
+    "short_ids",
+]
+
+Value: TypeAlias = "bool | int | float | str | tuple[str, ...]"
+Row: TypeAlias = Mapping[str, Value]
+"""What is known of an entry, by field; what it does not state is not in it."""
+
+SHORT_NAMES: Final[Mapping[str, str]] = {
+    **{name: f"camera.{name}" for name in ("make", "model", "sub_camera", "lens", "serial")},
+    **{name: f"intrinsics.{name}" for name in ("fx", "fy", "cx", "cy", "skew")},
+    **{name: f"provenance.{name}" for name in ("date", "tool", "operator", "source", "tag", "kind", "focus")},
+    "size": "camera.image_size",
+    "focal": "camera.focal_mm",
+    "mode": "camera.capture_mode",
+    "distortion": "distortion.model",
+    "rms": "quality.rms_px",
+    "sigma": "quality.std.fx",
+    "from": "validity.from",
+    "until": "validity.until",
+}
+"""What the fields that are asked for most are called; others go by their name in the file, or the last part of it."""
+OWN: Final = ("id", "label", "unit", "tags", "notes", "status", "grade", "firmware", "proposal", "proposed")
+"""Fields that are not, or not so, in the file."""
+DATES: Final = frozenset({"provenance.date", "validity.from", "validity.until"})
+SHORTEST: Final = 4
+_CONDITION = re.compile(
+    r"""\s*(?P<not>!)?(?P<field>[A-Za-z_][\w.-]*)(?:(?P<op>!=|!~|<=|>=|=|~|<|>)(?P<value>(?:"[^"]*"|'[^']*'|[^\s"'])*))?(?=\s|$)"""
+)
+_PART = re.compile(r"""(?:"[^"]*"|'[^']*'|[^,"'])+""")
+_ORDERED: Final[Mapping[str, Callable[[Any, Any], bool]]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """One condition.
+
+    Attributes:
+        field: as it was written.
+        operator: "" asks whether it is stated, "!" whether it is not.
+        values: one of which it is held against.
+    """
+
+    field: str
+    operator: str
+    values: tuple[str, ...] = ()
+
+    def holds(self, row: Row, field: str) -> bool:
+        """Whether it holds for an entry.
+
+        Args:
+            row: of the entry.
+            field: that is meant, as :func:`find_field` finds it.
+
+        Raises:
+            InputError: the field is a number and the value is not.
+        """
+        value = row.get(field)
+        if self.operator in {"", "!"}:
+            return (value is not None) == (self.operator == "")
+        if self.operator.startswith("!"):
+            return value is None or not any(self._fits(field, value, wanted) for wanted in self.values)
+        return value is not None and any(self._fits(field, value, wanted) for wanted in self.values)
+
+    def _fits(self, field: str, value: Value, wanted: str) -> bool:
+        if isinstance(value, tuple):
+            return any(self._fits(field, member, wanted) for member in value)
+        operator = self.operator.removeprefix("!")
+        if operator == "~":
+            return match_key(wanted) in match_key(str(value))
+        if isinstance(value, bool):
+            return wanted.lower() in ({"yes", "true", "1"} if value else {"no", "false", "0"})
+        if isinstance(value, int | float):
+            return _compared(operator, float(value), self._number(wanted))
+        if field in DATES:
+            return _compared(operator, value[: len(wanted)], wanted)
+        return _compared(operator, match_key(value), match_key(wanted))
+
+    def _number(self, text: str) -> float:
+        try:
+            return float(text)
+        except ValueError:
+            raise InputError(f"{self.field} is a number, and {text!r:.40} is not") from None
+
+
+def _compared(operator: str, value: object, wanted: object) -> bool:
+    return value == wanted if operator == "=" else _ORDERED[operator](value, wanted)
+
+
+def parse_where(text: str) -> tuple[Condition, ...]:
+    """The conditions of a text.
+
+    Raises:
+        InputError: it is no list of conditions; the message says from where on.
+    """
+    at, found = 0, []
+    while text[at:].strip():
+        match = _CONDITION.match(text, at)
+        operator = (match["op"] or "") if match is not None else ""
+        if match is None or (match["not"] and operator) or (operator and not match["value"]):
+            raise InputError(
+                f"{text[at:].strip()!r:.60} is not a condition, expected such as grade=calibrated, 'date<2025-01-01', "
+                "label~P4R or !date"
+            )
+        values = tuple(_unquoted(part) for part in _PART.findall(match["value"] or ""))
+        found.append(
+            Condition(field=match["field"], operator="!" if match["not"] else operator, values=values)
+        )
+        at = match.end()
+    return tuple(found)
+
+
+def _unquoted(text: str) -> str:
+    return re.sub(r"""["']""", "", text)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """Entries, chosen and sorted.
+
+    Attributes:
+        entries: in their order.
+        rows: what is known of each.
+        known: every field that one may be asked for.
+    """
+
+    entries: tuple[StoredEntry, ...]
+    rows: tuple[Row, ...]
+    known: frozenset[str]
+
+    def columns(self, names: str) -> tuple[str, ...]:
+        """The fields that ``name,name`` means; errors as of :func:`find_field`."""
+        return tuple(find_field(name.strip(), self.known) for name in names.split(",") if name.strip())
+
+
+def select(
+    entries: Sequence[StoredEntry], where: Sequence[Condition] = (), sort: str | None = None
+) -> Selection:
+    """The entries for which all conditions hold, in the order of ``field,-field``: - for the largest first.
+
+    Raises:
+        InputError: there is no such field, or a value is of another type than its field.
+    """
+    rows = [row_of(one) for one in entries]
+    known = known_fields().union(*rows)
+    asked = [(condition, find_field(condition.field, known)) for condition in where]
+    order = [
+        (find_field(name.strip().removeprefix("-"), known), name.strip().startswith("-"))
+        for name in (sort or "").split(",")
+        if name.strip()
+    ]
+    fits = [at for at, row in enumerate(rows) if all(one.holds(row, field) for one, field in asked)]
+    chosen = [fits[at] for at in sort_rows([rows[at] for at in fits], order)]
+    return Selection(
+        entries=tuple(entries[at] for at in chosen), rows=tuple(rows[at] for at in chosen), known=known
+    )
+
+
+def row_of(stored: StoredEntry) -> dict[str, Value]:
+    """All fields of an entry: those of its file, and its own id, unit, firmware and proposal."""
+    entry = stored.entry
+    row: dict[str, Value] = {name: value for name, value in entry_fields(entry).items() if value is not None}
+    row |= {name: value for name, value in (("tags", entry.tags), ("notes", entry.notes)) if value}
+    row["id"] = stored.id
+    row["proposed"] = stored.is_pending
+    firmware = entry.calibration.provenance.firmware or (str(entry.firmware) if entry.firmware else None)
+    stated = {"firmware": firmware, "proposal": stored.proposal, "unit": entry.calibration.camera.serial}
+    return row | {name: value for name, value in stated.items() if value is not None}
+
+
+def find_field(name: str, known: Collection[str]) -> str:
+    """The field that a name means.
+
+    Args:
+        name: a short name, a field as the file nests it (``camera.make``), or its last part.
+        known: every field that an entry may have, and those that these entries have.
+
+    Raises:
+        InputError: there is none, or there are several; the message names those that are near.
+    """
+    asked = name.lower().replace("-", "_")
+    if asked in OWN:
+        return asked
+    if asked in SHORT_NAMES:
+        return SHORT_NAMES[asked]
+    by_case = {field.lower().replace("-", "_"): field for field in known}
+    if asked in by_case:
+        return by_case[asked]
+    ends = sorted(field for low, field in by_case.items() if low.rpartition(".")[2] == asked)
+    if len(ends) == 1:
+        return ends[0]
+    if ends:
+        raise InputError(f"{name} may be {', '.join(ends[:8])}; write one of them")
+    words = {*OWN, *SHORT_NAMES, *by_case.values(), *(field.rpartition(".")[2] for field in by_case.values())}
+    near = get_close_matches(asked, sorted(words), n=3, cutoff=0.6)
+    raise InputError(
+        f"there is no field {name!r:.40}; "
+        + (f"nearest: {', '.join(near)}" if near else f"expected {', '.join([*OWN, *SHORT_NAMES][:12])} …")
+    )
+
+
+def sort_rows(rows: Sequence[Row], order: Iterable[tuple[str, bool]]) -> list[int]:
+    """The places of rows in the order of some fields, each with whether it falls; what is not stated is last."""
+    places = [*range(len(rows))]
+    for field, descending in reversed([*order]):
+        stated = [at for at in places if field in rows[at]]
+        missing = [at for at in places if field not in rows[at]]
+        stated.sort(key=lambda at: _sortable(rows[at][field]), reverse=descending)
+        places = stated + missing
+    return places
+
+
+def _sortable(value: Value) -> tuple[int, float, str]:
+    if isinstance(value, int | float):
+        return 0, float(value), ""
+    text = ", ".join(value) if isinstance(value, tuple) else value
+    # Digits count as the numbers they write: P4R-10 comes after P4R-9.
+    return 1, 0.0, re.sub(r"\d+", lambda digits: digits[0].zfill(12), match_key(text))
+
+
+def short_ids(paths: Iterable[str]) -> dict[str, str]:
+    """By path, ids with the hash of a unit cut as short as it can be: ``dji/fc6310r/sn-0e25/5472x3648``."""
+    ids = {path: path.partition("/")[2].removesuffix(".yaml") for path in paths}
+    hashes: dict[str, set[str]] = {}
+    for path in ids:
+        if (unit := unit_folder(path)) is not None:
+            model, _, digits = unit[:-1].rpartition(f"/{UNIT}")
+            hashes.setdefault(model, set()).add(digits)
+    lengths = {model: _shortest(digits) for model, digits in hashes.items()}
+    found = {}
+    for path, id_ in ids.items():
+        unit, short = unit_folder(path), id_
+        if unit is not None:
+            model, _, digits = unit[:-1].rpartition(f"/{UNIT}")
+            short = id_.replace(f"/{UNIT}{digits}/", f"/{UNIT}{digits[: lengths[model]]}/")
+        beside = is_proposal(path) and in_use_path(path) in ids
+        found[path] = f"{PROPOSED}{short}" if beside else short
+    return found
+
+
+def _shortest(digits: Collection[str]) -> int:
+    longest = max(map(len, digits))
+    lengths = range(SHORTEST, longest + 1)
+    return next((n for n in lengths if len({text[:n] for text in digits}) == len(digits)), longest)

@@ -1,0 +1,131 @@
+"""CSV for spreadsheets: written so that no cell is a formula, and read as European and American Excel write it."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from calibrary.errors import InputError
+
+__all__ = ["Sheet", "csv_text", "read_sheet", "same_number"]
+
+FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
+"""What a spreadsheet takes for a formula at the beginning of a cell (OWASP, "CSV Injection")."""
+ESCAPED: Final = (*FORMULA, "'")
+"""What has a ' before it: of these only the first is taken off again."""
+DELIMITERS: Final = (",", ";", "\t")
+LARGEST_CELL: Final = 1 << 17
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """A table as it was read.
+
+    Attributes:
+        columns: names as they are written.
+        rows: the number of the line that each begins on, and its cells by column.
+        encoding: that it was read in.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[int, Mapping[str, str]], ...]
+    encoding: str
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Sequence[object]], *, excel: bool = False) -> str:
+    """A table as CSV.
+
+    Args:
+        columns: names.
+        rows: texts, numbers, tuples of texts, and None for an empty cell.
+        excel: as Excel reads it where the comma is the decimal sign: semicolons between cells, and a byte order mark,
+            without which it takes UTF-8 for an older encoding.
+    """
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, delimiter=";" if excel else ",", lineterminator="\r\n" if excel else "\n")
+    writer.writerow(columns)
+    writer.writerows([_cell(value, excel=excel) for value in row] for row in rows)
+    return ("\ufeff" if excel else "") + text.getvalue()
+
+
+def _cell(value: object, *, excel: bool) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, tuple):
+        return _cell(" ".join(map(str, value)), excel=excel)
+    if isinstance(value, float):
+        return repr(value).replace(".", ",") if excel else repr(value)
+    text = str(value)
+    return f"'{text}" if isinstance(value, str) and text.startswith(ESCAPED) else text
+
+
+def read_sheet(data: bytes, source: str) -> Sheet:
+    """A table out of a CSV file; the first row names its columns.
+
+    Raises:
+        InputError: it is not text, has no columns, names one twice, or a row has more cells than there are columns.
+    """
+    text, encoding = _decoded(data, source)
+    first, _, rest = text.partition("\n")
+    skipped = 0
+    stated = first.strip().lower()
+    if stated.startswith("sep=") and len(stated) == len("sep=,"):
+        text, delimiter, skipped = rest, first.strip()[-1], 1
+    else:
+        delimiter = max(DELIMITERS, key=first.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    try:
+        columns = tuple(name.strip() for name in next(reader, []))
+        if not any(columns):
+            raise InputError("is empty, expected a row with the names of the columns", source=source)
+        if twice := sorted({name for name in columns if name and columns.count(name) > 1}):
+            raise InputError(f"names the column {twice[0]!r:.40} more than once", source=source)
+        rows = []
+        at = skipped + reader.line_num + 1
+        for cells in reader:
+            line, at = at, skipped + reader.line_num + 1
+            if not any(cell.strip() for cell in cells):
+                continue
+            if any(cell.strip() for cell in cells[len(columns) :]):
+                message = f"has {len(cells)} cells, and there are {len(columns)} columns"
+                raise InputError(message, source=source, place=f"line {line}")
+            padded = [*cells, *[""] * (len(columns) - len(cells))]
+            named = {name: _plain(cell) for name, cell in zip(columns, padded, strict=False) if name}
+            rows.append((line, named))
+    except csv.Error as error:
+        raise InputError(f"is not CSV: {error}", source=source) from None
+    return Sheet(columns=columns, rows=tuple(rows), encoding=encoding)
+
+
+def _decoded(data: bytes, source: str) -> tuple[str, str]:
+    # What Excel calls "CSV" and not "CSV UTF-8" is in the encoding of the country's Windows.
+    is_wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    encodings = ["utf-16"] if is_wide else ["utf-8-sig", "cp1252"]
+    for encoding in encodings:
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if "\0" not in text:
+            return text, encoding
+    raise InputError("is not text, expected CSV", source=source)
+
+
+def _plain(cell: str) -> str:
+    text = cell.replace("\r\n", "\n").replace("\r", "\n").strip(" ")
+    return text[1:] if text.startswith("'") and text[1:].startswith(ESCAPED) else text
+
+
+def same_number(one: str, other: str) -> bool:
+    """Whether two cells are the same text or number; spreadsheets drop zeros and write decimal commas."""
+    if one.strip() == other.strip():
+        return True
+    try:
+        a, b = (float(text.strip().replace(",", ".")) for text in (one, other))
+    except ValueError:
+        return False
+    # A spreadsheet keeps 15 digits.
+    return abs(a - b) <= 1e-12 * max(abs(a), abs(b))
