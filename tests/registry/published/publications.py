@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from calibrary.parsers.imagery import hash_serial
+from calibrary.known_camera import hash_serial
 from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
