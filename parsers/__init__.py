@@ -116,8 +116,8 @@ def read(
         options: answers to what only the file's owner knows, as listed by the format, such as
             ``{"distortion": "fisheye"}``.
         max_bytes: longest file that is taken in. One beyond the default of 64 MiB also lifts the lower limits of
-            the formats, which keep any file within two seconds and 512 MiB. A database, whose cameras can be
-            looked up, may be of any length.
+            the formats, which keep a file of few cameras within two seconds and 512 MiB. A database, whose cameras
+            can be looked up, may be of any length.
 
     Raises:
         InputError: it cannot be read or is not a regular file, or an argument contradicts it.

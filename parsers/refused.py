@@ -139,7 +139,7 @@ def _other_sensor(content: Content) -> Sniff | None:
     """Keys of another sensor, and not a word about a lens."""
     if content.first_line.split()[:1] == ["CAL"] and "DEVICE_CLASS" in (content.text or ""):
         return Sniff(Sure.MAGIC, "it begins with CAL and contains DEVICE_CLASS, as ArgyllCMS writes displays")
-    if not _is_plain(content):
+    if not _is_plain(content) or _LENS.search(content.text or ""):
         return None
     words = [
         word
@@ -148,7 +148,7 @@ def _other_sensor(content: Content) -> Sniff | None:
         for word in _WORDS.split(key[1].lower())
         if _OTHER_SENSOR.fullmatch(word)
     ]
-    if len(words) >= FEWEST_WORDS and not _LENS.search(content.text or ""):
+    if len(words) >= FEWEST_WORDS:
         return Sniff(
             Sure.WEAK, f"its keys are about {', '.join(dict.fromkeys(words[:4]))}, none about a lens"
         )

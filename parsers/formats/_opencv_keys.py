@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 
 from calibrary.calibration import Grade, ImageSize, Quality
 from calibrary.parsers import text as strict
@@ -39,9 +40,13 @@ COEFFICIENTS = re.compile(_LABELLED.format("|".join(COEFFICIENT_KEYS)))
 MIRROR = re.compile(_LABELLED.format("xi"))
 
 
+_SEPARATORS = re.compile(r"[_\-. ]")
+
+
+@lru_cache(maxsize=4096)
 def simplified(key: str) -> str:
     """One spelling for "Camera_Matrix", "cameraMatrix" and "camera-matrix"."""
-    return re.sub(r"[_\-. ]", "", key).lower()
+    return _SEPARATORS.sub("", key).lower()
 
 
 class Keys:

@@ -35,7 +35,7 @@ __all__ = [
 Named: TypeAlias = tuple[str, Node, int | None]
 """A camera's name, its object, and how many images it took."""
 
-MAX_CAMERAS = 10_000
+MAX_CAMERAS = 1_000_000
 NAME = "opensfm/camera"
 PREFIX = "opensfm/"
 PROJECTION = "opensfm/projection_type"

@@ -40,7 +40,7 @@ LIST = "list.txt"
 ROWS = (3, 3, 3, 3, 3)
 """How many numbers stand on a camera's lines."""
 LONGEST_LINE = 10_000
-MAX_IMAGES = 50_000
+MAX_IMAGES = 1_000_000
 CONVENTION = Convention(
     origin=Origin.IMAGE_CENTRE,
     y_axis=YAxis.UP,

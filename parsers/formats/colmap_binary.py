@@ -46,7 +46,10 @@ LONGEST_SIDE_PX = 1_000_000
 def sniff(content: Content) -> Sniff | None:
     """Known models and plausible sizes, one after the other up to the very last byte."""
     data = content.data
-    if len(data) < COUNT.size + HEAD.size or not 0 < (count := COUNT.unpack_from(data)[0]) <= MAX_CAMERAS:
+    if len(data) < COUNT.size + HEAD.size:
+        return None
+    [count] = COUNT.unpack_from(data)
+    if not 0 < count <= (len(data) - COUNT.size) // HEAD.size:
         return None
     at = COUNT.size
     for _ in range(count):
@@ -82,8 +85,10 @@ def _cameras(data: bytes) -> Iterator[StoredCamera]:
     if len(data) < COUNT.size:
         raise ParseError(f"{len(data)} bytes, expected a number of cameras in the first 8")
     (count,) = COUNT.unpack_from(data)
-    if not 0 < count <= MAX_CAMERAS:
-        raise ParseError(f"it states {count} cameras, expected 1 to {MAX_CAMERAS}")
+    if not count:
+        raise ParseError("it states 0 cameras, expected 1 or more")
+    if count > MAX_CAMERAS:
+        raise ParseError(f"it states {count} cameras; at most {MAX_CAMERAS} are read")
     at = COUNT.size
     for index in range(count):
         place = f"camera {index + 1} of {count}"

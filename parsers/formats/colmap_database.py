@@ -52,8 +52,8 @@ SCHEMA_BYTES = 64 * 1024
 QUERY = "SELECT camera_id, model, width, height, params, prior_focal_length FROM cameras ORDER BY camera_id LIMIT ?"
 LONGEST_VALUE = 1024 * 1024
 STEPS = 10_000
-LONGEST_QUERY = 1_000
-"""In units of STEPS instructions; reading 20 000 cameras takes some twenty."""
+LONGEST_QUERY = 5_000
+"""In units of STEPS instructions; reading 1 000 000 cameras takes some thousand."""
 INITIAL_OMEGA = 0.01
 
 Row: TypeAlias = tuple[object, ...]

@@ -31,7 +31,7 @@ CONVENTION = Convention(
 )
 MIDDLE = "the file has no principal point; the program renders with it in the middle of the image"
 KEYS = frozenset({"img_name", "width", "height", "fx", "fy", "rotation"})
-MAX_IMAGES = 100_000
+MAX_IMAGES = 1_000_000
 
 
 def sniff(content: Content) -> Sniff | None:

@@ -55,6 +55,9 @@ _PROJECTION = re.compile(r"P(\d)")
 
 def sniff(content: Content) -> Sniff | None:
     """The line K_00, or the lines P0 and P1 with twelve numbers each."""
+    text = content.text or ""
+    if "P0:" not in text and "K_" not in text:
+        return None
     names = {match[1]: len(match[2].split()) for line in content.lines if (match := _LINE.fullmatch(line))}
     raw = next((name for name in names if _RAW.fullmatch(name)), None)
     if raw is not None and {f"S_{raw[2:]}", f"D_{raw[2:]}"} <= names.keys():

@@ -55,7 +55,7 @@ __all__ = ["FORMAT"]
 ROOTS = ("document", "chunk", "sensor")
 MAX_BYTES = 12 * 1024 * 1024
 """Some fifteen thousand photos."""
-MAX_SENSORS = 1000
+MAX_SENSORS = 1_000_000
 MAX_ELEMENTS = 256
 """In one calibration; Metashape writes twenty."""
 COVARIANCE = "covariance"

@@ -41,7 +41,7 @@ MARK = b"NVM_V3"
 ROTATIONS = {"NVM_V3": 4, "NVM_V3_R9T": 9}
 """How many numbers a rotation has, by the first word."""
 LONGEST_LINE = 10_000
-MAX_IMAGES = 50_000
+MAX_IMAGES = 1_000_000
 CONVENTION = Convention(
     origin=Origin.IMAGE_CENTRE,
     direction=Direction.DISTORTED_TO_UNDISTORTED,

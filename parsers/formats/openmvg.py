@@ -48,7 +48,7 @@ FIRST_OF_ITS_KIND = 0x80000000
 """cereal's high bit: what follows is new, its name or its data comes with it."""
 PLAIN = 0x40000000
 """cereal's number for an object of the very class the pointer is declared for, which has no name."""
-MAX_CAMERAS = 10_000
+MAX_CAMERAS = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,7 +46,7 @@ __all__ = ["FORMAT"]
 PLACE = ("f", "px", "py")
 COLUMNS = ("name", *PLACE, *COEFFICIENTS)
 MAX_BYTES = 8 * 1024 * 1024
-MAX_CAMERAS = 10_000
+MAX_CAMERAS = 1_000_000
 
 
 class RadialBrown(OpenCVDistortion):

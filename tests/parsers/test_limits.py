@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import struct
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from calibrary import parsers
+from calibrary.cli.main import main
 from calibrary.errors import ParseError, UnknownFormatError
 from calibrary.parsers.content import HEAD_BYTES, MAX_JSON_BYTES, Content
 from calibrary.parsers.discovery import format_named
@@ -100,6 +102,61 @@ def test_a_line_that_the_head_ends_in_is_not_looked_at(cut: int) -> None:
     comment = b"#" * (HEAD_BYTES - len(rows) - cut - 1) + b"\n"
     claim = format_named("keyed_text").sniff(Content(rows + comment + b"fy_px = 3000.5\n" * 2, "x"))
     assert claim is not None
+
+
+def many(record: str, count: int) -> bytes:
+    """As many cameras as a collection with one for every image has, all different."""
+    if record == "colmap_binary":
+        row = struct.Struct("<IiQQ4d")
+        rows = (
+            row.pack(index, 1, 4000, 3000, 3000.0 + index, 3000.0, 2000.0, 1500.0)
+            for index in range(1, count + 1)
+        )
+        return struct.pack("<Q", count) + b"".join(rows)
+    if record == "colmap_text":
+        return b"".join(
+            b"%d PINHOLE 4000 3000 %d 3000 2000 1500\n" % (index, 3000 + index) for index in range(count)
+        )
+    matrix = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    frames = [
+        {
+            "fl_x": 3000.0 + index,
+            "w": 4000,
+            "h": 3000,
+            "file_path": f"{index}.jpg",
+            "transform_matrix": matrix,
+        }
+        for index in range(count)
+    ]
+    return json.dumps({"frames": frames}).encode()
+
+
+@pytest.mark.parametrize(
+    ("record", "count"), [("colmap_binary", 20_001), ("colmap_text", 20_001), ("transforms_json", 10_001)]
+)
+def test_a_collection_may_have_a_camera_for_every_image(record: str, count: int) -> None:
+    found = parsers.decode(many(record, count), name="cameras")
+    assert len({item.intrinsics.fx for item in found}) == count
+
+
+def test_more_than_a_million_cameras_are_refused_with_that_reason() -> None:
+    data = (
+        struct.pack("<Q", 1_000_001) + struct.pack("<IiQQ3d", 1, 0, 4000, 3000, 3000, 2000, 1500) * 1_000_001
+    )
+    assert format_named("colmap_binary").sniff(Content(data, "cameras.bin")) is not None
+    with pytest.raises(ParseError, match="states 1000001 cameras; at most 1000000 are read"):
+        parsers.decode(data, name="cameras.bin")
+
+
+def test_inspect_identifies_as_long_a_file_as_it_reads(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "reconstruction.json"
+    path.write_text(OPENSFM % ("x" * MAX_JSON_BYTES))
+    assert main(["inspect", str(path)]) == 3
+    assert "raise --max-size" in " ".join(capsys.readouterr().out.split())
+    assert main(["inspect", str(path), "--max-size", "65"]) == 0
+    assert "OpenSfM" in capsys.readouterr().out
 
 
 DENSEST = """

@@ -35,6 +35,7 @@ __all__ = [
     "PANORAMAS",
     "ColmapCamera",
     "ColmapModel",
+    "default_model",
     "lens_from",
     "model_for",
     "model_named",
@@ -120,6 +121,7 @@ _WRITTEN = (
 
 _BY_NAME = {model.name: model for model in COLMAP_MODELS}
 _BY_NUMBER = {model.number: model for model in COLMAP_MODELS}
+_DEFAULTS = {_BY_NAME[name].lens: _BY_NAME[name] for name in reversed(_WRITTEN)}
 
 COLMAP_LENSES: Final[tuple[type[Distortion], ...]] = (
     NoDistortion,
@@ -143,6 +145,11 @@ def model_named(name: str) -> ColmapModel | None:
 def model_numbered(number: int) -> ColmapModel | None:
     """The model of that number, None when COLMAP has none with a K."""
     return _BY_NUMBER.get(number)
+
+
+def default_model(lens: type[Distortion]) -> ColmapModel | None:
+    """The model that a lens of that kind is written in where it holds all of it, None where there is none."""
+    return _DEFAULTS.get(lens)
 
 
 def lens_from(model: ColmapModel, coefficients: Sequence[float]) -> Distortion:

@@ -125,7 +125,7 @@ def _described(path: Path, reading: Reading) -> Inspected:
     if reading.format is not None:
         record, reason = format_named(reading.format), "you said so"
     else:
-        identity = parsers.identify(path)
+        identity = parsers.identify(path, max_bytes=reading.max_bytes)
         record, reason = identity.format, identity.sniff.reason
     sentences = record.convention.sentences() if record.convention is not None else ()
     return Inspected(
