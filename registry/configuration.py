@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -29,6 +29,7 @@ __all__ = [
     "configuration_yaml",
     "default_place",
     "find_registry",
+    "named_registries",
     "parse_configuration",
     "plain_folder",
     "require_registry",
@@ -179,6 +180,44 @@ def _newer(name: str, place: str, found: str, supported: str) -> ParseError:
 
 
 VARIABLE: Final = "CALIBRARY_REGISTRY"
+SEPARATOR: Final = ";"
+"""Between the registries that the variable names; ``:`` is in every address."""
+ADDRESS: Final = re.compile(r"https?:/", re.IGNORECASE)
+
+
+def named_registries(
+    named: Sequence[str | Path] = (), *, environment: Mapping[str, str] | None = None
+) -> tuple[str | Path, ...]:
+    """The registries that are asked, in their order: folders, and addresses of published ones.
+
+    Args:
+        named: on the command line; else those in ``$CALIBRARY_REGISTRY``, with ``;`` between them; else the one of
+            :func:`require_registry`.
+        environment: in place of the process's own.
+
+    Raises:
+        RegistryError: there is none.
+    """
+    variable = (os.environ if environment is None else environment).get(VARIABLE, "")
+    if not named and SEPARATOR in variable:
+        return tuple(part.strip() for part in variable.split(SEPARATOR) if part.strip())
+    return tuple(named) or (variable,) if named or variable else (require_registry(),)
+
+
+def _folder_of(variable: str) -> Path:
+    """The first folder that the variable names: what changes a registry, or needs its history, is of that one.
+
+    Raises:
+        RegistryError: it names published registries only.
+    """
+    parts = [part.strip() for part in variable.split(SEPARATOR) if part.strip()]
+    folder = next((part for part in parts if not ADDRESS.match(part)), None)
+    if folder is None:
+        raise RegistryError(
+            f"${VARIABLE} names {variable}, which is read over HTTP; expected the folder of a registry: "
+            "--registry PATH"
+        )
+    return Path(folder)
 
 
 FOLDER: Final = "folder:"
@@ -200,12 +239,15 @@ def find_registry(named: Path | None = None, *, environment: Mapping[str, str] |
 
     Returns:
         None where there is none yet. What is named is returned whether or not it is there.
+
+    Raises:
+        RegistryError: the variable names published registries only.
     """
     if named is not None:
         return named
     variable = (os.environ if environment is None else environment).get(VARIABLE)
     if variable:
-        return Path(variable)
+        return _folder_of(variable)
     here = Path.cwd()
     for folder in (here, *here.parents):
         if (folder / CONFIGURATION_FILE).is_file():

@@ -66,6 +66,8 @@ class Resolution:
         why: the reason for the choice, in words.
         near: other entries of the same make and model with the reason against each; the first few.
         revision: the commit of an earlier revision, where that is the one for the day; None for what is in use now.
+        layer: name of the registry that answers, where it was asked for as one of several.
+        disagreements: what registries that are asked after that one say against the answer.
     """
 
     path: str
@@ -74,6 +76,8 @@ class Resolution:
     why: str
     near: tuple[RejectedEntry, ...]
     revision: str | None = None
+    layer: str | None = None
+    disagreements: tuple[str, ...] = ()
 
 
 def resolve(

@@ -17,7 +17,7 @@ from typing import Final
 from calibrary.atomic import check_folder
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
-from calibrary.records import Record, to_json
+from calibrary.records import Record, replace, to_json
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.git.history import history
 from calibrary.registry.git.locks import writer_lock
@@ -352,7 +352,8 @@ def _write_entry(path: str, entry: Entry, repo: Repository, commit: str, out: Pa
 
 
 def _put_entry(entry: Entry, output: _Output) -> str:
-    data = document_bytes(to_json(entry))
+    # What a keeper calls a unit, and files it under, is nobody else's business.
+    data = document_bytes(to_json(replace(entry, label=None, tags=())))
     digest = sha256(data)
     output.put(entry_path(digest), data)
     return digest

@@ -56,7 +56,7 @@ def check(
     files: PathLike | Sequence[PathLike] = (),
     *,
     policy: PolicyLike = FLEET,
-    registry: PathLike | None = None,
+    registry: PathLike | Sequence[PathLike] | None = None,
     recursive: bool = False,
     workers: int = 0,
     altitude_m: float = 100.0,
@@ -69,7 +69,8 @@ def check(
         images: a folder, an image, or a list of images and folders.
         files: calibration files of any format; none to check those that lie with the images.
         policy: whose limits decide: a policy, "fleet", "source" or a policy file.
-        registry: the fleet's registry.
+        registry: the fleet's registry: its folder, or the address of a published one; of several the first that
+            answers is used.
         recursive: go into sub-folders.
         workers: processes that read images; 0 decides by itself.
         altitude_m: height above ground, for what the difference does to a map.
@@ -91,7 +92,7 @@ def check(
                 images=_paths(images),
                 files=_paths(files),
                 policy=policy_of(policy),
-                registry=Path(registry) if registry is not None else None,
+                registry=registry,
                 recursive=recursive,
                 workers=workers,
                 altitude_m=altitude_m,

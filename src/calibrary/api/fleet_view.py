@@ -9,13 +9,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from calibrary.api.layers import resolved
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.api.registry_results import Blame, CheckResult, EntryListing, FleetAnswer, History, ShownEntry
-from calibrary.api.stated import CameraLike, overlay
+from calibrary.api.stated import CameraLike
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.extras import PAGES, require
-from calibrary.jobs.exchange.resolve import Question, answer, asked
+from calibrary.jobs.exchange.layers import Layers, layer_of_snapshot
 from calibrary.progress import Progress, labelled
 from calibrary.registry.approvals import approvals_of
 from calibrary.registry.check_registry import (
@@ -125,18 +126,7 @@ class FleetView:
         >>> answer.status, answer.calibration.intrinsics.fx
         (<Status.APPROVED: 'approved'>, 3659.5)
         """
-        question = self._question(camera, stated)
-        day = on or question.day or date.today()
-        return FleetAnswer(answer(self.snapshot, question, on=day), self.snapshot, day)
-
-    def _question(
-        self, camera: str | Path | Calibration | CameraKey | None, stated: CameraLike | None
-    ) -> Question:
-        if camera is None or isinstance(camera, str | Path):
-            return asked(self.snapshot, str(camera) if camera is not None else None, overlay(stated))
-        key = camera.camera if isinstance(camera, Calibration) else camera
-        known = asked(self.snapshot, None, lambda _: overlay(stated)(key))
-        return Question(key=known.key, known_by="what was said")
+        return resolved(Layers((layer_of_snapshot(self.snapshot),)), camera, stated=stated, on=on)
 
     def listing(
         self,

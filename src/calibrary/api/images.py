@@ -117,7 +117,7 @@ def extract(
     sensor_mm: tuple[float | None, float | None] | None = None,
     policy: PolicyLike = FLEET,
     fallback_k: PathLike | None = None,
-    registry: PathLike | None = None,
+    registry: PathLike | Sequence[PathLike] | None = None,
     locked: PathLike | None = None,
     recursive: bool = False,
     workers: int = 0,
@@ -132,7 +132,8 @@ def extract(
         sensor_mm: (width, height) of the sensor, for images of one camera that do not state it.
         policy: what K is judged by: a policy, "fleet", "source" or a policy file.
         fallback_k: a calibrated K (.npy) for when the images yield none.
-        registry: the fleet's registry.
+        registry: the fleet's registry: its folder, or the address of a published one; of several the first that
+            answers is used.
         locked: a lock file; only the entries that it pins are used.
         recursive: go into sub-folders.
         workers: processes that read images; 0 decides by itself.
@@ -160,7 +161,7 @@ def extract(
                 sensor_mm=sensor_mm or (None, None),
                 policy=policy_of(policy),
                 fallback_k=Path(fallback_k) if fallback_k is not None else None,
-                registry=Path(registry) if registry is not None else None,
+                registry=registry,
                 lock=Path(locked) if locked is not None else None,
                 recursive=recursive,
                 workers=workers,

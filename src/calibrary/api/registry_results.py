@@ -35,7 +35,7 @@ from calibrary.registry.proposals import Proposals, change_report
 from calibrary.registry.query import Selection, short_ids
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import RejectedEntry
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import StoredEntry
 from calibrary.registry.sync import field_conflicts, sync_report
 
 if TYPE_CHECKING:
@@ -61,22 +61,25 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FleetAnswer:
-    """What a registry says of one camera.
+    """What a registry, or several, say of one camera.
 
     Attributes:
         answer: all of it, as the command line shows it.
-        snapshot: the state of the registry that was asked.
         on: the day it is for.
     """
 
     answer: Answer
-    snapshot: Snapshot
     on: date
 
     @property
+    def registry(self) -> str:
+        """That answers: its folder or address, "catalogue" for the one that ships."""
+        return self.answer.layer.name
+
+    @property
     def commit(self) -> str | None:
-        """Of the registry, 40 hexadecimal digits; None for a plain folder."""
-        return self.snapshot.commit
+        """Of that registry, 40 hexadecimal digits; None for a plain folder and the catalogue."""
+        return self.answer.layer.commit
 
     @property
     def camera(self) -> CameraKey:
@@ -91,9 +94,8 @@ class FleetAnswer:
 
     @property
     def entry(self) -> Entry | None:
-        """The entry that answers, as its file says it."""
-        found = self.answer.resolution
-        return found.entry if found is not None else None
+        """The entry that answers, as its file says it; None where the catalogue does."""
+        return self.answer.entry
 
     @property
     def status(self) -> Status | None:
@@ -107,13 +109,19 @@ class FleetAnswer:
         return found.why if found is not None else None
 
     @property
+    def disagreements(self) -> tuple[str, ...]:
+        """What registries that are asked after that one say against its answer."""
+        found = self.answer.resolution
+        return found.disagreements if found is not None else ()
+
+    @property
     def near(self) -> tuple[RejectedEntry, ...]:
         """Other entries of the same make and model, each with its ``path`` and ``reason``."""
         return self.answer.near
 
     def to_dict(self) -> dict[str, Json]:
         """The answer as plain data for JSON (schemas/resolution-1.schema.json)."""
-        return to_json(resolution_report(self.snapshot, self.answer, on=self.on))
+        return to_json(resolution_report(self.answer, on=self.on))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
 from calibrary.cli.reading import add_reading_flags, reading_of
+from calibrary.cli.registry.place import add_layers_flag
 
 if TYPE_CHECKING:
     from calibrary.api.checks import CheckResult
@@ -45,7 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="calibration files of any format (default: those that lie with the images)",
     )
     parser.add_argument("--recursive", action="store_true", help="go into sub-folders")
-    parser.add_argument("--registry", type=Path, metavar="PATH", help="the fleet's registry of calibrations")
+    add_layers_flag(
+        parser, "the fleet's registry, a folder or an https:// address; of several the first that answers"
+    )
     parser.add_argument(
         "--altitude-m", type=float, default=100.0, metavar="M", help="for what it means on the ground (100)"
     )

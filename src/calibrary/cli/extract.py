@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag
+from calibrary.cli.registry.place import add_layers_flag
 
 if TYPE_CHECKING:
     from calibrary.policy import Policy
@@ -113,12 +114,11 @@ def _add_knowledge_flags(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="physical sensor height (default: as for the width, 8.8)",
     )
-    known.add_argument(
-        "--registry",
-        type=Path,
-        metavar="PATH",
-        help="the fleet's registry of calibrations: in git, bare or checked out, as committed; folder:PATH for "
-        "files without git, as they lie there",
+    add_layers_flag(
+        known,
+        "the fleet's registry of calibrations: in git, bare or checked out, as committed; folder:PATH for files "
+        "without git, as they lie there; or the https:// address of a published one; given several times, the first "
+        "that answers is used",
     )
     known.add_argument(
         "--locked",

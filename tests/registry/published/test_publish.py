@@ -110,6 +110,14 @@ def test_drafts_and_proposals_are_not_published_and_retired_entries_say_so(
     assert (row["status"], row["reason"]) == ("retired", "dropped")
 
 
+def test_labels_and_tags_stay_private(fleet: Path, tmp_path: Path) -> None:
+    commit(fleet, an_entry(serial=UNIT, label="P4R-03 of Ada", tags=("survey-north",)))
+    published(fleet, tmp_path / "out")
+    everything = b"".join(files_of(tmp_path / "out").values())
+    assert b"Ada" not in everything
+    assert b"survey-north" not in everything
+
+
 def test_revisions_for_earlier_days_are_published_and_no_others(fleet: Path, tmp_path: Path) -> None:
     dated(fleet)
     commit(fleet, an_entry(focal_mm=None, fx=3662.0))
@@ -216,7 +224,7 @@ def test_a_plain_folder_has_no_commit_to_publish(tmp_path: Path) -> None:
     path.parent.mkdir(parents=True)
     path.write_bytes(entry_yaml(an_entry()))
     with pytest.raises(RegistryError, match="no commit that could be published"):
-        published(tmp_path / "plain", tmp_path / "out")
+        published(Path(f"folder:{tmp_path}/plain"), tmp_path / "out")
 
 
 def test_the_tree_gets_deeper_with_the_number_of_cameras_and_no_file_gets_large(tmp_path: Path) -> None:

@@ -9,17 +9,35 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from calibrary.api.fleet import Fleet
 
-__all__ = ["add_registry_flag", "note_cut", "opened"]
+__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "opened"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser) -> None:
     """Add ``--registry``."""
     parser.add_argument(
         "--registry",
-        type=Path,
+        type=_folder,
         metavar="PATH",
         help="which one; folder:PATH for files without git. See calibrary registry --help for the default",
     )
+
+
+def add_layers_flag(parser: argparse._ActionsContainer, text: str) -> None:
+    """Add ``--registry`` of a command that reads several, published ones too."""
+    parser.add_argument("--registry", action="append", metavar="PATH|URL", help=text)
+
+
+def _folder(text: str) -> Path:
+    """A registry's folder.
+
+    Raises:
+        ArgumentTypeError: it is an address on the web.
+    """
+    if text.lower().startswith(("http://", "https://")):
+        raise argparse.ArgumentTypeError(
+            f"{text}: a published registry is read by 'resolve', 'extract' and 'check'; this needs a registry's folder"
+        )
+    return Path(text)
 
 
 def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.deciding import day
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_layers_flag
 
 if TYPE_CHECKING:
     from calibrary.api.registry_results import FleetAnswer
@@ -28,10 +28,12 @@ examples:
   calibrary registry resolve dji/fc6310r --image-size 2736x1824
   calibrary registry resolve --make DJI --model FC6310R --serial 0V2LG3H0 --json
   calibrary registry resolve flight/DJI_0001.JPG --at 2026-05-01 --on 2026-05-01
+  calibrary registry resolve flight/DJI_0001.JPG --registry fleet/ --registry https://cameras.example.com/
 
 Only approved and held entries answer, the most specific one: of this unit, this firmware, this lens or focal
-length, this sub-camera, this model. Its K is scaled, or cropped where the frame is a centred part of it. exit
-code 4: none answers, or several fit equally well; they are named.
+length, this sub-camera, this model. Its K is scaled, or cropped where the frame is a centred part of it. Of several
+registries the first that answers is used, and the last of all is the catalogue. exit code 4: none answers, or
+several fit equally well; they are named.
 """
 
 
@@ -46,24 +48,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the day it is for, as entries may be valid for some only: that of the image, else today",
     )
     parser.add_argument("--at", metavar="REV", help="as the registry was at a commit, tag, branch or day")
-    add_registry_flag(parser)
+    add_layers_flag(
+        parser,
+        "a folder, or the address of a published registry; of several the first that answers; see calibrary registry "
+        "--help for the default",
+    )
     add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from calibrary.api.layers import LayeredView
     from calibrary.calibration import CameraKey
-    from calibrary.cli.console import errors, out
+    from calibrary.cli.console import errors, out, plain
 
     stated = partial(camera_of, arguments)
     if arguments.what is None and stated(CameraKey()) == CameraKey():
         arguments.parser.error("say which camera: an image of it, its KEY, or --make and --model")
-    found = opened(arguments, arguments.at).resolve(arguments.what, stated=stated, on=arguments.on)
+    registries = LayeredView.named(arguments.registry or (), at=arguments.at)
+    found = registries.resolve(arguments.what, stated=stated, on=arguments.on)
+    for warning in (*found.answer.layers.warnings, *found.disagreements):
+        errors().say(f"[yellow]warning[/] {plain(warning)}")
     if arguments.json:
         print_json(found.to_dict())
     elif (resolution := found.answer.resolution) is not None:
         _show(out(arguments), found, resolution)
-    if found.entry is not None:
+    if found.calibration is not None:
         return 0
     _show_none(errors(), found.answer)
     return EXIT_NONE
@@ -76,10 +86,12 @@ def _show(screen: Screen, found: FleetAnswer, resolution: Resolution) -> None:
     entry, calibration = resolution.entry, resolution.calibration
     K, lens, made = calibration.intrinsics, calibration.distortion, calibration.provenance
     at = f" at {found.commit[:12]}" if found.commit is not None else ""
+    status = entry.status.value if found.entry is not None else "of the type, not in any registry"
     rows = [
         ("camera", f"{found.camera}, by {found.answer.question.known_by}"),
         ("label", entry.label or ""),
-        ("entry", f"{resolution.path}{at}, {entry.status.value}"),
+        ("registry", found.registry),
+        ("entry", f"{resolution.path}{at}, {status}"),
         ("reason", resolution.why.removeprefix(f"{resolution.path} ")),
         ("adapted", made.adaptation or "no, it is of this size"),
         *(("assumed", text) for text in made.assumptions),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +10,7 @@ from typing import Annotated
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 from calibrary.jobs.exchange.argument import entry_file
+from calibrary.jobs.exchange.layers import Place
 from calibrary.jobs.extract import run as extract
 from calibrary.jobs.extract.beside import (
     ALTITUDE_M,
@@ -38,7 +39,7 @@ class CheckRequest:
         images: a folder, or images and folders.
         files: calibration files; none to check those that lie with the images.
         policy: whose limits decide.
-        registry: a fleet registry's folder.
+        registry: a fleet registry's folder, the address of a published one, or several in their order.
         recursive: go into sub-folders.
         workers: processes that read images; 0 decides by itself.
         altitude_m: above ground, of the errors on the ground.
@@ -49,7 +50,7 @@ class CheckRequest:
     images: tuple[Path, ...]
     files: tuple[Path, ...] = ()
     policy: Policy = FLEET
-    registry: Path | None = None
+    registry: Place | Sequence[Place] | None = None
     recursive: bool = False
     workers: int = 0
     altitude_m: float = ALTITUDE_M

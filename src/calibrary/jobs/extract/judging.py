@@ -102,8 +102,9 @@ def _is_one_unit(key: CameraKey, states: Sequence[State]) -> bool:
     """Whether a serial number or one measured entry of the registry is that of all images."""
     if key.serial is not None:
         return True
-    found = {state.known.resolution.path if state.known.resolution is not None else None for state in states}
-    resolution = states[0].known.resolution
+    answers = [state.known.resolution for state in states]
+    found = {(one.layer, one.path) if one is not None else None for one in answers}
+    resolution = answers[0]
     return len(found) == 1 and resolution is not None and resolution.calibration.grade in MEASURED
 
 

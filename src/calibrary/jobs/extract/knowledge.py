@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
 from calibrary.calibration import Calibration
 from calibrary.catalogue import Catalogue, load_catalogue
+from calibrary.errors import RegistryError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.exchange.identity import identified
+from calibrary.jobs.exchange.layers import Asked, Layers, Place, open_layers
 from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 from calibrary.registry.locking import locked
+from calibrary.registry.published.fetch import is_address
 from calibrary.registry.registry import open_snapshot, uncommitted
-from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
+from calibrary.registry.resolution import RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["Knowledge", "Known"]
@@ -63,30 +66,43 @@ class Knowledge:
     """
 
     catalogue: Catalogue
-    registry: RegistryIndex | None = None
+    registry: Asked | None = None
     on: date | None = None
     warnings: tuple[str, ...] = ()
 
     @classmethod
-    def load(cls, registry: Path | None, lock: Path | None = None) -> Knowledge:
+    def load(cls, registry: Place | Sequence[Place] | None, lock: Path | None = None) -> Knowledge:
         """Read the catalogue and list the registry.
 
         Args:
-            registry: a registry in git, bare or checked out, of which what is committed is used; or a plain
-                folder of files.
+            registry: a registry in git, bare or checked out, of which what is committed is used; a plain folder of
+                files; the address of a published one; or several of them, of which the first that answers is used.
             lock: the file that pins entries of it; no others are used then.
 
         Raises:
             RegistryError: there is no registry at the path, or what the lock pins cannot be had as it was.
             InputError: the lock cannot be read.
         """
-        if registry is None:
+        places = (
+            () if registry is None else (registry,) if isinstance(registry, str | Path) else tuple(registry)
+        )
+        if not places:
             return cls(catalogue=load_catalogue())
-        catalogue, snapshot, today = load_catalogue(), open_snapshot(registry), date.today()
+        catalogue, today = load_catalogue(), date.today()
         if lock is not None:
-            pinned = locked(snapshot, lock)
+            if len(places) > 1 or is_address(str(places[0])):
+                raise RegistryError(
+                    f"{lock}: a lock is of one registry on this machine; name its folder alone"
+                )
+            pinned = locked(open_snapshot(Path(places[0])), lock)
             return cls(catalogue=catalogue, registry=pinned.index, on=today, warnings=pinned.warnings)
-        return cls(catalogue=catalogue, registry=snapshot.index(), on=today, warnings=_not_used(snapshot))
+        layers = open_layers(places, many=True)
+        return cls(catalogue=catalogue, registry=layers, on=today, warnings=_warnings(layers))
+
+    @property
+    def warnings_of_layers(self) -> tuple[str, ...]:
+        """What became known of registries by asking them: that one cannot be reached, and how old its copy is."""
+        return self.registry.warnings if isinstance(self.registry, Layers) else ()
 
     @property
     def has_registry(self) -> bool:
@@ -108,11 +124,11 @@ class Knowledge:
         if self.registry is None or not self.registry.is_dated(identified(metadata, self.catalogue).key):
             yield self.of(metadata), Names.joined([*days.values()])
             return
-        found: dict[tuple[str, str | None] | None, tuple[Known, list[Names]]] = {}
+        found: dict[tuple[str | None, str, str | None] | None, tuple[Known, list[Names]]] = {}
         for day, own in days.items():
             known = replace(self, on=day or self.on).of(metadata)
             entry = known.resolution
-            answer = (entry.path, entry.revision) if entry is not None else None
+            answer = (entry.layer, entry.path, entry.revision) if entry is not None else None
             found.setdefault(answer, (known, []))[1].append(own)
         yield from ((known, Names.joined(parts)) for known, parts in found.values())
 
@@ -131,6 +147,12 @@ class Knowledge:
         resolution = self.registry.resolve(key, on=self.on)
         near = self.registry.near(key, on=self.on) if resolution is None else ()
         return replace(known, resolution=resolution, near=near)
+
+
+def _warnings(layers: Layers) -> tuple[str, ...]:
+    """What is known of registries before they are asked."""
+    git = [layer.snapshot for layer in layers.layers if layer.snapshot is not None]
+    return tuple(warning for snapshot in git for warning in _not_used(snapshot))
 
 
 def _not_used(snapshot: Snapshot) -> tuple[str, ...]:

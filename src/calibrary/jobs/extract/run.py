@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault
+from calibrary.jobs.exchange.layers import Place
 from calibrary.jobs.extract.beside import contradictions, find_candidates, may_be_calibration
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
@@ -39,7 +40,7 @@ class Request:
         sensor_mm: (width, height) the user stated; a side or both None where not stated.
         policy: what K is held against.
         fallback_k: a .npy with K for when the images yield none.
-        registry: a fleet registry's folder.
+        registry: a fleet registry's folder, the address of a published one, or several in their order.
         lock: the file that pins entries of it; no others are used then.
         recursive: go into sub-folders.
         workers: processes; 0 decides by itself.
@@ -52,7 +53,7 @@ class Request:
     sensor_mm: tuple[float | None, float | None] = (None, None)
     policy: Policy = FLEET
     fallback_k: Path | None = None
-    registry: Path | None = None
+    registry: Place | Sequence[Place] | None = None
     lock: Path | None = None
     recursive: bool = False
     workers: int = 0
@@ -139,10 +140,23 @@ def judge_images(
         more_rejected=images.unread.count - len(images.unread.listed),
         more_skipped=images.pictures.count - len(images.pictures.listed),
         lost=reading.lost,
-        warnings=(*knowledge.warnings, *_unread(images.states), *warnings, *contradicting),
+        warnings=(
+            *knowledge.warnings,
+            *_of_layers(knowledge, states),
+            *_unread(images.states),
+            *warnings,
+            *contradicting,
+        ),
         beside=tuple(beside),
         beside_unread=tuple(unreadable),
     )
+
+
+def _of_layers(knowledge: Knowledge, states: Mapping[CameraKey, tuple[State, ...]]) -> Iterator[str]:
+    """What several registries say of one another, and of themselves."""
+    yield from knowledge.warnings_of_layers
+    found = (state.known.resolution for group in states.values() for state in group)
+    yield from dict.fromkeys(text for one in found if one is not None for text in one.disagreements)
 
 
 def _unread(states: Mapping[ImageMetadata, ByDay]) -> Iterator[str]:
