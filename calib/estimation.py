@@ -10,6 +10,7 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import adjust
 from calibrary.calib.assessment import Solved, assess
 from calibrary.calib.board import Board
+from calibrary.calib.board_count import other_columns
 from calibrary.calib.board_shape import BoardShape, board_shape, laid_on
 from calibrary.calib.lens_change import as_model
 from calibrary.calib.lens_models import Solvable
@@ -79,6 +80,7 @@ def solved_views(
     _check(observations, guess)
     usable, dropped = _usable(observations)
     network = Network.of(usable)
+    _refuse_miscounted(usable)
     solution = solve(network, usable.image_size, model=chosen, guess=guess, warp=warp, gate=gate)
     solution, shape, before = _before_the_real_board(solution, usable.image_size, chosen, asked=warp)
     return Solved(
@@ -90,6 +92,18 @@ def solved_views(
         shape=shape,
         flat_shape=before,
     )
+
+
+def _refuse_miscounted(observations: Observations) -> None:
+    """Name the count by which the corners are a board's, where it is another one."""
+    columns = other_columns(observations)
+    if columns is not None:
+        board = observations.board
+        raise CalibrationError(
+            f"the corners are numbered as on a board of {columns} columns of inner corners, not as on {board}: no "
+            "camera explains them; count the inner corners of a row, one fewer than its squares, and state the board "
+            "again"
+        )
 
 
 def _before_the_real_board(

@@ -24,6 +24,7 @@ from calibrary.calib.board import Board
 from calibrary.calib.model_choice import f_test
 from calibrary.calib.observations import Observations
 from calibrary.calibration import ImageSize
+from calibrary.probability import chi_square_tail
 from calibrary.records import Record
 
 __all__ = ["Cause", "Misfit", "corner_noise", "misfit"]
@@ -38,12 +39,19 @@ CLEARLY: Final = 0.1
 """A cause is named alone where the next leaves this share more of the sum of squares, its parameters paid for."""
 SUBSTANTIAL: Final = 10.0
 """By so much Schwarz's criterion must fall before there is anything to explain (very strong, in its usual terms)."""
+FEWEST_TO_SCATTER: Final = 12
+"""Corners of a view, to tell how they scatter."""
 EXCESS_EXPLAINED: Final = 0.5
 """Share of the excess over noise that a cause must explain to be named."""
 
 
+MOST_ALIKE: Final = 0.3
+"""Correlation of neighbouring corners' residuals: blur makes each corner uncertain by itself, every other fault moves
+neighbours together."""
+
+
 class Cause(StrEnum):
-    """A fault of the camera, or of the board where that is not solved for."""
+    """A fault of the camera, of how it was held, or of the board where that is not solved for."""
 
     ROLLING_SHUTTER = "rolling-shutter"
     FOCUS_CHANGES = "focus-changes"
@@ -51,6 +59,7 @@ class Cause(StrEnum):
     STABILISED = "stabilised"
     BOARD_FLEXES = "board-flexes"
     STRETCHED_PRINT = "stretched-print"
+    MOTION_BLUR = "motion-blur"
 
 
 class Rival(Record):
@@ -117,7 +126,7 @@ def misfit(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) ->
     n = network.scalars
     if n - rank < len(residuals):
         return None
-    found = []
+    found = [] if (blur := _blur(adjusted, n, rank)) is None else [blur]
     for cause, globals_too, by_view in _faults(adjusted, image_size):
         left, more = _unexplained(residuals, globals_too, by_view)
         dof, extra = n - more, more - rank
@@ -183,6 +192,43 @@ def _faults(adjusted: Adjusted, image_size: ImageSize) -> Iterator[tuple[Cause, 
             by_global,
             each((by_height[..., None] * lift[:, :, None, :]).reshape(*zoom.shape, 3)),
         )
+
+
+def _blur(adjusted: Adjusted, n: int, rank: int) -> Rival | None:
+    """Corners of each view that are uncertain along one direction, that of the motion while the shutter was open.
+
+    It moves no corner by a rule, it widens their scatter, so what it explains is judged by the likelihood of normal
+    residuals of that scatter. None where neighbouring corners are off together, or the scatter is no more elongated
+    than chance makes it.
+    """
+    network, residuals = adjusted.network, adjusted.linear.residuals
+    shape, alone, by_view, together, alike = network.seen.shape, 0.0, 0.0, 0.0, 0.0
+    views = np.flatnonzero(network.seen.sum(axis=1) >= FEWEST_TO_SCATTER).tolist()
+    errors = residuals.reshape(*shape, 2)
+    for row in views:
+        own = errors[row][network.seen[row]]
+        count = len(own)
+        small, large = np.linalg.eigvalsh(own.T @ own / count)
+        if not small > 0:
+            return None
+        by_view += count * float(np.log(small) + np.log(large))
+        alone += 2 * count * math.log((small + large) / 2)
+        alike += float((own[1:] * own[:-1]).sum())
+        together += float((own**2).sum())
+    if len(views) < 2 or alike > MOST_ALIKE * together:
+        return None
+    scalars = 2 * int(network.seen[views].sum())
+    elongated = alone - by_view - 2 * len(views) * math.log(scalars)
+    if elongated < SUBSTANTIAL:
+        return None
+    extra = 3 * len(views) - 1
+    gain = scalars * math.log(together / scalars) - by_view
+    return Rival(
+        cause=Cause.MOTION_BLUR,
+        left_px=math.exp(by_view / scalars / 2) * math.sqrt(n / (n - rank)),
+        criterion=extra * math.log(n) - gain,
+        p=chi_square_tail(extra, gain),
+    )
 
 
 def _two_kinds(residuals: FloatArray, by_pose: FloatArray, zoom: FloatArray) -> FloatArray:

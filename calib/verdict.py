@@ -416,6 +416,10 @@ _CAUSES: Final[Mapping[Cause, tuple[str, str]]] = {
         "switch stabilisation (EIS) and horizon levelling off",
     ),
     Cause.BOARD_FLEXES: ("a board that bends in the hand", "glue the print to glass or aluminium"),
+    Cause.MOTION_BLUR: (
+        "motion while the shutter was open, which blurs corners along one direction",
+        "put camera and board on stands, or expose shorter",
+    ),
     Cause.STRETCHED_PRINT: (
         "a print that is longer one way",
         "measure the print, and print it again to scale",

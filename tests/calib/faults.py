@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from calibrary.arrays import FloatArray
+from calibrary.calib.board import Board
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.synthesis import Pose, Shutter, observe, poses
 from calibrary.calibration import Calibration
@@ -68,6 +69,29 @@ def flexing(seed: int = 4, lift_mm: float = 0.6) -> Observations:
     return _seen(seed, [camera()] * VIEWS, lifts)
 
 
+def blurred(seed: int = 4, share: float = 0.5, along_px: float = 0.5) -> Observations:
+    """A camera that moves while its shutter is open: corners of some views uncertain along one direction."""
+    sharp, rng = shoot(how=Session(views=VIEWS), seed=seed), np.random.default_rng([seed, 5])
+    views = []
+    for view in sharp.views:
+        angle, drawn = rng.uniform(0, np.pi), rng.random() < share
+        along = rng.normal(0, along_px * rng.uniform(0.5, 1.5) * drawn, len(view.ids))
+        moved_by = along[:, None] * (np.cos(angle), np.sin(angle))
+        views.append(replace(view, image_points=view.image_points + moved_by))
+    return replace(sharp, views=tuple(views))
+
+
+def miscounted(seed: int = 4, columns: int = 10) -> Observations:
+    """Corners numbered row by row over 11 columns, said to be of a board that has another number of them."""
+    seen = shoot(how=Session(views=VIEWS), seed=seed)
+    said = Board(columns=columns, rows=BOARD.rows, square_mm=BOARD.square_mm)
+    views = []
+    for view in seen.views:
+        known = view.ids < len(said.points)
+        views.append(replace(view, ids=view.ids[known], image_points=view.image_points[known]))
+    return replace(seen, board=said, views=tuple(views))
+
+
 def two_boards() -> Observations:
     """Views of two boards taken for one: every other view is of squares a fiftieth longer down than across."""
     a, b = (shoot(seed=1, how=Session(views=10, stretch=(1.0, longer))) for longer in (1.0, 1.02))
@@ -81,6 +105,7 @@ SESSIONS: dict[str, Callable[[int], Observations]] = {
     "stabilised": stabilised,
     "board-shape": twisted,
     "board-flexes": flexing,
+    "motion-blur": blurred,
 }
 """By the cause that is to be named."""
 
