@@ -7,6 +7,8 @@ from contextlib import contextmanager
 
 __all__ = ["one_thread", "quiet"]
 
+SILENT = 0
+
 
 @contextmanager
 def one_thread() -> Iterator[None]:
@@ -24,10 +26,12 @@ def one_thread() -> Iterator[None]:
 @contextmanager
 def quiet() -> Iterator[None]:
     """Keep OpenCV from logging every odd tag of a TIFF to standard error; what matters comes back as an error."""
-    from cv2.utils import logging
+    import cv2
 
+    # OpenCV 5 has moved these functions.
+    logging = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
     before = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    logging.setLogLevel(SILENT)
     try:
         yield
     finally:

@@ -144,6 +144,7 @@ def _bracketed(
     return found
 
 
+@np.errstate(all="ignore")
 def _polished(coefficients: FloatArray, root: float) -> float:
     slope = poly.polyder(coefficients)
     for _ in range(6):

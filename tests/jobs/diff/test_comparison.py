@@ -60,7 +60,10 @@ def by_scipy(a: Calibration, b: Calibration, pixels: np.ndarray) -> np.ndarray:
         D.append(coefficients)
     patient = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 2000, 1e-14)
     counted = (pixels - 0.5).reshape(-1, 1, 2)
-    xy = cv2.undistortPoints(counted, K[0], D[0], criteria=patient).reshape(-1, 2)
+    if hasattr(cv2, "undistortPointsIter"):  # OpenCV 4, whose undistortPoints takes no criteria
+        xy = cv2.undistortPointsIter(counted, K[0], D[0], np.eye(3), np.eye(3), patient).reshape(-1, 2)
+    else:
+        xy = cv2.undistortPoints(counted, K[0], D[0], criteria=patient).reshape(-1, 2)
     rays = np.column_stack([xy, np.ones(len(xy))])
 
     def apart(turn: np.ndarray) -> np.ndarray:
