@@ -46,6 +46,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "published-1": "calibrary.registry.published.layout:PublishedRegistry",
     "published-tree-1": "calibrary.registry.published.layout:PublishedTree",
     "published-camera-1": "calibrary.registry.published.layout:PublishedCamera",
+    "registry-contribution-1": "calibrary.registry.contribution:Contribution",
     "registry-publish-1": "calibrary.registry.published.write:Publication",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its

@@ -17,6 +17,7 @@ from typing import Final
 from calibrary.atomic import check_folder
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
+from calibrary.known_camera import SERIAL_HASH_DIGITS
 from calibrary.records import Record, replace, to_json
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.git.history import history
@@ -60,8 +61,7 @@ OWN_NAMES: Final = frozenset({ROOT_FILE, SIGNATURE_FILE, STAGING, *FOLDERS})
 
 OURS: Final = b'{"schema":"calibrary/'
 """How every published file begins."""
-SERIAL_HASH: Final = frozenset("0123456789abcdef")
-SERIAL_DIGITS: Final = 16
+HEX: Final = frozenset("0123456789abcdef")
 WAIT_S: Final = 60.0
 CHUNK: Final = 500
 WORTH_A_POOL: Final = 2000
@@ -370,7 +370,7 @@ def _require_publishable(path: str, entry: Entry) -> None:
             f"{path}: its camera belongs at {entry.path}; 'calibrary registry check' shows what is wrong with it"
         )
     serial = entry.calibration.camera.serial
-    if serial is not None and (len(serial) != SERIAL_DIGITS or not set(serial) <= SERIAL_HASH):
+    if serial is not None and (len(serial) != SERIAL_HASH_DIGITS or not set(serial) <= HEX):
         raise RegistryError(
             f"{path}: its serial number is not hashed, so it is not published; 'calibrary registry add FILE' hashes it"
         )

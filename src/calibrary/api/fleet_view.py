@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from calibrary.api.exchange import AuditResult, ExportResult, LockResult
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
+    from calibrary.registry.contribution import Contribution
     from calibrary.registry.published.write import Publication
 
 __all__ = ["FleetView"]
@@ -418,6 +419,20 @@ class FleetView:
         signer = Path(key) if key is not None else None
         told = labelled(progress, "entries")
         return publish(self.snapshot, Path(out), key=signer, workers=workers, progress=told)
+
+    def contribute(self, key: str, out: str | Path) -> Contribution:
+        """Write an approved entry as a proposal for a public registry, without what is private.
+
+        Args:
+            key: of the entry.
+            out: the folder: a clone of that registry, or any other.
+
+        Raises:
+            RegistryError: it is not approved, or it cannot be said of its model.
+        """
+        from calibrary.registry.contribution import contribute
+
+        return contribute(self.snapshot, key, Path(out))
 
     def server(
         self,

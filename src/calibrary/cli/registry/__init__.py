@@ -31,6 +31,7 @@ LISTED = (
     ("pull", "bring what others have written"),
     ("push", "publish what was written here"),
     ("publish", "write the registry as files that programs read from a web server"),
+    ("contribute", "write an entry for a public registry, without what is private"),
     ("site", "write the registry as web pages"),
     ("serve", "show the registry in a browser on this machine"),
 )
