@@ -28,13 +28,13 @@ from typing import TYPE_CHECKING
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.records import replace
-from calibrary.registry.alias_cache import names_at
 from calibrary.registry.check_registry import check_all
 from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.maintenance import create, maintain
 from calibrary.registry.git.writing import Change, write
+from calibrary.registry.index import index_at
 from calibrary.registry.registry import open_snapshot
 from calibrary.registry.snapshot import Snapshot
 
@@ -170,7 +170,7 @@ def cold(snapshot: Snapshot, entries: int, repeats: int) -> None:
     process(named)
     assert snapshot.repo is not None
     assert snapshot.commit is not None
-    names_at(snapshot.repo, snapshot.commit)
+    _ = index_at(snapshot.repo, snapshot.commit).files
     times = interleaved(contestants, repeats)
     # The turn of `named` comes right after the cache was thrown away: it looks through all entries.
     times["named again"] = interleaved({"named again": lambda: process(named)}, repeats)["named again"]

@@ -74,7 +74,10 @@ class CheckReport:
 
 
 def check(
-    entries: Mapping[str, bytes], policy: Policy, former: Mapping[str, Entry] = MappingProxyType({})
+    entries: Mapping[str, bytes],
+    policy: Policy,
+    former: Mapping[str, Entry] = MappingProxyType({}),
+    parse: Callable[[bytes, str], Entry] = parse_entry,
 ) -> CheckReport:
     """Hold every entry against the schema, its digest, its path, the policy, its camera, and every other entry.
 
@@ -83,6 +86,7 @@ def check(
             :func:`check_order`, so the mapping may read them when it is asked.
         policy: what is physically plausible.
         former: by path, what was in use before; of those whose change is checked.
+        parse: reads an entry from its bytes and path, and raises InputError.
     """
     tree = _Tree(entries)
     findings = list(tree.names())
@@ -90,7 +94,7 @@ def check(
         group = {}
         for path in paths:
             try:
-                entry = parse_entry(entries[path], path)
+                entry = parse(entries[path], path)
             except InputError as error:
                 broken = "digest" if error.place == "digest" else "entry"
                 findings.append(_finding(path, broken, str(error)))

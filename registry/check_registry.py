@@ -11,28 +11,35 @@ from typing import Annotated, Final, Literal
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
-from calibrary.registry.alias_cache import label_in
 from calibrary.registry.approvals import digest_as_proposed, unmet
 from calibrary.registry.check import CheckReport, check, check_order
 from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, commit_at, history, parse_rev
-from calibrary.registry.git.objects import ObjectId
+from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.signatures import signatures
+from calibrary.registry.index import (
+    ALIAS,
+    LABEL,
+    SUPERSEDES,
+    Index,
+    claimed_folder,
+    index_at,
+    parsed_or_error,
+    said,
+)
 from calibrary.registry.paths import (
     CAMERAS,
     PROPOSALS,
     ROOT,
     SUFFIX,
     check_path,
-    folder_of,
     id_of,
     in_use_path,
     is_entry,
     is_proposal,
-    match_key,
 )
 from calibrary.registry.snapshot import Snapshot, StoredEntry, entry_paths, proposal_paths, read_entry_file
 from calibrary.validation import Finding, Severity
@@ -49,9 +56,6 @@ __all__ = [
 ]
 
 FOLDERS: Final = (CAMERAS, PROPOSALS)
-MENTIONS: Final = (b"aliases", b"supersedes")
-"""Fields by which an entry speaks of others, wherever they are."""
-
 BLOCK: Final = 250
 """Entries that are read at once; one by one, waiting for git takes a third of a check."""
 
@@ -124,8 +128,10 @@ def check_all(
     """
     if snapshot.repo is None or snapshot.commit is None:
         return check_work_tree(snapshot, policy, progress=progress)
-    files = _Files({**snapshot.paths, **_entries_of(snapshot.proposed)}, snapshot.read_many, progress)
-    report = _completed(check(files, policy or snapshot.configuration.policy), files, files)
+    paths = {**snapshot.paths, **_entries_of(snapshot.proposed)}
+    files = _Files(paths, snapshot.read_many, progress, snapshot.contents)
+    found = check(files, policy or snapshot.configuration.policy, parse=files.parse)
+    report = _completed(found, files, files)
     report = CheckReport(
         entries=report.entries,
         findings=(*_no_files(snapshot.repo.irregular(snapshot.commit, *FOLDERS)), *report.findings),
@@ -206,11 +212,12 @@ def check_range(
     rules = configuration_at(repo, start)
     policy = policy or rules.policy
     end = commit_at(repo, parse_rev(after)) if after is not None else newest
-    old, new = repo.listing(start, *FOLDERS), repo.listing(end, *FOLDERS)
-    touched = {file.path for folder in FOLDERS for file in changed(repo, start, end, folder)}
-    own = touched & new.keys()
-    files = _Files(_met(repo, new, touched), _in_git(repo, new), progress)
-    was = _Files(_met(repo, old, touched), _in_git(repo, old))
+    differing = [file for folder in FOLDERS for file in changed(repo, start, end, folder)]
+    own = {file.path for file in differing if file.after is not None}
+    new = _met(repo, end, {file.path: file.after for file in differing})
+    old = _met(repo, start, {file.path: file.before for file in differing})
+    files = _Files(new, _in_git(repo, new), progress)
+    was = _Files(old, _in_git(repo, old))
     former = _former(repo, old, own)
     found = _completed(check(files, policy, former), files, own).findings
     known = set(check(was, policy).findings) if len(own) < len(files) else set()
@@ -326,8 +333,11 @@ class _Files(Mapping[str, bytes]):
         paths: Collection[str],
         read: Callable[[Sequence[str]], Iterable[bytes]],
         progress: Progress | None = None,
+        index: Index | None = None,
     ) -> None:
         self.unreadable: dict[str, str] = {}
+        self._index = index
+        self._entries: Mapping[str, Entry | InputError] = {}
         self._order = sorted(paths, key=check_order)
         self._known = frozenset(paths)
         self._read = read
@@ -344,12 +354,30 @@ class _Files(Mapping[str, bytes]):
         if self._next < len(self._order) and self._order[self._next] == path:
             names = self._order[self._next : self._next + BLOCK]
             self._block = self._had(names)
+            self._entries = self._parsed(self._block)
             self._next += len(names)
             if self._progress is not None:
                 self._progress(self._next, len(self._order))
             return self._block[path]
         # Another entry speaks of this one, out of turn.
         return self._had([path])[path]
+
+    def _parsed(self, block: Mapping[str, bytes]) -> dict[str, Entry | InputError]:
+        """The entries of a block as an earlier run has read them, by the id that their bytes have now."""
+        if self._index is None:
+            return {}
+        return dict(self._index.parsed((blob_id(data), path, data) for path, data in block.items()))
+
+    def parse(self, data: bytes, path: str) -> Entry:
+        """The entry in a file of these.
+
+        Raises:
+            InputError: as of :func:`parse_entry`.
+        """
+        found = self._entries.get(path) if self._block.get(path) == data else None
+        if isinstance(found, InputError):
+            raise found
+        return found if found is not None else parse_entry(data, path)
 
     def _had(self, names: Sequence[str]) -> dict[str, bytes]:
         try:
@@ -396,41 +424,31 @@ def _error(path: str, rule: str, message: str) -> Finding:
     return Finding(rule=rule, severity=Severity.ERROR, place=path, message=said)
 
 
-def _met(repo: Repository, listed: Mapping[str, str], touched: Collection[str]) -> set[str]:
-    """The changed entries of a state, and every other that one of them may meet."""
-    models = {_model(path) for path in touched}
-    # A proposal meets nobody but what it is to replace.
-    met = {path for path in listed if path in touched or (_model(path) in models and not is_proposal(path))}
-    rest = sorted(path for path in listed.keys() - met if not is_proposal(path))
-    ids = [id_of(path).encode() for path in touched]
-    own = {path for path in touched if path in listed}
-    labels = {
-        match_key(label)
-        for data in repo.read_many([listed[path] for path in sorted(own)])
-        if (label := label_in(data)) is not None
-    }
-    for path, data in zip(rest, repo.read_many([listed[path] for path in rest]), strict=True):
-        aliases, supersedes = (word in data for word in MENTIONS)
-        if aliases or (supersedes and any(name in data for name in ids)):
-            met.add(path)
-        if labels and (label := label_in(data)) is not None and match_key(label) in labels:
-            met.add(path)
-    for path, data in zip(sorted(own), repo.read_many([listed[path] for path in sorted(own)]), strict=True):
-        met |= _spoken_of(path, data, listed)
-    return met
+def _met(repo: Repository, commit: str, touched: Mapping[str, str | None]) -> dict[str, str]:
+    """The id, by path, of the changed entries of a state, and of every other that one of them may meet.
 
-
-def _spoken_of(path: str, data: bytes, listed: Mapping[str, str]) -> set[str]:
-    """The entries that a changed one names: that it supersedes, or whose name it claims."""
-    try:
-        entry = parse_entry(data, path, require_digest=False)
-    except InputError:
-        return set()
-    folders = tuple(folder_of(alias.make, alias.model) for alias in entry.aliases)
-    found = {other for other in listed if folders and other.startswith(folders)}
-    if entry.supersedes is not None and (there := f"{ROOT}{entry.supersedes}{SUFFIX}") in listed:
-        found.add(there)
-    return found
+    These are what lies beside it for its models, what claims a name of theirs or is claimed by them, and what
+    supersedes them or is superseded, and what has the label of one. No other entry is read, however many there are.
+    """
+    own = {path: oid for path, oid in touched.items() if oid is not None}
+    index, models = index_at(repo, commit), {_model(path) for path in touched}
+    folders, ids, names = set(models), {id_of(path) for path in touched}, set[tuple[str, str]]()
+    # What one of them claims, supersedes or is called by.
+    for path, data in zip(own, repo.read_many([*own.values()]), strict=True):
+        entry = parsed_or_error(path, data, require_digest=False)
+        for _, kind, word, _ in said(path, entry) if isinstance(entry, Entry) else ():
+            names.add((kind, word))
+            if kind == ALIAS:
+                folders.add(claimed_folder(word).rstrip("/"))
+            elif kind == SUPERSEDES:
+                folders.add(_model(f"{ROOT}{word}{SUFFIX}"))
+    # What speaks of one of them.
+    claims = [one for kind in (ALIAS, LABEL) for one in index.mentions(kind) if (kind, one[2]) in names]
+    claims += [one for one in index.mentions(ALIAS) if claimed_folder(one[2])[:-1] in models]
+    claims += [one for one in index.mentions(SUPERSEDES) if one[2] in ids]
+    folders |= {_model(path) for path, *_ in claims}
+    # A proposal meets nothing but what it is to replace.
+    return repo.listing(commit, *sorted(folders)) | own
 
 
 def _model(path: str) -> str:

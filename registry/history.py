@@ -12,16 +12,16 @@ from typing import Any, Final
 from msgspec import field
 
 from calibrary.calibration import Grade
-from calibrary.errors import InputError, RegistryError, UnknownCameraError
+from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.records import Record
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_form import PARAMETERS
-from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import Field, FieldChange, entry_fields
 from calibrary.registry.git import history as git_history
 from calibrary.registry.git.history import Revision
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
+from calibrary.registry.index import index_at
 from calibrary.registry.paths import ROOT, SUFFIX, proposal_path
 from calibrary.registry.snapshot import ListedEntry, Snapshot, StoredEntry
 from calibrary.registry.writing import SOURCE_FILE, SOURCE_SHA256
@@ -258,7 +258,7 @@ def of_path(repo: Repository, at: str, path: str, *, most: int | None = None) ->
     """Every revision of the entry at a path up to a commit, newest first."""
     # One more than asked for, since the oldest of them is compared with the one before it.
     revisions = git_history.history(repo, path, at, most=most + 1 if most is not None else None)
-    entries = [_entry(repo, revision) for revision in revisions]
+    entries = _entries(repo, at, revisions)
     found = zip(revisions, pairwise([*entries, None]), strict=True)
     return tuple(EntryRevision(revision=one, entry=entry, before=before) for one, (entry, before) in found)[
         :most
@@ -355,14 +355,13 @@ def _path(snapshot: Snapshot, key: str) -> str:
         raise
 
 
-def _entry(repo: Repository, revision: Revision) -> Entry | None:
-    """As a commit left it; None where it removed it, or what it wrote is not an entry."""
-    if revision.oid is None:
-        return None
-    try:
-        return parse_entry(repo.blob(revision.oid), revision.path)
-    except InputError:
-        return None
+def _entries(repo: Repository, at: str, revisions: Sequence[Revision]) -> list[Entry | None]:
+    """As each commit left it; None where it removed it, or what it wrote is not an entry."""
+    there = {one.oid: one.path for one in revisions if one.oid is not None}
+    contents = zip(there.items(), repo.read_many([*there]), strict=True)
+    parsed = index_at(repo, at).parsed((oid, path, data) for (oid, path), data in contents)
+    entries = {oid: entry for oid, (_, entry) in zip(there, parsed, strict=True) if isinstance(entry, Entry)}
+    return [entries.get(one.oid) if one.oid is not None else None for one in revisions]
 
 
 def _unchanged_for(told: Sequence[dict[str, Field] | None], name: str, value: Field) -> int:

@@ -24,8 +24,7 @@ from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.resolution import RegistryIndex
-from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.writing import parsed
+from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.strictyaml import line_of, load_yaml
 
 __all__ = [
@@ -72,7 +71,13 @@ def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
         RegistryError: one is not there or cannot be read.
     """
     wanted = sorted(set(paths))
-    pins = tuple(_pin(path, data) for path, data in zip(wanted, snapshot.read_many(wanted), strict=True))
+    if snapshot.commit is None:
+        pins = tuple(_pin(path, data) for path, data in zip(wanted, snapshot.read_many(wanted), strict=True))
+    else:
+        stored = {one.path: one for one in snapshot.entries(where=frozenset(wanted).__contains__)}
+        if missing := [path for path in wanted if path not in stored]:
+            raise RegistryError(f"{missing[0]}: not in commit {snapshot.commit[:12]}")
+        pins = tuple(_pin_of_stored(stored[path]) for path in wanted)
     # A folder's whole path tells about a disk, and a remote's address may hold a password.
     return Lock(registry=snapshot.place.name or None, commit=snapshot.commit, pins=pins)
 
@@ -83,8 +88,7 @@ def usable_paths(snapshot: Snapshot) -> list[str]:
     Raises:
         RegistryError: one cannot be read.
     """
-    files = snapshot.files()
-    return [path for path, data in files if parsed(data, path, require_digest=False).is_usable]
+    return [stored.path for stored in snapshot.entries() if stored.entry.is_usable]
 
 
 def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
@@ -143,6 +147,11 @@ def _became(data: bytes, pin: Pin) -> str:
     if entry.status is Status.RETIRED:
         return "was retired" + (f" ({entry.reason})" if entry.reason else "")
     return "was changed"
+
+
+def _pin_of_stored(stored: StoredEntry) -> Pin:
+    entry = stored.entry
+    return Pin(path=stored.path, blob=stored.oid or "", digest=digest(entry.calibration, entry.sensor))
 
 
 def _pin(path: str, data: bytes) -> Pin:

@@ -20,16 +20,14 @@ from typing import Annotated, Any
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import Json, Meta, Record
-from calibrary.registry.alias_cache import label_in, names_at, names_kept
 from calibrary.registry.configuration import Configuration
 from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.git.history import history
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
+from calibrary.registry.index import LABEL, Index, index_at, label_in, parsed_or_error
 from calibrary.registry.paths import (
-    CAMERAS,
-    PROPOSALS,
     PROPOSED,
     ROOT,
     find_paths,
@@ -161,7 +159,9 @@ class Snapshot:
             return self.known_paths
         if self.repo is None or self.commit is None:
             return MappingProxyType(dict.fromkeys(entry_paths(self.place)))
-        return MappingProxyType(self.repo.listing(self.commit, CAMERAS))
+        return MappingProxyType(
+            {path: oid for path, oid in self.contents.files.items() if not is_proposal(path)}
+        )
 
     @cached_property
     def proposed(self) -> Mapping[str, str | None]:
@@ -172,7 +172,12 @@ class Snapshot:
         """
         if self.repo is None or self.commit is None:
             return MappingProxyType(dict.fromkeys(proposal_paths(self.place)))
-        return MappingProxyType(self.repo.listing(self.commit, PROPOSALS))
+        return MappingProxyType({path: oid for path, oid in self.contents.files.items() if is_proposal(path)})
+
+    @cached_property
+    def contents(self) -> Index:
+        """The index of the commit; for a registry in git."""
+        return index_at(*self.require_git("has no index"))
 
     def require_git(self, why: str) -> tuple[Repository, str]:
         """The repository and the commit.
@@ -192,10 +197,6 @@ class Snapshot:
         """
         if self.repo is None or self.commit is None:
             return read_entry_file(self.place, path)
-        # Once the paths are listed, an id is the shorter way than the trees down to the file.
-        listed = self.__dict__.get("proposed" if is_proposal(path) else "paths")
-        if listed is not None and (oid := listed.get(path)) is not None:
-            return self.repo.blob(oid)
         blob = self.repo.read(self.commit, path)
         if blob is None:
             raise RegistryError(f"{path}: not in commit {self.commit[:12]}")
@@ -227,36 +228,52 @@ class Snapshot:
         paths = sorted(self.paths)
         return zip(paths, self.read_many(paths), strict=True)
 
-    def entries(self, *, unreadable: Callable[[RegistryError], None] | None = None) -> Iterator[StoredEntry]:
+    def entries(
+        self,
+        *,
+        unreadable: Callable[[RegistryError], None] | None = None,
+        where: Callable[[str], bool] | None = None,
+    ) -> Iterator[StoredEntry]:
         """Every entry in ``cameras/``, in the order of their paths.
 
         Args:
+            where: whether the entry at a path is wanted; others are not read.
             unreadable: called with the error of each entry that cannot be read, which then does not end the others.
 
         Raises:
             RegistryError: an entry cannot be read and ``unreadable`` was left out.
         """
-        return self._stored(self.files(), unreadable)
+        paths = sorted(filter(where, self.paths))
+        return self._stored(zip(paths, self.read_many(paths), strict=True), unreadable)
 
     def proposals(
-        self, *, unreadable: Callable[[RegistryError], None] | None = None
+        self,
+        *,
+        unreadable: Callable[[RegistryError], None] | None = None,
+        where: Callable[[str], bool] | None = None,
     ) -> Iterator[StoredEntry]:
         """Every proposal that lies beside what is in use, in the order of their paths; otherwise as :meth:`entries`."""
-        paths = sorted(path for path in self.proposed if is_entry(path))
+        paths = sorted(filter(where, (path for path in self.proposed if is_entry(path))))
         return self._stored(zip(paths, self.read_many(paths), strict=True), unreadable)
 
     def _stored(
         self, files: Iterable[tuple[str, bytes]], unreadable: Callable[[RegistryError], None] | None
     ) -> Iterator[StoredEntry]:
-        for path, data in files:
-            try:
-                entry = self._parsed(path, data)
-            except RegistryError as error:
-                if unreadable is None:
-                    raise
-                unreadable(error)
+        for path, entry in self._read_as_entries(files):
+            if isinstance(entry, Entry):
+                yield self._as_stored(entry, path)
                 continue
-            yield self._as_stored(entry, path)
+            error = RegistryError(str(entry))
+            if unreadable is None:
+                raise error
+            unreadable(error)
+
+    def _read_as_entries(
+        self, files: Iterable[tuple[str, bytes]]
+    ) -> Iterator[tuple[str, Entry | InputError]]:
+        if self.repo is None:
+            return ((path, parsed_or_error(path, data, require_digest=False)) for path, data in files)
+        return self.contents.parsed((self._oid(path) or "", path, data) for path, data in files)
 
     def _as_stored(self, entry: Entry, path: str) -> StoredEntry:
         beside = proposal_path(path)
@@ -340,11 +357,12 @@ class Snapshot:
     @cached_property
     def labels(self) -> Mapping[str, str]:
         """The label of every entry that has one, by its path in ``cameras/``; of what is only proposed too."""
+        if self.repo is not None:
+            said = sorted(self.contents.mentions(LABEL), key=lambda one: not is_proposal(one[0]))
+            return {in_use_path(path): label for path, _, _, label in said}
         proposed = sorted(path for path in self.proposed if is_entry(path))
         waiting = zip(map(in_use_path, proposed), self.read_many(proposed), strict=True)
         found = {path: label for path, data in waiting if (label := label_in(data)) is not None}
-        if self.repo is not None and self.commit is not None:
-            return found | dict(names_at(self.repo, self.commit).labels)
         return found | {path: label for path, data in self.files() if (label := label_in(data)) is not None}
 
     def label_of(self, unit: str | None) -> str | None:
@@ -377,27 +395,24 @@ class Snapshot:
             self.paths,
             self.read,
             proposed=self.proposed,
-            aliases=lambda: names_at(repo, commit).alias_map,
+            aliases=lambda: self.contents.aliases,
             earlier=partial(used_before, repo, commit),
         )
 
     def index_for(self, key: CameraKey) -> RegistryIndex:
-        """The entries that one camera may meet, without listing all others where the alias cache is warm.
+        """The entries that one camera may meet, listed by git in their own folders, without all others.
 
         Raises:
             RegistryError: as of :meth:`index`.
         """
         if self.repo is None or self.commit is None or not key.make or not key.model:
             return self.index()
-        names = names_kept(self.repo, self.commit)
-        if names is None:
-            return self.index()
-        aliases = names.alias_map
+        aliases = self.contents.aliases
         others = aliases.get((match_key(key.make), match_key(key.model)), frozenset())
         folders = sorted({folder_of(key.make, key.model), *others})
         listed = self.repo.listing(self.commit, *folders, *map(proposal_path, folders))
         return RegistryIndex(
-            [*names.irregular, *(path for path in listed if not is_proposal(path))],
+            [*self.contents.irregular, *(path for path in listed if not is_proposal(path))],
             self.read,
             proposed=filter(is_proposal, listed),
             aliases=lambda: aliases,

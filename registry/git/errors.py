@@ -57,7 +57,10 @@ class FileConflictError(ConflictError):
         return type(self), (self.conflicts, self.remedy)
 
 
-DAMAGED = "the repository is damaged, and 'git fsck --full' lists what is missing or broken"
+DAMAGED = (
+    "the repository is damaged: 'git fsck --full' lists what is missing or broken; what is pushed is whole in a new "
+    "clone: calibrary registry init FOLDER --remote URL"
+)
 BROKEN = (
     "bad object",
     "bad tree object",

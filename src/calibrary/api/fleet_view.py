@@ -30,7 +30,7 @@ from calibrary.registry.configuration import plain_folder, require_registry
 from calibrary.registry.entry import Entry
 from calibrary.registry.fields import differences
 from calibrary.registry.history import recorded
-from calibrary.registry.paths import in_use_path
+from calibrary.registry.paths import id_of, in_use_path
 from calibrary.registry.query import parse_where, select
 from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.snapshot import Snapshot, StoredEntry
@@ -157,17 +157,23 @@ class FleetView:
         ['dji/fc6310r/5472x3648']
         """
         unreadable: list[RegistryError] = []
+        lowered = [word.lower() for word in words]
+
+        def is_named(path: str) -> bool:
+            called = f"{id_of(path)} {labels.get(in_use_path(path), '')}".lower()
+            return all(word in called for word in lowered)
+
         snapshot, wants_drafts = self.snapshot, "draft" in statuses
+        labels = snapshot.labels if lowered else {}
         waiting = (
             stored
-            for stored in snapshot.proposals(unreadable=unreadable.append)
+            for stored in snapshot.proposals(unreadable=unreadable.append, where=is_named)
             if wants_drafts or in_use_path(stored.path) not in snapshot.paths
         )
         found = tuple(
             stored
-            for stored in (*snapshot.entries(unreadable=unreadable.append), *waiting)
-            if all(word.lower() in f"{stored.id} {stored.entry.label or ''}".lower() for word in words)
-            and (not statuses or stored.entry.status.value in statuses)
+            for stored in (*snapshot.entries(unreadable=unreadable.append, where=is_named), *waiting)
+            if (not statuses or stored.entry.status.value in statuses)
             and (not grades or stored.entry.calibration.grade.value in grades)
         )
         conditions = [one for text in where for one in parse_where(text)]

@@ -39,6 +39,11 @@ class Screen(Console):
 
     def show(self, lines: Iterable[Text], *, indent: int = 0) -> None:
         """Print the lines of a table."""
+        if not self.is_terminal:
+            # Ten thousand rows into a pipe need no styles.
+            if not self.quiet:
+                self.file.write("".join(f"{' ' * indent}{line.plain}\n" for line in lines))
+            return
         for line in lines:
             self.print(Text(" " * indent) + line, highlight=False, soft_wrap=True)
 

@@ -58,7 +58,7 @@ def fitted(
     """
     from rich.text import Text
 
-    cells = [[Text.from_markup(cell, style=columns[i].style) for i, cell in enumerate(row)] for row in rows]
+    cells = [[_cell(cell, columns[i].style) for i, cell in enumerate(row)] for row in rows]
     kept = [i for i in range(len(columns)) if any(row[i].plain for row in cells)]
     least = {i: _least(columns[i], [row[i] for row in cells], header=header) for i in kept}
     while sum(least[i] + GAP for i in kept) - GAP > width:
@@ -132,6 +132,14 @@ def facts(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:
     return lines
 
 
+def _cell(markup: str, style: str) -> Text:
+    from rich.text import Text
+
+    # Reading markup takes longer than all else, and most cells have none.
+    has_markup = "[" in markup or "\\" in markup
+    return Text.from_markup(markup, style=style) if has_markup else Text(markup, style)
+
+
 def _longest(cell: Text) -> int:
     from rich.cells import cell_len
 
@@ -181,7 +189,8 @@ def _row(
         for i, part in zip(kept, parts, strict=True):
             cell = part if part is not None else Text()
             lead = max(0, widths[i] - cell.cell_len) if columns[i].right else 0
-            line = line + Text(" " * max(0, at + lead - line.cell_len)) + cell if cell.plain else line
+            if cell.plain:
+                line.append(" " * max(0, at + lead - line.cell_len)).append_text(cell)
             at = max(at + widths[i], line.cell_len) + GAP
         yield line
 
@@ -190,16 +199,24 @@ def _stacked(cells: Sequence[tuple[Column, Text]], width: int) -> Iterator[Text]
     """What found no room in the row: as many values on a line as fit, and what is longer on lines of its own."""
     from rich.text import Text
 
-    from calibrary.cli.console import folded
-
     line = Text()
     for column, cell in cells:
         if not cell.plain:
             continue
         item = Text.assemble((f"{column.name} ", "dim"), cell) if column.name else cell
         if line and BELOW + line.cell_len + GAP + item.cell_len > width:
-            yield from folded(line, width, indent=BELOW)
+            yield from _below(line, width)
             line = Text()
-        line = line + Text(" " * GAP) + item if line else item
+        line = line.append(" " * GAP).append_text(item) if line else item.copy()
     if line:
+        yield from _below(line, width)
+
+
+def _below(line: Text, width: int) -> Iterator[Text]:
+    from calibrary.cli.console import folded
+
+    if BELOW + line.cell_len <= width:
+        line.pad_left(BELOW)
+        yield line
+    else:
         yield from folded(line, width, indent=BELOW)

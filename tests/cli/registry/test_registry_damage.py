@@ -215,12 +215,18 @@ def test_no_command_that_reads_an_entry_answers_with_another_or_with_none(
     # What an earlier run has read must not hide it either.
     assert main(["registry", "list"]) == 0
     breaks(broken)
-    reads = [("registry", *words) for words in READ if words[0] != "check"]
-    for command in (*reads, ("extract", "flight", "--registry", "fleet", "--dry-run")):
-        refused(capsys, command, expected)
+    extract = ("extract", "flight", "--registry", "fleet", "--dry-run")
     if "entry" not in damage:
-        refused(capsys, ("registry", "check"), expected)
+        for words in (("resolve", P4R), ("check",)):
+            refused(capsys, ("registry", *words), expected)
+        for command in (("registry", "show", P4R), extract):
+            refused(capsys, command, (FSCK, CLONE))
+        # What reads all entries may know the folders from before, when they were verified: it is right, or it refuses.
+        code, out, _ = run(capsys, "list")
+        assert (code, "3661.25" in out, LOOSE_FX in out) in {(0, True, False), (4, False, False)}
         return
+    for command in (*(("registry", *words) for words in READ if words[0] != "check"), extract):
+        refused(capsys, command, expected)
     # A check goes on with the other entries, names the one, and fails.
     code, out, _ = run(capsys, "check")
     assert (code, f"{ENTRY.path}: error: " in out, expected[0] in " ".join(out.split())) == (1, True, True)

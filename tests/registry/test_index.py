@@ -1,0 +1,235 @@
+"""What is kept of a registry between runs answers as git does: after any history, and whatever became of the file."""
+
+from __future__ import annotations
+
+import random
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+
+from calibrary.calibration import CameraKey
+from calibrary.records import replace
+from calibrary.registry import index
+from calibrary.registry.entry import Alias, Entry
+from calibrary.registry.entry_yaml import entry_yaml, parse_entry
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, said
+from calibrary.registry.init import init
+from calibrary.registry.registry import open_snapshot
+from calibrary.registry.resolution import scan_aliases
+from tests.cli.registry.direct import put, put_bytes
+from tests.registry.entries import KEY, an_entry, entries
+from tests.registry.git.repositories import git, nobodys_git
+
+__all__ = ["nobodys_git"]
+
+NAMED = an_entry(aliases=(Alias(make="Other", model="Name"),))
+FOLDERS = ("cameras", "proposals")
+
+
+@pytest.fixture
+def repo(tmp_path: Path) -> Repository:
+    """A registry's repository, with one camera that has another name."""
+    repo = init(tmp_path / "fleet").registry.repo
+    put(repo.path, NAMED, an_entry(model="Plain"))
+    return repo
+
+
+def tip(repo: Repository) -> str:
+    found = repo.tip()
+    assert found is not None
+    return found
+
+
+def require_what_git_says(repo: Repository, at: Index, commit: str) -> None:
+    """Compare an index with a walk over all files of a commit."""
+    files = repo.listing(commit, *FOLDERS)
+    assert dict(at.files) == files
+    assert [*at.files] == sorted(files)
+    parsed = [(path, parse_entry(repo.blob(oid), path)) for path, oid in files.items()]
+    expected = sorted(mention for path, entry in parsed for mention in said(path, entry))
+    assert sorted(one for kind in (ALIAS, LABEL, SUPERSEDES) for one in at.mentions(kind)) == expected
+    contents = ((oid, path, repo.blob(oid)) for path, oid in files.items())
+    assert [*at.parsed(contents)] == parsed
+
+
+def random_entry(dice: random.Random) -> Entry:
+    aliases = tuple(Alias(make="Other", model=f"Name {n}") for n in range(dice.randrange(3)))
+    old = dice.choice([None, None, "dji/m1/5472x3648+f8.8", "dji/m2/5472x3648+f8.8"])
+    entry = an_entry(model=f"M{dice.randrange(6)}", aliases=aliases, fx=3600.0 + dice.randrange(100))
+    label = dice.choice([None, "P4R-03", "M3E 01"])
+    return replace(entry, supersedes=old if old != entry.id else None, label=label)
+
+
+def step(root: Path, dice: random.Random) -> None:
+    """One thing that a person may do with git."""
+    there = [file for folder in FOLDERS for file in sorted((root / folder).rglob("*.yaml"))]
+    branches = git(root, "branch", "--format=%(refname:short)").split()
+    match dice.choice(["add", "add", "edit", "rename", "delete", "branch", "switch", "merge", "reset"]):
+        case "add" | "edit":
+            entry = random_entry(dice)
+            file = root / entry.path.replace("cameras", dice.choice(["cameras", "cameras", "proposals"]), 1)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(entry_yaml(entry))
+        case "rename" if there:
+            file = dice.choice(there)
+            file.rename(file.with_name(f"{dice.randrange(10)}.yaml"))
+        case "delete" if there:
+            dice.choice(there).unlink()
+        case "branch":
+            git(root, "branch", f"b{len(branches)}")
+        case "switch":
+            git(root, "switch", "--quiet", dice.choice(branches))
+        case "merge":
+            # A conflict of two files is committed as it lies.
+            merge = ("merge", "--quiet", "-X", "ours", "--no-edit", dice.choice(branches))
+            subprocess.run(["git", "-C", str(root), *merge], capture_output=True, check=False)
+        case "reset":
+            behind = git(root, "rev-list", "--max-count=4", "HEAD").split()
+            git(root, "reset", "--quiet", "--hard", dice.choice(behind))
+    git(root, "add", "--all")
+    if git(root, "status", "--porcelain") or (root / ".git/MERGE_HEAD").exists():
+        git(root, "commit", "--quiet", "--message=step")
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_after_any_history_it_says_what_git_says(repo: Repository, tmp_path: Path, seed: int) -> None:
+    dice, kept, seen = random.Random(seed), tmp_path / "kept", [tip(repo)]  # noqa: S311  not a secret
+    for _ in range(10):
+        step(repo.path, dice)
+        seen.append(tip(repo))
+        # Now and then it is asked for the past, and now and then it has missed some commits.
+        if dice.random() < 0.7:
+            commit = dice.choice([seen[-1], seen[-1], dice.choice(seen)])
+            require_what_git_says(repo, index_at(repo, commit, folder=kept), commit)
+    require_what_git_says(repo, index_at(repo, seen[-1], folder=kept), seen[-1])
+
+
+@given(entry=entries())
+def test_an_entry_that_is_kept_is_the_entry(entry: Entry) -> None:
+    again = msgspec.msgpack.decode(msgspec.msgpack.encode(entry), type=Entry)
+    assert again == entry
+    assert entry_yaml(again) == entry_yaml(entry)
+
+
+def test_only_what_changed_is_read_again(
+    repo: Repository, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = tmp_path / "kept"
+    _ = index_at(repo, tip(repo), folder=kept).files
+    put(repo.path, replace(NAMED, aliases=(Alias(make="Third", model="Name"),)), an_entry(model="New"))
+    put_bytes(repo.path, {an_entry(model="Plain").path: None})
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("everything was read again")
+
+    monkeypatch.setattr(Index, "_read_whole", refuse)
+    at = index_at(repo, tip(repo), folder=kept)
+    assert [*at.aliases] == [("third", "name")]
+    assert [*index_at(repo, tip(repo), folder=kept).aliases] == [("third", "name")]
+    # What was read as an entry is not parsed again either.
+    monkeypatch.undo()
+    files = [(oid, path, repo.blob(oid)) for path, oid in at.files.items()]
+    first = [*at.parsed(files)]
+    monkeypatch.setattr(index, "parsed_or_error", refuse)
+    assert [*index_at(repo, tip(repo), folder=kept).parsed(files)] == first
+
+
+def damaged(file: Path) -> Iterator[bytes]:
+    """What may lie in the place of the file."""
+    whole = file.read_bytes()
+    yield from (b"", b"[]", b"\xff\xfe", whole[: len(whole) // 2], whole[:100])
+    path, other = an_entry(model="Plain").path.encode(), an_entry(model="Plane").path.encode()
+    assert whole.count(path) > 0
+    yield whole.replace(path, other)
+    yield whole.replace(b"other\nname", b"order\nname")
+    dice = random.Random(1)  # noqa: S311  not a secret
+    for _ in range(20):
+        at = dice.randrange(100, len(whole))
+        yield whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :]
+
+
+def test_anything_else_in_its_place_is_read_over(repo: Repository, tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
+    [file] = kept.iterdir()
+    for left in [*damaged(file)]:
+        file.write_bytes(left)
+        require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
+
+
+@pytest.mark.parametrize("key", ["commit", "version", "repository"])
+def test_one_of_another_commit_version_or_repository_is_written_anew(
+    repo: Repository, tmp_path: Path, key: str
+) -> None:
+    kept = tmp_path / "kept"
+    _ = index_at(repo, tip(repo), folder=kept).files
+    [file] = kept.iterdir()
+    with sqlite3.connect(file) as db:
+        db.execute("UPDATE meta SET value = ? WHERE key = ?", ("0" * 40, key))
+        db.execute("DELETE FROM files")
+    require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
+    with sqlite3.connect(file) as db:
+        assert dict(db.execute("SELECT key, value FROM meta"))["commit"] == tip(repo)
+
+
+def test_one_that_another_process_writes_or_that_cannot_be_written_does_no_harm(
+    repo: Repository, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("calibrary.registry.index_file.WAIT_S", 0.05)
+    in_the_way = tmp_path / "way"
+    in_the_way.write_text("no folder")
+    require_what_git_says(repo, index_at(repo, tip(repo), folder=in_the_way), tip(repo))
+    kept = tmp_path / "kept"
+    _ = index_at(repo, tip(repo), folder=kept).files
+    [file] = kept.iterdir()
+    put(repo.path, an_entry(model="New"))
+    with sqlite3.connect(file, isolation_level=None) as db:
+        db.execute("BEGIN EXCLUSIVE")
+        require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
+        db.execute("ROLLBACK")
+    require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
+
+
+READER = """
+import sys
+from pathlib import Path
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.index import index_at
+repo, kept = Repository.open(Path(sys.argv[1])), Path(sys.argv[2])
+for _ in range(40):
+    tip = repo.tip()
+    at = index_at(repo, tip, folder=kept)
+    assert dict(at.files) == repo.listing(tip, "cameras", "proposals"), tip
+    assert len(at.mentions("alias")) == 1
+"""
+
+
+def test_processes_that_read_while_another_writes_are_told_no_mixture(
+    repo: Repository, tmp_path: Path
+) -> None:
+    command = [sys.executable, "-c", READER, str(repo.path), str(tmp_path / "kept")]
+    readers = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(3)]
+    for number in range(15):
+        put(repo.path, an_entry(model=f"New {number}"))
+    told = [reader.communicate()[1] for reader in readers]
+    assert [(reader.returncode, error) for reader, error in zip(readers, told, strict=True)] == [(0, "")] * 3
+
+
+@pytest.mark.parametrize("key", [KEY, replace(KEY, make="Other", model="Name"), replace(KEY, model="odd")])
+def test_asking_for_one_camera_finds_what_asking_all_finds(repo: Repository, key: CameraKey) -> None:
+    odd = an_entry(model="odd")
+    put_bytes(repo.path, {"cameras/misplaced/x.yaml": entry_yaml(odd)})
+    snapshot = open_snapshot(repo.path)
+    whole = snapshot.index().resolve(key)
+    narrow = snapshot.index_for(key)
+    assert whole is not None
+    assert narrow.resolve(key) == whole
+    assert len(narrow.paths) < len(snapshot.index().paths)
+    assert dict(snapshot.contents.aliases) == dict(scan_aliases(snapshot.files()))
