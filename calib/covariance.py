@@ -14,11 +14,20 @@ from typing import Final
 
 import numpy as np
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, reduce
+from calibrary.calib.network import LensT
 from calibrary.calibration import Covariance
 from calibrary.errors import CalibrationError
 
-__all__ = ["MEANINGLESS", "Identifiability", "identifiability", "lens_condition", "lens_covariance"]
+__all__ = [
+    "MEANINGLESS",
+    "Identifiability",
+    "identifiability",
+    "lens_condition",
+    "lens_covariance",
+    "parameter_covariance",
+]
 
 
 MEANINGLESS: Final = 1e-100
@@ -50,6 +59,15 @@ def lens_covariance(adjusted: Adjusted) -> Covariance:
     Raises:
         CalibrationError: the corners do not determine them.
     """
+    return Covariance.from_matrix(adjusted.state.model.parameters, parameter_covariance(adjusted))
+
+
+def parameter_covariance(adjusted: Adjusted[LensT]) -> FloatArray:
+    """(n, n) of a lens's parameters, or of a rig's.
+
+    Raises:
+        CalibrationError: the corners do not determine them.
+    """
     matrix = reduce(adjusted.linear, adjusted.free).matrix
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     values, vectors = (
@@ -61,11 +79,9 @@ def lens_covariance(adjusted: Adjusted) -> Covariance:
         raise CalibrationError(
             "the views do not determine all parameters: tilt the board in several directions and fill the frame"
         )
-    names = adjusted.state.model.parameters
-    lens = slice(len(names))
+    lens = slice(len(adjusted.state.parameters))
     inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
-    inverse = (inverse + inverse.T) / 2
-    return Covariance.from_matrix(names, adjusted.variance * inverse[lens, lens])
+    return np.asarray(adjusted.variance * ((inverse + inverse.T) / 2)[lens, lens])
 
 
 def lens_condition(adjusted: Adjusted) -> float:

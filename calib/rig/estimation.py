@@ -1,0 +1,378 @@
+"""The one call for a rig: corners of several cameras in; lenses, places, uncertainty and verdicts out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibrary.arrays import BoolArray, FloatArray
+from calibrary.calib.adjustment import Adjusted
+from calibrary.calib.assessment import Joint, Solved, assess
+from calibrary.calib.board import Board
+from calibrary.calib.board_shape import stretch
+from calibrary.calib.covariance import parameter_covariance
+from calibrary.calib.estimation import solved_views
+from calibrary.calib.lens_series import series_shift
+from calibrary.calib.model_choice import f_test
+from calibrary.calib.observations import Observations
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.rig.causes import RigTrouble, moved, swapped
+from calibrary.calib.rig.lens import Place
+from calibrary.calib.rig.observations import RigObservations
+from calibrary.calib.rig.solve import RigSolution, solve_rig
+from calibrary.calib.rig.start import HALF_TURN, Eye, Link, eye_of, links, turns
+from calibrary.calib.rig.uncertainty import FAR, cross_std_px
+from calibrary.calib.rig.verdict import RIG_LIMITS, Mispaired, RigEvidence, RigLimits, is_loose, judge_rig
+from calibrary.calib.variance_factor import SplitHalf, split_half
+from calibrary.calib.verdict import LIMITS, BoardVerdict, Limits
+from calibrary.calibration import Covariance
+from calibrary.errors import CalibrationError, InputError
+from calibrary.records import replace
+from calibrary.rig import Rig, RigCamera, RigPose, turn_jacobian
+from calibrary.validation import Finding
+
+__all__ = ["RigResult", "ShotResult", "estimate_rig"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShotResult:
+    """One shot.
+
+    Attributes:
+        name: of the shot.
+        rms_px: by camera: of its corners, with one pose of the board for all cameras.
+        alone_px: by camera: with a pose that fits this camera best.
+        apart: the cameras whose view was given a pose of its own, since the shot contradicts the rig.
+    """
+
+    name: str
+    rms_px: Mapping[str, float]
+    alone_px: Mapping[str, float]
+    apart: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigResult:
+    """A rig with all that speaks for and against it.
+
+    Attributes:
+        cameras: the calibration of each, the reference first; of a rig that was not solved each one's own.
+        poses: before the reference camera, with covariance; empty where the rig was not solved.
+        findings: on the rig; what is said of a camera is in its calibration.
+        evidence: what the verdict was judged by.
+        limits: what it was held against.
+        shots: those that two cameras or more share.
+        observations: what all this was made from.
+    """
+
+    cameras: Mapping[str, CalibrationResult]
+    poses: Mapping[str, RigPose]
+    findings: tuple[Finding, ...]
+    evidence: RigEvidence
+    limits: RigLimits
+    shots: tuple[ShotResult, ...]
+    observations: RigObservations
+
+    @property
+    def verdict(self) -> BoardVerdict:
+        """Of the rig: the worst finding decides."""
+        return BoardVerdict.of(self.findings)
+
+    @property
+    def reference(self) -> str:
+        """The camera that the poses are counted from."""
+        return next(iter(self.cameras))
+
+    @property
+    def rig(self) -> Rig:
+        """The cameras and their places.
+
+        Raises:
+            CalibrationError: it was not solved.
+        """
+        if len(self.poses) + 1 != len(self.cameras):
+            raise CalibrationError("the rig was not solved; its findings say why")
+        return Rig(
+            cameras=tuple(
+                RigCamera(name=name, pose=self.poses.get(name), calibration=result.calibration)
+                for name, result in self.cameras.items()
+            )
+        )
+
+
+def estimate_rig(
+    observations: RigObservations,
+    model: str = "auto",
+    *,
+    warp: bool = True,
+    limits: Limits = LIMITS,
+    rig_limits: RigLimits = RIG_LIMITS,
+) -> RigResult:
+    """Find the cameras of a rig and where they are.
+
+    Args:
+        observations: views of one board by the cameras of one rig.
+        model: of every lens, or "auto" to choose each by its own corners.
+        warp: whether the board may be warped.
+        limits: of each camera's verdict.
+        rig_limits: of the rig's.
+
+    Raises:
+        InputError: the observations contradict themselves, or the board's scale is not known.
+        CalibrationError: a camera is not determined by its views.
+    """
+    board = observations.cameras[observations.names[0]].board
+    if isinstance(board, Board):
+        board.scale_mm("a rig, whose cameras have distances,")
+    alone = [_alone(name, seen, model, warp=warp) for name, seen in observations.cameras.items()]
+    seen = _usable(observations, alone)
+    eyes = [eye_of(one.solution, one.usable.views) for one in alone]
+    seen, eyes, tied = _tied(seen, eyes)
+    untied = [name for at, name in enumerate(seen.names) if at and at not in {link.camera for link in tied}]
+    placed = _places(tied, len(eyes))
+    evidence = RigEvidence(
+        verdicts={},
+        shared={seen.names[link.camera]: len(link.shots) for link in tied},
+        untied=untied,
+        mispaired=tuple(_mispaired(seen, link) for link in tied if link.place is None),
+        troubles=_troubles(seen, eyes, tied),
+    )
+    if placed is None:
+        results = {name: assess(one, limits) for name, one in zip(seen.names, alone, strict=True)}
+        return _judged(
+            results, {}, replace(evidence, verdicts=_verdicts(results)), rig_limits, (), observations
+        )
+    solution = solve_rig(seen, eyes, placed, warp=warp)
+    return _assessed(observations, solution, alone, evidence, limits, rig_limits)
+
+
+def _alone(name: str, seen: Observations, model: str, *, warp: bool) -> Solved:
+    try:
+        return solved_views(seen, model, warp=warp)
+    except CalibrationError as error:
+        raise CalibrationError(f"{name}: {error}") from None
+    except InputError as error:
+        raise InputError(error.message, source=f"{name}: {error.source}" if error.source else name) from None
+
+
+def _usable(observations: RigObservations, alone: Sequence[Solved]) -> RigObservations:
+    """Without the views that can have no pose."""
+    rows = observations.rows.copy()
+    for camera, one in enumerate(alone):
+        kept = [view for view in range(len(one.observations.views)) if view not in one.dropped]
+        place = {view: at for at, view in enumerate(kept)}
+        rows[:, camera] = [place.get(view, -1) for view in rows[:, camera].tolist()]
+    some: BoolArray = np.asarray((rows >= 0).any(axis=1))
+    return RigObservations(
+        cameras={name: one.usable for name, one in zip(observations.names, alone, strict=True)},
+        shots=tuple(name for name, keep in zip(observations.shots, some.tolist(), strict=True) if keep),
+        rows=rows[some],
+    )
+
+
+def _tied(seen: RigObservations, eyes: Sequence[Eye]) -> tuple[RigObservations, list[Eye], list[Link]]:
+    """The links, and the views with their corners counted from the same end of the board in all cameras."""
+    eyes = list(eyes)
+    for camera in [link.camera for link in links(seen, eyes)]:
+        link = next(link for link in links(seen, eyes) if link.camera == camera)
+        views = turns(seen, eyes, link)
+        if views:
+            poses = eyes[camera].poses
+            turned = {at: (R @ HALF_TURN, t) if at in views else (R, t) for at, (R, t) in poses.items()}
+            seen, eyes[camera] = seen.turned(camera, views), replace(eyes[camera], poses=turned)
+    return seen, eyes, links(seen, eyes)
+
+
+def _places(tied: Sequence[Link], count: int) -> list[Place] | None:
+    """Every camera's place before the reference; None where one has none."""
+    found = {0: Place(rotation=np.eye(3), translation=np.zeros(3))}
+    for link in tied:
+        if link.place is None or link.other not in found:
+            return None
+        found[link.camera] = link.place.after(found[link.other])
+    return [found[camera] for camera in range(count)] if len(found) == count else None
+
+
+def _mispaired(seen: RigObservations, link: Link) -> Mispaired:
+    kind, by = link.mispairing or (None, 0)
+    return Mispaired(
+        kind=kind,
+        camera=seen.names[link.camera],
+        other=seen.names[link.other],
+        by=by,
+        miss_px=float(min(np.median(link.miss_px), link.width)),
+    )
+
+
+def _troubles(seen: RigObservations, eyes: Sequence[Eye], tied: Sequence[Link]) -> tuple[RigTrouble, ...]:
+    able = [link for link in tied if link.mispairing is None]
+    found = [swapped(seen, eyes, link) or moved(seen, eyes, link) for link in able]
+    return tuple(one for one in found if one is not None)
+
+
+def _assessed(
+    observations: RigObservations,
+    solution: RigSolution,
+    alone: Sequence[Solved],
+    evidence: RigEvidence,
+    limits: Limits,
+    rig_limits: RigLimits,
+) -> RigResult:
+    adjusted, lens = solution.adjusted, solution.lens
+    halves = split_half(adjusted, of=slice(lens.place_of(1).start, len(lens.parameters)))
+    own = [split_half(adjusted, of=lens.lens_of(camera)) for camera in range(len(alone))]
+    eyes = [solution.eye(camera, one.solution) for camera, one in enumerate(alone)]
+    inflation = max(1.0, halves.kappa2) if halves is not None else 1.0
+    C = _covariance(solution, [eye.adjusted for eye in eyes], own, halves, limits)
+    excess, p = _rigidity(solution)
+    noise = float(np.sqrt(np.nanmax(np.nanmean(solution.alone**2, axis=0)) / 2))
+    evidence = replace(evidence, excess_px=excess, noise_px=noise, rigid_p=p)
+    if is_loose(evidence, rig_limits):
+        # Lenses that were bent to fit one pose which does not exist are worse than each by itself.
+        results = {name: assess(one, limits) for name, one in zip(lens.names, alone, strict=True)}
+    else:
+        results = {
+            name: assess(
+                replace(
+                    one,
+                    observations=_as_turned(one, solution.seen.cameras[name]),
+                    usable=solution.seen.cameras[name],
+                    solution=eye,
+                    shape=solution.shape,
+                    flat_shape=solution.flat_shape,
+                    joint=Joint(
+                        covariance=Covariance.from_matrix(model.parameters, C[at, at]),
+                        halves=half,
+                    ),
+                ),
+                limits,
+            )
+            for name, model, at, one, eye, half in zip(
+                lens.names, lens.models, map(lens.lens_of, range(len(alone))), alone, eyes, own, strict=True
+            )
+        }
+    distance = float(np.median(np.linalg.norm(adjusted.state.translations[adjusted.network.used], axis=1)))
+    size = solution.seen.cameras[lens.names[0]].image_size
+    cross = {
+        name: (
+            cross_std_px(adjusted, C * inflation, camera, size, distance),
+            cross_std_px(adjusted, C * inflation, camera, size, distance * FAR),
+        )
+        for camera, name in enumerate(lens.names)
+        if camera
+    }
+    evidence = replace(
+        evidence,
+        verdicts=_verdicts(results),
+        cross_px=cross,
+        kappa2=halves.kappa2 if halves is not None else None,
+        apart=tuple((solution.seen.shots[shot], lens.names[camera]) for shot, camera in solution.apart),
+        shots=int(((solution.rows >= 0).sum(axis=1) >= 2).sum()),
+    )
+    poses = {name: _pose(solution, C * inflation, camera) for camera, name in enumerate(lens.names) if camera}
+    return _judged(results, poses, evidence, rig_limits, _shots(solution), observations)
+
+
+def _as_turned(one: Solved, usable: Observations) -> Observations:
+    """All views that were given, with the corners counted as in the rig."""
+    views = iter(usable.views)
+    return replace(
+        one.observations,
+        views=tuple(
+            view if at in one.dropped else next(views) for at, view in enumerate(one.observations.views)
+        ),
+    )
+
+
+def _covariance(
+    solution: RigSolution,
+    eyes: Sequence[Adjusted],
+    own: Sequence[SplitHalf | None],
+    halves: SplitHalf | None,
+    limits: Limits,
+) -> FloatArray:
+    """(n, n) of lenses and places, with what the models that were not taken would have changed, as for one camera."""
+    adjusted, lens = solution.adjusted, solution.lens
+    is_lifted = solution.is_lifted and solution.shape is not None
+    C = solution.shape.covariance if is_lifted and solution.shape else parameter_covariance(adjusted)
+    factors = [max(1.0, half.kappa2) if half is not None else 1.0 for half in (*own, halves)]
+    contradicted = factors[-1] > limits.kappa2_wanted
+    shifts = []
+    if solution.flat_shape is not None and (contradicted or not is_lifted):
+        shifts.append(solution.flat_shape.shift)
+    stretched = stretch(adjusted)
+    shifts += [stretched[1]] if stretched is not None else []
+    for camera, (eye, factor) in enumerate(zip(eyes, factors[:-1], strict=True)):
+        size = solution.seen.cameras[lens.names[camera]].image_size
+        shift, at = series_shift(eye, size, factor), lens.lens_of(camera)
+        if shift is not None:
+            # What the places would follow by, if this lens were that other one.
+            shifts.append(C[:, at] @ np.linalg.lstsq(C[at, at], shift, rcond=1e-12)[0])
+    by_block = np.full(len(C), 1 / np.sqrt(factors[-1]))
+    for camera, factor in enumerate(factors[:-1]):
+        by_block[lens.lens_of(camera)] = 1 / np.sqrt(factor)
+    between = sum((np.outer(shift, shift) for shift in shifts), np.zeros_like(C))
+    return np.asarray(C + between * np.outer(by_block, by_block))
+
+
+def _rigidity(solution: RigSolution) -> tuple[float, float]:
+    """(px, p): what one pose for all cameras adds to the residuals, and the chance that noise does as much."""
+    adjusted, together = solution.adjusted, (solution.rows >= 0).sum(axis=1)
+    shared = together >= 2
+    if not shared.any():
+        return 0.0, 1.0
+    gap = solution.joint[shared] ** 2 - solution.alone[shared] ** 2
+    extra = 6 * int((together[shared] - 1).sum()) - 6 * (len(solution.lens.names) - 1)
+    if extra <= 0:
+        return 0.0, 1.0
+    p = f_test(adjusted.rss, min(solution.rss_apart, adjusted.rss), extra, adjusted.dof - extra)[1]
+    return float(np.sqrt(max(float(np.nanmean(gap)), 0.0))), p
+
+
+def _pose(solution: RigSolution, covariance: FloatArray, camera: int) -> RigPose:
+    place, at = solution.place(camera), solution.lens.place_of(camera)
+    J = turn_jacobian(place.rotation)
+    return RigPose.of(place.rotation, place.translation, J @ covariance[at, at] @ J.T)
+
+
+def _shots(solution: RigSolution) -> tuple[ShotResult, ...]:
+    """Those that two cameras or more share, as they were taken."""
+    names, apart, found = solution.lens.names, set(solution.apart), []
+    further = {pair: len(solution.seen.shots) + at for at, pair in enumerate(solution.apart)}
+    for shot, name in enumerate(solution.seen.shots):
+        at = {camera: further.get((shot, camera), shot) for camera in range(len(names))}
+        rms = {
+            names[c]: float(solution.joint[row, c])
+            for c, row in at.items()
+            if np.isfinite(solution.joint[row, c])
+        }
+        alone = {names[c]: float(solution.alone[row, c]) for c, row in at.items() if names[c] in rms}
+        if len(rms) >= 2:
+            out = tuple(names[c] for c in at if (shot, c) in apart)
+            found.append(ShotResult(name=name, rms_px=rms, alone_px=alone, apart=out))
+    return tuple(found)
+
+
+def _verdicts(results: Mapping[str, CalibrationResult]) -> dict[str, BoardVerdict]:
+    return {name: result.verdict for name, result in results.items()}
+
+
+def _judged(
+    results: Mapping[str, CalibrationResult],
+    poses: Mapping[str, RigPose],
+    evidence: RigEvidence,
+    limits: RigLimits,
+    shots: tuple[ShotResult, ...],
+    observations: RigObservations,
+) -> RigResult:
+    return RigResult(
+        cameras=results,
+        poses=poses,
+        findings=judge_rig(evidence, limits),
+        evidence=evidence,
+        limits=limits,
+        shots=shots,
+        observations=observations,
+    )

@@ -1,0 +1,117 @@
+"""What the cameras of a rig saw of one board, and which of their views belong to one shot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibrary.arrays import BoolArray, IntArray
+from calibrary.calib.network import Network
+from calibrary.calib.observations import Observations
+from calibrary.errors import InputError
+from calibrary.records import replace
+
+__all__ = ["RigObservations", "rig_network"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigObservations:
+    """All views of one board by the cameras of a rig.
+
+    Attributes:
+        cameras: what each saw, by its name; the first is the reference.
+        shots: the names of the shots, in the order in which they were taken.
+        rows: (S, C) which view of each camera belongs to a shot, −1 where it has none.
+
+    Raises:
+        InputError: there are fewer than two cameras, they saw different boards, or a view is in two shots or in none.
+    """
+
+    cameras: Mapping[str, Observations]
+    shots: tuple[str, ...]
+    rows: IntArray
+
+    def __post_init__(self) -> None:
+        seen = list(self.cameras.values())
+        if len(seen) < 2:
+            raise InputError(f"a rig of {len(seen)} camera; expected two or more")
+        if any(one.board != seen[0].board for one in seen):
+            raise InputError("the cameras saw different boards; expected one board for the whole rig")
+        for at, (name, one) in enumerate(self.cameras.items()):
+            views = np.sort(self.rows[:, at][self.rows[:, at] >= 0])
+            if not np.array_equal(views, np.arange(len(one.views))):
+                raise InputError(f"{name}: expected each of its {len(one.views)} views in one shot")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the cameras, the reference first."""
+        return tuple(self.cameras)
+
+    @classmethod
+    def of(
+        cls, cameras: Mapping[str, Observations], shots: Mapping[str, Mapping[str, str]]
+    ) -> RigObservations:
+        """Put views into shots.
+
+        Args:
+            cameras: what each saw, by its name.
+            shots: for each shot the frame of each camera, by names; also of frames without a view.
+        """
+        at = [{view.name: index for index, view in enumerate(one.views)} for one in cameras.values()]
+        rows = [
+            [views.get(frames.get(name, ""), -1) for name, views in zip(cameras, at, strict=True)]
+            for frames in shots.values()
+        ]
+        kept = [row for row, views in enumerate(rows) if max(views) >= 0]
+        return cls(
+            cameras=cameras,
+            shots=tuple(name for row, name in enumerate(shots) if row in set(kept)),
+            rows=np.array([rows[row] for row in kept], dtype=np.intp).reshape(-1, len(cameras)),
+        )
+
+    def turned(self, camera: int, views: list[int]) -> RigObservations:
+        """The same with some views' corners counted from the other end of the board."""
+        name = self.names[camera]
+        seen, points = self.cameras[name], len(self.cameras[name].board.points)
+        changed = tuple(
+            replace(view, ids=points - 1 - view.ids) if at in views else view
+            for at, view in enumerate(seen.views)
+        )
+        return replace(self, cameras={**self.cameras, name: replace(seen, views=changed)})
+
+
+def rig_network(
+    seen: RigObservations, kept: list[list[BoolArray]], noise_px: tuple[float, ...], rows: IntArray
+) -> Network:
+    """The corners of all cameras, a block for each in every row.
+
+    Args:
+        seen: the views.
+        kept: which corners of each view count, by camera and view.
+        noise_px: of a coordinate, by camera; pixels are divided by it.
+        rows: (V, C) which view of each camera has a row's pose; a shot may be spread over several.
+    """
+    alone = [Network.of(one) for one in seen.cameras.values()]
+    corners = max(one.seen.shape[1] for one in alone)
+    shape = (len(rows), corners * len(alone))
+    # A corner that counts for nothing must still lie on one of the board's lines of points.
+    harmless = next(one.points[one.seen][0] for one in alone if one.seen.any())
+    points, pixels = np.tile(harmless, (*shape, 1)), np.zeros((*shape, 2))
+    warp_shape, counts = np.zeros((*shape, 2)), np.zeros(shape, dtype=np.bool_)
+    for camera, (one, noise) in enumerate(zip(alone, noise_px, strict=True)):
+        for row in np.flatnonzero(rows[:, camera] >= 0):
+            view, mask = rows[row, camera], kept[camera][rows[row, camera]]
+            at = slice(camera * corners, camera * corners + len(mask))
+            points[row, at] = one.points[view, : len(mask)]
+            pixels[row, at] = one.pixels[view, : len(mask)] / noise
+            warp_shape[row, at] = one.warp_shape[view, : len(mask)]
+            counts[row, at] = mask
+    return Network(
+        points=points,
+        pixels=pixels,
+        seen=counts,
+        warp_shape=warp_shape,
+        is_planar=all(one.is_planar for one in alone),
+    )

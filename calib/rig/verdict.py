@@ -1,0 +1,290 @@
+"""Whether a rig may be trusted, in the words of a single camera's verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from calibrary.calib.rig.causes import RigCause, RigTrouble
+from calibrary.calib.rig.start import Mispairing
+from calibrary.calib.verdict import BoardVerdict
+from calibrary.records import Record
+from calibrary.validation import Finding, Severity
+
+__all__ = ["RIG_LIMITS", "Mispaired", "RigEvidence", "RigLimits", "is_loose", "judge_rig"]
+
+
+class RigLimits(Record):
+    """Where PASS ends (``wanted``) and where REFUSE begins (``needed``).
+
+    Attributes:
+        shared_needed, shared_wanted: shots that tie a camera to another one.
+        cross_wanted_px, cross_needed_px: σ of the pixel that one camera predicts for another, variance factor included.
+        kappa2_wanted, kappa2_needed: largest variance factor of the places.
+        excess_wanted, excess_needed: what one pose for all cameras adds to the residuals, over the noise of a corner.
+        apart_wanted: fraction of the shots that contradict the rig.
+    """
+
+    shared_needed: int = 3
+    shared_wanted: int = 8
+    cross_wanted_px: float = 0.5
+    cross_needed_px: float = 5.0
+    kappa2_wanted: float = 2.0
+    kappa2_needed: float = 100.0
+    excess_wanted: float = 3.0
+    excess_needed: float = 20.0
+    apart_wanted: float = 0.15
+
+
+RIG_LIMITS: Final = RigLimits()
+LEVEL: Final = 1e-4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mispaired:
+    """Frames that were paired wrongly.
+
+    Attributes:
+        kind: how.
+        camera, other: the cameras' names.
+        by: shots, for a shifted pairing.
+        miss_px: median, as they are paired.
+    """
+
+    kind: Mispairing | None
+    camera: str
+    other: str
+    by: int
+    miss_px: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigEvidence:
+    """What a rig is judged by; what was not solved is None.
+
+    Attributes:
+        verdicts: of the cameras.
+        shared: shots that tie each camera but the reference to another one.
+        untied: cameras that share no shot with the others.
+        mispaired: cameras whose shots agree on no place.
+        cross_px: σ of the predicted pixel by camera: at the distance of the boards, and far away.
+        kappa2: the variance factor of the places.
+        excess_px: what one pose for all cameras adds to the residuals, root mean square.
+        noise_px: of a corner, of the noisiest camera.
+        rigid_p: chance that noise alone makes one pose for all cameras so much worse.
+        troubles: causes that are clear.
+        apart: (shot, camera) that were given a pose of their own.
+        shots: that two cameras or more share.
+    """
+
+    verdicts: Mapping[str, BoardVerdict]
+    shared: Mapping[str, int]
+    untied: Sequence[str] = ()
+    mispaired: Sequence[Mispaired] = ()
+    cross_px: Mapping[str, tuple[float | None, float | None]] | None = None
+    kappa2: float | None = None
+    excess_px: float | None = None
+    noise_px: float | None = None
+    rigid_p: float | None = None
+    troubles: Sequence[RigTrouble] = ()
+    apart: Sequence[tuple[str, str]] = ()
+    shots: int = 0
+
+
+def is_loose(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> bool:
+    """Whether one pose for all cameras is so wrong that no lens should be fitted to it."""
+    return any(finding.severity is Severity.ERROR for finding in _rigidity(evidence, limits))
+
+
+def judge_rig(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> tuple[Finding, ...]:
+    """Everything against its limit, the gravest finding first."""
+    findings = [finding for check in _CHECKS for finding in check(evidence, limits)]
+    order = list(Severity)
+    return tuple(sorted(findings, key=lambda finding: -order.index(finding.severity)))
+
+
+def _cameras(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
+    del limits
+    for verdict, severity in (
+        (BoardVerdict.REFUSE, Severity.ERROR),
+        (BoardVerdict.PROVISIONAL, Severity.UNPROVEN),
+    ):
+        names = [name for name, found in e.verdicts.items() if found is verdict]
+        if names:
+            yield Finding(
+                rule=f"camera-{verdict.value}",
+                severity=severity,
+                measured=len(names),
+                limit=0,
+                message=f"the calibration of {_listed(names)} is {_SAID[verdict]}, and the rig cannot be better",
+                remedy="see the findings of these cameras",
+            )
+
+
+_SAID: Final = {BoardVerdict.REFUSE: "refused", BoardVerdict.PROVISIONAL: "provisional"}
+
+
+def _ties(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
+    if e.untied:
+        yield Finding(
+            rule="not-tied",
+            severity=Severity.ERROR,
+            measured=0,
+            limit=limits.shared_needed,
+            message=f"{_listed(e.untied)} saw the board in no shot together with the other cameras",
+            remedy="hold the board where the frames overlap, or correct the pairing of the frames",
+        )
+    for name, count in e.shared.items():
+        if count < limits.shared_wanted:
+            yield Finding(
+                rule="few-shared-shots",
+                severity=Severity.UNPROVEN if count >= limits.shared_needed else Severity.ERROR,
+                measured=count,
+                limit=limits.shared_wanted,
+                message=f"{name} shares {count} shots with another camera, need {limits.shared_wanted}",
+                remedy="take more with the board in both frames",
+            )
+
+
+_MISPAIRED: Final[Mapping[Mispairing, tuple[str, str]]] = {
+    Mispairing.SHIFTED: (
+        "they agree if {camera}'s frames are paired {by:+d} shots later",
+        "a frame is missing or extra at the beginning: give the pairing by --pattern, or remove the frame",
+    ),
+    Mispairing.REVERSED: (
+        "they agree if {camera}'s frames are taken in reverse order",
+        "pair them in reverse",
+    ),
+    Mispairing.MIRRORED: (
+        "they agree if {camera}'s images are mirrored",
+        "switch off the mirroring (flip) of this camera, or flip its images back",
+    ),
+}
+
+
+def _pairing(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
+    del limits
+    for one in e.mispaired:
+        found, remedy = _MISPAIRED[one.kind] if one.kind is not None else (
+            "no other pairing makes them agree",
+            "check which frames belong together, and that the cameras are fixed to one another",
+        )  # fmt: skip
+        yield Finding(
+            rule=one.kind.value if one.kind is not None else "no-common-pose",
+            severity=Severity.ERROR,
+            measured=one.miss_px,
+            message=f"the shots of {one.camera} and {one.other} agree on no relative pose: they miss by "
+            f"{one.miss_px:.0f} px; {found.format(camera=one.camera, by=one.by)}",
+            remedy=remedy,
+        )
+
+
+def _rigidity(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
+    said = {trouble.cause for trouble in e.troubles}
+    for trouble in e.troubles:
+        if trouble.cause is RigCause.CAMERA_MOVED:
+            yield Finding(
+                rule=trouble.cause.value,
+                severity=Severity.ERROR,
+                measured=trouble.before_px,
+                message=f"{trouble.camera} moved in the rig before the shot {trouble.shots[0]}: one pose misses by "
+                f"{trouble.before_px:.1f} px, one before and one after by {trouble.after_px:.1f} px",
+                remedy="fasten it; calibrate the shots before and after by themselves",
+            )
+        else:
+            yield Finding(
+                rule=trouble.cause.value,
+                severity=Severity.UNPROVEN,
+                measured=trouble.before_px,
+                message=f"in {_listed(trouble.shots)} the frame of {trouble.camera} and the other camera's are "
+                f"exchanged: they miss by {trouble.before_px:.0f} px as paired, by {trouble.after_px:.1f} px exchanged",
+                remedy="exchange the two files of these shots",
+            )
+    if e.excess_px is None or e.noise_px is None or e.rigid_p is None or RigCause.CAMERA_MOVED in said:
+        return
+    over = e.excess_px / max(e.noise_px, 1e-9)
+    if e.rigid_p < LEVEL and over > limits.excess_wanted:
+        yield Finding(
+            rule=RigCause.NOT_SIMULTANEOUS.value,
+            severity=Severity.UNPROVEN if over <= limits.excess_needed else Severity.ERROR,
+            measured=over,
+            limit=limits.excess_wanted,
+            message=f"one pose of the board for all cameras adds {e.excess_px:.2f} px to the residuals, {over:.0f} "
+            "times the noise, and differently in every shot: the cameras did not fire together while board or rig "
+            "moved, or one of them is loose",
+            remedy="put rig and board on stands and let the shutter wait; check the trigger and the mounts",
+        )
+
+
+def _shots(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
+    if not e.apart:
+        return
+    shots = list(dict.fromkeys(shot for shot, _ in e.apart))
+    share = len(shots) / max(e.shots + len(shots), 1)
+    yield Finding(
+        rule="shots-apart",
+        severity=Severity.UNPROVEN if share > limits.apart_wanted else Severity.NOTE,
+        measured=share,
+        limit=limits.apart_wanted,
+        message=f"in {_listed(shots)} the cameras contradict the rig; these views serve the lenses only",
+        remedy="something moved between the exposures: look at these frames",
+    )
+
+
+def _precision(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
+    for name, pair in (e.cross_px or {}).items():
+        worst = max((value for value in pair if value is not None), default=None)
+        if worst is None:
+            yield Finding(
+                rule="no-common-view",
+                severity=Severity.UNPROVEN,
+                message=f"{name} and the reference camera see nothing in common at the distance of the boards",
+                remedy="hold the board where the frames overlap",
+            )
+        elif not worst <= limits.cross_wanted_px:
+            yield Finding(
+                rule="uncertain-pose",
+                severity=Severity.UNPROVEN if worst <= limits.cross_needed_px else Severity.ERROR,
+                measured=worst,
+                limit=limits.cross_wanted_px,
+                message=f"a pixel that the reference camera predicts for {name} has a σ of {worst:.2f} px, need "
+                f"{limits.cross_wanted_px:g} px",
+                remedy="take more shots that both see, at several distances and all over the frames",
+            )
+    if e.cross_px is None:
+        return
+    if e.kappa2 is None:
+        yield Finding(
+            rule="no-variance-factor",
+            severity=Severity.UNPROVEN,
+            message="too few shots to compare one half with the other",
+            remedy="take more",
+        )
+    elif e.kappa2 > limits.kappa2_wanted:
+        yield Finding(
+            rule="unstable-places",
+            severity=Severity.UNPROVEN if e.kappa2 <= limits.kappa2_needed else Severity.ERROR,
+            measured=e.kappa2,
+            limit=limits.kappa2_wanted,
+            message=f"the variance factor of the relative poses is {e.kappa2:.1f}; PASS needs at most "
+            f"{limits.kappa2_wanted:g}. The standard deviations that are stated are wider by "
+            f"{math.sqrt(e.kappa2):.1f} for it",
+            remedy="fasten the cameras, mount the board on glass or aluminium, use a tripod",
+        )
+
+
+_CHECKS: Final[tuple[Callable[[RigEvidence, RigLimits], Iterator[Finding]], ...]] = (
+    _cameras,
+    _ties,
+    _pairing,
+    _rigidity,
+    _shots,
+    _precision,
+)
+
+
+def _listed(names: Sequence[str], most: int = 4) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
