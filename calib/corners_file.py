@@ -24,6 +24,7 @@ from calibrary.provenance import SourceFile
 from calibrary.records import Json, Meta, Record, from_json, replace, to_json
 
 __all__ = [
+    "FileName",
     "corners_sha256",
     "decode_corners",
     "encode_corners",

@@ -22,6 +22,8 @@ PRINTED: Final[Mapping[str, str]] = {
     "check-1": "calibrary.jobs.check.run:CheckReport",
     "corners-1": "calibrary.calib.corners_file:CornersFile",
     "calibration-result-1": "calibrary.jobs.calibrate_board.report:CalibrateReport",
+    "rig-calibration-result-1": "calibrary.jobs.calibrate_rig.report:RigReport",
+    "rig-corners-1": "calibrary.jobs.calibrate_rig.run:RigCorners",
     "registry-audit-1": "calibrary.jobs.audit.report:AuditReport",
     "registry-check-1": "calibrary.registry.check_registry:CheckDocument",
     "registry-export-1": "calibrary.jobs.exchange.export:ExportReport",

@@ -19,6 +19,7 @@ from calibrary.registry import entry_form
 from calibrary.registry.entry_form import BLOCKS_WITH_EXTENSIONS, UNSTATED
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.paths import id_of, path_of, unit_folder
+from calibrary.rig import RigMember
 
 __all__ = [
     "UNSTATED",
@@ -155,6 +156,7 @@ class EntryFields(Record):
             policy (3 % under ``fleet``).
         supersedes: the id of the entry it took the place of.
         override: why K is used although it contradicts what is known of the camera.
+        rig: which rig the camera is fixed in, and where; None for a camera by itself.
         label: what its keeper calls the unit, "P4R-03"; of one unit only. Like the tags and notes, it decides nothing
             about which K is used and is not part of what is approved.
         tags: short words to find entries by.
@@ -171,6 +173,7 @@ class EntryFields(Record):
     tolerance: Annotated[float, Meta(gt=0, le=1)] | None = None
     supersedes: Text | None = None
     override: Text | None = None
+    rig: RigMember | None = None
     label: Label | None = None
     tags: tuple[Tag, ...] = ()
     extensions: Mapping[str, Any] = {}

@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast
 
 from calibrary.calibration import Calibration, Covariance, Grade, Provenance
 from calibrary.errors import InputError, ParseError
-from calibrary.records import Json, Meta
+from calibrary.records import Json, Meta, to_json
 from calibrary.records.limits import Limits, narrow, require_within
+from calibrary.rig import RigMember
 from calibrary.strictyaml import YamlValue
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ BLOCKS_WITH_EXTENSIONS: Final = ("camera", "sensor", "quality", "provenance")
 """Blocks that take ``x-`` fields beside the file itself; K and distortion take none."""
 
 ORDER: Final = ("schema", "status", "reason", "digest", "camera", "label", "tags", "intrinsics", "distortion", "sensor",
-    "grade", "quality", "provenance", "aliases", "validity", "tolerance", "supersedes", "override", "notes",
+    "grade", "quality", "rig", "provenance", "aliases", "validity", "tolerance", "supersedes", "override", "notes",
     "extras")  # fmt: skip
 """The blocks of a file from its top; one that is not named here comes behind them."""
 
@@ -103,7 +104,7 @@ def written(document: dict[str, Json], entry: Entry) -> dict[str, Json]:
     if entry.calibration.provenance == UNSTATED:
         calibration["provenance"] = None
     extensions = cast("dict[str, Json]", document.pop("extensions"))
-    members = document | calibration | {"digest": digest(entry.calibration, entry.sensor)}
+    members = document | calibration | {"digest": digest(entry.calibration, entry.sensor, entry.rig)}
     ordered = {name: members.pop(name) for name in ORDER} | members
     for path, value in extensions.items():
         block, _, key = path.rpartition("/")
@@ -211,7 +212,7 @@ def _traced(kind: str, names: tuple[str, ...], members: Mapping[str, Any]) -> di
     }
 
 
-def digest(calibration: Calibration, sensor: Sensor | None = None) -> str:
+def digest(calibration: Calibration, sensor: Sensor | None = None, rig: RigMember | None = None) -> str:
     """``sha256:`` and 64 digits over the numbers, whatever their order and spelling in a file.
 
     It is over compact JSON with sorted keys, each number as the shortest text of its double.
@@ -227,6 +228,9 @@ def digest(calibration: Calibration, sensor: Sensor | None = None) -> str:
         "std": _numbers(quality.std) if quality is not None else {},
         "covariance": _numbers(_pairs(covariance)) if covariance is not None else None,
     }
+    if rig is not None:
+        # An entry of a camera by itself has the digest that it had before there were rigs.
+        block["rig"] = to_json(rig)
     text = json.dumps(block, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 

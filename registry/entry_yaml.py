@@ -120,7 +120,7 @@ def parse_entry(data: bytes, name: str, *, require_digest: bool = True) -> Entry
                 place="digest",
             )
         return entry
-    found = digest(entry.calibration, entry.sensor)
+    found = digest(entry.calibration, entry.sensor, entry.rig)
     if stated != found:
         raise ParseError(
             f"the digest is {_short(str(stated))} and the numbers give {_short(found)}: K, distortion, sensor or "

@@ -227,7 +227,7 @@ def pin_of(path: str, data: bytes) -> Pin:
     entry = parse_entry(data, path, require_digest=False)
     kept = data.replace(b"\r\n", b"\n")
     blob = hashlib.sha1(b"blob %d\0" % len(kept) + kept, usedforsecurity=False).hexdigest()
-    return Pin(path=path, blob=blob, digest=digest(entry.calibration, entry.sensor))
+    return Pin(path=path, blob=blob, digest=digest(entry.calibration, entry.sensor, entry.rig))
 
 
 def verify(lock: Lock, current: Mapping[str, Pin]) -> tuple[Drift, ...]:

@@ -500,7 +500,9 @@ def _with_current(entry: Entry, current: Entry, *, edited: bool) -> Entry:
 def _provenance(entry: Entry, current: Entry, *, edited: bool) -> Provenance:
     made, before = entry.calibration.provenance, current.calibration.provenance
     if edited and _source(made) == _source(before):
-        if digest(entry.calibration, entry.sensor) == digest(current.calibration, current.sensor):
+        if digest(entry.calibration, entry.sensor, entry.rig) == digest(
+            current.calibration, current.sensor, current.rig
+        ):
             return made
         by_hand = (*(text for text in made.assumptions if text != BY_HAND), BY_HAND)
         return replace(made, assumptions=by_hand)

@@ -126,14 +126,15 @@ def turns(seen: RigObservations, eyes: Sequence[Eye], link: Link) -> list[int]:
         return []
     pairing = Pairing(seen, eyes, link.camera, link.other, link.shots, link.shots)
     _, plain = pairing.place(pairing.poses)
-    best: tuple[float, list[int]] = (float(np.median(plain)), [])
+    # The mean, for the shots that are counted from the other end may be few.
+    best: tuple[float, list[int]] = (float(np.minimum(plain, link.width).mean()), [])
     for candidate in _some(pairing.poses):
         place = Place.between(candidate[1], candidate[0])
         misses = [pairing.miss(place, pairing.poses), pairing.miss(place, pairing.with_half_turn())]
-        chosen = np.minimum(*misses)
-        if float(np.median(chosen)) < CLEARLY * best[0]:
+        chosen = float(np.minimum(np.minimum(*misses), link.width).mean())
+        if chosen < CLEARLY * best[0]:
             views = seen.rows[link.shots[misses[1] < misses[0]], link.camera]
-            best = (float(np.median(chosen)), views.tolist())
+            best = (chosen, views.tolist())
     return best[1]
 
 

@@ -18,6 +18,7 @@ _PERSPECTIVE_AND_FISHEYE = (
     "CentralWavelength",
     "RigName",
     "RigCameraIndex",
+    "RigRelatives",
     "ModelType",
     "PrincipalPoint",
     "PerspectiveFocalLength",

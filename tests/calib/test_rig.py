@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
@@ -17,6 +20,8 @@ from calibrary.errors import InputError
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
 from tests.calib.rigs import BOARD, off, seen_by, true_rig
+
+FloatArray32: TypeAlias = NDArray[np.float32]
 
 
 def rules(result: RigResult) -> list[str]:
@@ -96,7 +101,8 @@ def test_it_is_opencvs_stereo_calibration_on_the_same_corners() -> None:
     result = estimate_rig(seen, "brown", warp=False)
     K, D = zip(*(one.calibration.to_opencv() for one in result.cameras.values()), strict=True)
     rows = seen.rows[(seen.rows >= 0).all(axis=1)]
-    points, pixels = [], ([], [])
+    points: list[FloatArray32] = []
+    pixels: tuple[list[FloatArray32], list[FloatArray32]] = ([], [])
     for row in rows:
         views = [camera.views[view] for camera, view in zip(seen.cameras.values(), row, strict=True)]
         both = np.intersect1d(views[0].ids, views[1].ids)

@@ -122,8 +122,33 @@ class Fleet(FleetView):
         branch: str | None = None,
     ) -> ProposedChange:
         """An entry beside the current one, checked; arguments and errors as of :meth:`propose`."""
+        return self.propose_entries(
+            [entry],
+            reason=reason,
+            approve=approve,
+            override_held=override_held,
+            force=force,
+            branch=branch,
+        )
+
+    def propose_entries(
+        self,
+        entries: Sequence[Entry],
+        *,
+        reason: str | None = None,
+        approve: bool = False,
+        override_held: bool = False,
+        force: str | None = None,
+        branch: str | None = None,
+    ) -> ProposedChange:
+        """Several entries in one change, such as a rig's; arguments and errors as of :meth:`propose`."""
         proposals = self.registry.propose(
-            [entry], approve=approve, reason=reason, override_held=override_held, force=force, branch=branch
+            list(entries),
+            approve=approve,
+            reason=reason,
+            override_held=override_held,
+            force=force,
+            branch=branch,
         )
         return ProposedChange(self.registry, proposals, branch=branch)
 

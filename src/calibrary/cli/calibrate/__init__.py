@@ -13,10 +13,12 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 
 WORDS = (
     Command("board", "write a board as PDF or SVG, true to the millimetre", f"{__name__}.board"),
+    Command("rig", "calibrate cameras that are fixed to one another; also --rig", f"{__name__}.rig"),
     Command("synth", "render frames of a board, with the truth beside them", f"{__name__}.synth"),
 )
-"""A folder of frames that bears such a name is given as ./board or ./synth."""
+"""A folder of frames that bears such a name is given as ./board, ./rig or ./synth."""
 
+RIG = "--rig"
 LISTED = "\n".join(f"  {word.name:<8}{word.help}" for word in WORDS)
 DESCRIPTION = f"{OF_FRAMES}\nin place of FRAMES:\n{LISTED}\n"
 
@@ -32,6 +34,9 @@ class _CalibrateParser(Parser):
     # The base has four overloads of this one signature; Any says the same as all of them.
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As the base does, from the arguments after the command's name."""
+        if args and RIG in args:
+            # A flag by its looks, another command by what it asks for.
+            args = [RIG.removeprefix("--"), *(one for one in args if one != RIG)]
         word = self.words.get(args[0]) if args else None
         if word is not None:
             return word.parse_known_args(args[1:], namespace)

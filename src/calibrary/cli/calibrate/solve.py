@@ -22,7 +22,15 @@ if TYPE_CHECKING:
     from calibrary.calibration import CameraKey
     from calibrary.cli.calibrate.solve_display import Display
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "LENS_MODELS", "add_arguments", "run"]
+__all__ = [
+    "DESCRIPTION",
+    "EXAMPLES",
+    "EXIT_NOT_PASSED",
+    "LENS_MODELS",
+    "add_arguments",
+    "process_count",
+    "run",
+]
 
 DESCRIPTION = """\
 Find a camera's K and distortion from frames of a calibration board, and say how far to trust them.
@@ -122,7 +130,7 @@ def _add_solving_flags(parser: argparse.ArgumentParser) -> None:
     )
     solving.add_argument("--focus", metavar="TEXT", help='how the lens was focused: "locked at infinity"')
     solving.add_argument(
-        "--workers", type=_count, default=0, metavar="N", help="processes that look for the board"
+        "--workers", type=process_count, default=0, metavar="N", help="processes that look for the board"
     )
 
 
@@ -284,7 +292,8 @@ def _keep(arguments: argparse.Namespace, fleet: Fleet, done: CalibrateResult, di
     return True
 
 
-def _count(text: str) -> int:
+def process_count(text: str) -> int:
+    """An argument's type: how many processes."""
     if not text.isdecimal() or len(text) > 4 or int(text) > 256:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 0 … 256")
     return int(text)

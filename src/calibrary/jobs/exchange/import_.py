@@ -269,7 +269,7 @@ def _fate(entry: Entry, current: Entry | None) -> tuple[Fate, str | None]:
 
 
 def _numbers(entry: Entry) -> str:
-    return digest(entry.calibration, entry.sensor)
+    return digest(entry.calibration, entry.sensor, entry.rig)
 
 
 def _said(entry: Entry) -> tuple[object, ...]:

@@ -131,7 +131,7 @@ def _approved(revisions: Sequence[EntryRevision]) -> Iterator[Block]:
     for one in revisions:
         if one.entry is None or not one.entry.is_usable:
             break
-        found = digest(one.entry.calibration, one.entry.sensor)
+        found = digest(one.entry.calibration, one.entry.sensor, one.entry.rig)
         if numbers is not None and found != numbers:
             break
         first, numbers = one.revision, found

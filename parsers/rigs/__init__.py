@@ -1,0 +1,108 @@
+"""Files that say where the cameras of a rig are: read as a :class:`~calibrary.rig.Rig`, and written from one.
+
+One module a format, with ``sniff``, ``read`` and ``write``. A camera's lens is read and written by the format's module
+for single cameras where there is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from calibrary.errors import InputError
+from calibrary.parsers.content import Content
+from calibrary.parsers.rigs import colmap_rig, kalibr_chain, micasense, opencv_stereo
+from calibrary.rig import Rig
+
+__all__ = ["RIG_FORMATS", "RigFormat", "encode_rig", "format_of_name", "read_rig"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigFormat:
+    """A kind of file.
+
+    Attributes:
+        title: what it is called.
+        sniff: whether content is of this kind.
+        read: the rig of a file, from its path and bytes.
+        write: the bytes of a rig in a file of some name.
+    """
+
+    title: str
+    sniff: Callable[[Content], bool]
+    read: Callable[[Path, bytes], Rig]
+    write: Callable[[Rig, str], bytes]
+
+
+RIG_FORMATS: Final = {
+    name: RigFormat(title=module.TITLE, sniff=module.sniff, read=module.read, write=module.write)
+    for name, module in (
+        ("kalibr", kalibr_chain),
+        ("opencv_stereo", opencv_stereo),
+        ("colmap_rig", colmap_rig),
+        ("micasense_rig", micasense),
+    )
+}
+"""By the name that ``--to`` takes."""
+MOST_BYTES: Final = 2_000_000
+
+
+def read_rig(path: Path) -> Rig:
+    """The rig of a file; its format is told by its content.
+
+    Raises:
+        InputError: it cannot be read, or is none of these formats.
+        ParseError: it is broken.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path.name) from None
+    if len(data) > MOST_BYTES:
+        raise InputError(f"is {len(data)} bytes long, expected at most {MOST_BYTES}", source=path.name)
+    content = Content(data, path.name)
+    for one in RIG_FORMATS.values():
+        if one.sniff(content):
+            return one.read(path, data)
+    titles = ", ".join(one.title for one in RIG_FORMATS.values())
+    raise InputError(f"does not say where the cameras of a rig are; expected {titles}", source=path.name)
+
+
+def encode_rig(rig: Rig, form: str, name: str) -> bytes:
+    """A rig in a format.
+
+    Args:
+        rig: with calibrations.
+        form: one of :data:`RIG_FORMATS`.
+        name: of the file.
+
+    Raises:
+        InputError: there is no such format.
+        UnsupportedModelError: it has no place for these cameras.
+    """
+    found = RIG_FORMATS.get(form)
+    if found is None:
+        raise InputError(f"no rig format {form!r:.40}; expected {', '.join(RIG_FORMATS)}", place="--to")
+    return found.write(rig, name)
+
+
+def format_of_name(name: str) -> str:
+    """The format that a file of this name is written in when none is given.
+
+    Raises:
+        InputError: the name could be of several, or of none.
+    """
+    lower = name.lower()
+    if "camchain" in lower or "kalibr" in lower:
+        return "kalibr"
+    if lower.endswith(".json"):
+        if "micasense" in lower or "relatives" in lower:
+            return "micasense_rig"
+        return "colmap_rig"
+    if lower.endswith((".yml", ".xml", ".yaml")):
+        return "opencv_stereo"
+    raise InputError(
+        f"the name {name!r:.60} says no rig format; give --to {' | '.join(RIG_FORMATS)}", place="--to"
+    )

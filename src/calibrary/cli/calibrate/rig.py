@@ -1,0 +1,219 @@
+"""``calibrary calibrate --rig``: lenses and relative poses of cameras that are fixed to one another."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.calibrate.flags import day, number
+from calibrary.cli.calibrate.solve import EXIT_NOT_PASSED, LENS_MODELS, process_count
+from calibrary.cli.camera_flags import add_camera_flags, camera_of
+from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.progress import Bar
+from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+from calibrary.cli.registry.place import opened
+
+if TYPE_CHECKING:
+    from calibrary.api.fleet import Fleet
+    from calibrary.api.rigs import CalibrateRigResult
+    from calibrary.cli.calibrate.rig_display import RigDisplay
+
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
+
+DESCRIPTION = """\
+Find K and distortion of every camera of a rig and their poses to one another, in one adjustment.
+
+FRAMES are folders, one for each camera, in which frames of one shot have the same name or number; or a folder or
+files whose names say camera and shot: MicaSense (IMG_0001_1.tif), P4 Multispectral, Mavic 3 Multispectral, Sequoia,
+left01/right01, or as --pattern says. Frames that only one camera shows the board in serve that camera's lens. The
+verdict is PASS, PROVISIONAL or REFUSE, for each camera and for the rig.
+"""
+EXAMPLES = """\
+examples:
+  calibrary calibrate --rig left/ right/ --board checkerboard:11x8 --square-mm 40 --report rig.html
+  calibrary calibrate --rig SET/ --square-mm 40 --reference 5 --out rig_config.json
+  calibrary calibrate --rig 'shots/*.png' --pattern '{shot}_{camera}.png' --square-mm 40 --out camchain.yaml
+  calibrary calibrate --rig left/ right/ --square-mm 40 --compare extrinsics.yml --corners corners/
+  calibrary calibrate --rig --from corners/rig.json --registry ../fleet --rig-name mapper-2
+
+exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or the registry's check objects; 3 unreadable input
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the word's arguments."""
+    parser.add_argument(
+        "frames",
+        type=Path,
+        nargs="*",
+        metavar="FRAMES",
+        help="folders, one for each camera; or files, patterns",
+    )
+    pairing = parser.add_argument_group("which frames belong together")
+    pairing.add_argument(
+        "--pattern", metavar="PATTERN", help="how names say it, such as '{camera}/{shot}.png'; * is anything"
+    )
+    pairing.add_argument("--in-order", action="store_true", help="pair the n-th frames of all folders")
+    pairing.add_argument(
+        "--reference", metavar="CAMERA", help="the camera that poses are counted from (default: the first)"
+    )
+    pairing.add_argument(
+        "--from",
+        dest="corners_in",
+        type=Path,
+        metavar="FILE",
+        help="in place of frames, the rig.json of an earlier run",
+    )
+    board = parser.add_argument_group("the board")
+    board.add_argument("--board", metavar="BOARD", help="which one, in inner corners: checkerboard:11x8")
+    board.add_argument(
+        "--square-mm",
+        type=number(0.01, 10_000),
+        metavar="MM",
+        help="side of a square; distances scale with it",
+    )
+    board.add_argument(
+        "--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker, diameter of a circle"
+    )
+    outputs = parser.add_argument_group("what is written")
+    outputs.add_argument(
+        "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
+    )
+    outputs.add_argument(
+        "--corners", type=Path, metavar="DIR", help="what was seen, to solve it again with --from"
+    )
+    outputs.add_argument("--out", type=Path, metavar="FILE", help="the rig as another program's file")
+    outputs.add_argument(
+        "--to",
+        choices=("kalibr", "opencv_stereo", "colmap_rig", "micasense_rig"),
+        help="its format (default: by its name: camchain.yaml, extrinsics.yml, rig_config.json)",
+    )
+    outputs.add_argument(
+        "--compare", type=Path, metavar="FILE", help="show how far a file's poses are from these"
+    )
+    keeping = parser.add_argument_group("the registry")
+    keeping.add_argument(
+        "--registry", type=Path, metavar="PATH", help="put an entry for each camera into this one"
+    )
+    keeping.add_argument("--rig-name", metavar="NAME", help="what the rig is called in the entries")
+    keeping.add_argument("--approve", action="store_true", help="use them at once, if the rig passes")
+    keeping.add_argument("--reason", metavar="TEXT", help="why, for the history")
+    keeping.add_argument(
+        "--override-held", action="store_true", help="take the place of entries that a person pinned"
+    )
+    add_yes_flag(parser, "write into the registry without asking")
+    stated = parser.add_argument_group("where it is from")
+    stated.add_argument("--date", type=day, metavar="DATE", help="of the calibration, 2025-03-04")
+    stated.add_argument("--operator", metavar="NAME", help="who made the calibration (default: not stated)")
+    add_camera_flags(parser)
+    solving = parser.add_argument_group("how to solve")
+    solving.add_argument(
+        "--lens-model", choices=LENS_MODELS, default="auto", help="of every camera (default: auto)"
+    )
+    solving.add_argument("--no-warp", action="store_true", help="take the board for flat without asking")
+    solving.add_argument("--focus", metavar="TEXT", help='how the lenses were focused: "locked at infinity"')
+    solving.add_argument(
+        "--workers", type=process_count, default=0, metavar="N", help="processes that look for the board"
+    )
+    add_json_flag(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from calibrary.api.rigs import RigPlaces
+    from calibrary.cli.calibrate.rig_display import RigDisplay
+
+    _check_usage(arguments)
+    given = arguments
+    places = RigPlaces(report=given.report, corners=given.corners, out=given.out, format=given.to)
+    places.check()
+    fleet = opened(arguments) if given.registry is not None else None
+    display = RigDisplay(arguments)
+    done = _calibrated(arguments)
+    display.show(done)
+    display.show_files(done.write(places))
+    kept = fleet is None or _keep(arguments, fleet, done, display)
+    display.verdict(done)
+    if given.json:
+        print_json(done.to_dict(), indent=None)
+    return 0 if done.is_good and kept else EXIT_NOT_PASSED
+
+
+def _calibrated(arguments: argparse.Namespace) -> CalibrateRigResult:
+    from calibrary.api.rigs import calibrate_rig
+    from calibrary.cli.console import note
+
+    given = arguments
+    with Bar(note(arguments), "finding the board in") as bar:
+        return calibrate_rig(
+            given.frames or None,
+            square_mm=given.square_mm,
+            board=given.board,
+            marker_mm=given.marker_mm,
+            corners=given.corners_in,
+            pattern=given.pattern,
+            in_order=given.in_order,
+            reference=given.reference,
+            lens_model=given.lens_model,
+            warp=not given.no_warp,
+            date=given.date,
+            operator=given.operator,
+            focus=given.focus,
+            camera=partial(camera_of, arguments),
+            compare=given.compare,
+            workers=given.workers,
+            progress=bar,
+        )
+
+
+def _check_usage(arguments: argparse.Namespace) -> None:
+    """End as misused what no work would make sense of."""
+    parser, given = arguments.parser, arguments
+    if bool(given.frames) is (given.corners_in is not None):
+        parser.error("expected frames or --from FILE, and one of them only")
+    if given.frames and given.square_mm is None:
+        parser.error("distances between cameras need the side of a square: say --square-mm MM")
+    if given.pattern is not None and given.in_order:
+        parser.error("--pattern and --in-order are two ways to pair frames; give one")
+    if given.to is not None and given.out is None:
+        parser.error("--to is the format of --out FILE, which is missing")
+    if given.registry is not None:
+        if given.rig_name is None:
+            parser.error("entries of a rig name it: say --rig-name NAME")
+        if not given.yes and not can_ask():
+            parser.error(
+                "not a terminal, so nothing can be confirmed before the registry is written: give --yes"
+            )
+    elif given.approve or given.reason or given.override_held or given.rig_name:
+        parser.error(
+            "--approve, --reason, --override-held and --rig-name are of a registry: say --registry PATH"
+        )
+
+
+def _keep(arguments: argparse.Namespace, fleet: Fleet, done: CalibrateRigResult, display: RigDisplay) -> bool:
+    """Write the entries, if the verdict, the check and the person allow it; whether nothing speaks against them."""
+    if done.verdict.value == "refuse":
+        display.say("a refused rig becomes no entries; nothing was written into the registry")
+        return False
+    if arguments.approve and not done.is_good:
+        display.say("only a rig that passes is approved; this one becomes drafts at most")
+    change = fleet.propose_entries(
+        done.entries(arguments.rig_name),
+        approve=arguments.approve and done.is_good,
+        reason=arguments.reason,
+        override_held=arguments.override_held,
+    )
+    display.show_entries(change)
+    if change.proposals.errors:
+        display.say("the check objects, so nothing was written into the registry")
+        return False
+    if not any(proposal.changes for proposal in change.proposals.items):
+        return True
+    count = len(change.proposals.items)
+    if not agreed(arguments, f"Write {count} entries of the rig {arguments.rig_name}?"):
+        display.say("nothing was written into the registry")
+        return True
+    display.written(change.write(arguments.reason), count)
+    return True

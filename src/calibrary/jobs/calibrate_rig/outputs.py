@@ -1,0 +1,89 @@
+"""The files of a calibrated rig: its page, its corners, and where its cameras are, in other programs' formats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibrary.atomic import check_folder
+from calibrary.calib.rig.estimation import RigResult
+from calibrary.calib.verdict import BoardVerdict
+from calibrary.errors import InputError
+from calibrary.jobs.calibrate_board.outputs import Files
+from calibrary.jobs.calibrate_rig.page import rig_page
+from calibrary.jobs.calibrate_rig.report import RigReport
+from calibrary.jobs.calibrate_rig.run import RigCollected, corner_files
+from calibrary.pages import render_page
+from calibrary.parsers.rigs import RIG_FORMATS, encode_rig, format_of_name
+
+__all__ = ["RigPlaces"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigPlaces:
+    """Where things shall go; None for what is not wanted.
+
+    Attributes:
+        report: the page, .html.
+        corners: a folder for what was seen: rig.json and a corner file for each camera.
+        out: the rig in some program's format.
+        format: which format; None for the one that the name of ``out`` means.
+    """
+
+    report: Path | None = None
+    corners: Path | None = None
+    out: Path | None = None
+    format: str | None = None
+
+    def check(self) -> None:
+        """Find out before the work begins what would keep its result from being written.
+
+        Raises:
+            InputError: a folder may not be written to, a name is of another kind of file, or there is no such format.
+        """
+        for flag, path in self._named():
+            if path.is_dir():
+                raise InputError("is a folder; expected a file's name", source=str(path), place=flag)
+            check_folder(path, place=flag)
+        if self.report is not None and self.report.suffix.lower() not in {".html", ".htm"}:
+            raise InputError("expected a name that ends in .html", source=str(self.report), place="--report")
+        if self.corners is not None:
+            if self.corners.exists() and not self.corners.is_dir():
+                raise InputError("is a file; expected a folder", source=str(self.corners), place="--corners")
+            check_folder(self.corners, place="--corners")
+        if self.out is not None:
+            self._format(self.out)
+
+    def files(self, result: RigResult, collected: RigCollected, report: RigReport) -> Files:
+        """Everything that the verdict allows: of a refused rig its report and its corners.
+
+        Raises:
+            UnsupportedModelError: the format has no place for these cameras.
+        """
+        content: dict[Path, bytes] = {}
+        if self.report is not None:
+            content[self.report] = render_page(rig_page(result, collected, report)).encode()
+        if self.corners is not None:
+            content |= {self.corners / name: data for name, data in corner_files(collected).items()}
+        if self.out is not None and result.verdict is BoardVerdict.REFUSE:
+            return Files(content=content, held_back=(self.out,))
+        if self.out is not None:
+            content[self.out] = encode_rig(result.rig, self._format(self.out), self.out.name)
+        return Files(content=content)
+
+    def _named(self) -> Iterator[tuple[str, Path]]:
+        if self.report is not None:
+            yield "--report", self.report
+        if self.out is not None:
+            yield "--out", self.out
+
+    def _format(self, out: Path) -> str:
+        if self.format is None:
+            return format_of_name(out.name)
+        if self.format not in RIG_FORMATS:
+            raise InputError(
+                f"{self.format!r:.40} is no rig format; expected one of {', '.join(RIG_FORMATS)}",
+                place="--to",
+            )
+        return self.format

@@ -1,0 +1,185 @@
+"""From frames of several cameras, or the corners that were seen in them, to a rig."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from pathlib import Path
+
+from calibrary.calib.board import Board
+from calibrary.calib.collect import Collected, try_board_sizes
+from calibrary.calib.corners_file import FileName, encode_corners, read_corners, read_table
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.rig.estimation import RigResult, estimate_rig
+from calibrary.calib.rig.observations import RigObservations
+from calibrary.calibration import CameraKey
+from calibrary.errors import CalibrationError, InputError, ParseError
+from calibrary.jobs.calibrate_board.frame_metadata import describe_frames
+from calibrary.jobs.calibrate_board.run import SolveRequest, calibration_date, observe
+from calibrary.jobs.calibrate_rig.pairing import RigFrames
+from calibrary.jobs.calibrate_rig.relatives import stated_relatives
+from calibrary.records import Record, from_json, replace, to_json
+from calibrary.rig import Rig
+
+__all__ = ["RigCollected", "RigCorners", "calibrate_rig_from", "collect_rig", "corner_files", "saved_rig"]
+
+CORNERS_NAME = "rig.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigCollected:
+    """What the frames of a rig yield.
+
+    Attributes:
+        cameras: by camera: its views, the frames that cannot be used, and notes.
+        shots: by shot, the name of each camera's frame.
+        how: how the frames were paired.
+        notes: on the rig.
+        stated: the relative poses that the frames' metadata state; None where they state none.
+    """
+
+    cameras: Mapping[str, Collected]
+    shots: Mapping[str, Mapping[str, str]]
+    how: str
+    notes: tuple[str, ...] = ()
+    stated: Rig | None = None
+
+    @property
+    def observations(self) -> RigObservations:
+        """For the solver."""
+        return RigObservations.of({name: one.observations for name, one in self.cameras.items()}, self.shots)
+
+
+def collect_rig(
+    frames: RigFrames,
+    board: Board | float,
+    said: Callable[[CameraKey], CameraKey],
+    *,
+    focus: str | None = None,
+    workers: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> RigCollected:
+    """Find the board in all frames of a rig.
+
+    Args:
+        frames: paired.
+        board: what to look for, or the side of its squares in mm: the corners are then counted by trying.
+        said: puts what was said of the cameras in the place of what the frames say.
+        focus: how the lenses were focused, in place of what the frames say.
+        workers: processes; 0 decides by itself.
+        progress: called with the number of frames done since the last call.
+
+    Raises:
+        InputError: frames of one camera differ in size, camera or focus, or were edited.
+        CalibrationError: no frame of a camera shows the board.
+    """
+    described = {name: describe_frames(frames.of(name), said, focus) for name in frames.cameras}
+    keys = {
+        name: one.setting.camera if one.setting is not None else said(CameraKey())
+        for name, one in described.items()
+    }
+    own = _told_apart(keys)
+    notes = list(frames.notes)
+    if not isinstance(board, Board):
+        board = try_board_sizes([path for name in frames.cameras for path in frames.of(name)], board)
+        notes.append(f"the board was taken for {board}, which was found by trying")
+    cameras: dict[str, Collected] = {}
+    for name, metadata in described.items():
+        try:
+            found = observe(frames.of(name), metadata, board, workers=workers, progress=progress)
+        except CalibrationError as error:
+            raise CalibrationError(f"{name}: {error}") from None
+        seen = found.observations
+        cameras[name] = replace(
+            found,
+            observations=replace(seen, camera=replace(own[name], image_size=seen.image_size, firmware=None)),
+        )
+    return RigCollected(
+        cameras=cameras,
+        shots={
+            shot: {name: path.name for name, path in taken.items()} for shot, taken in frames.shots.items()
+        },
+        how=frames.how,
+        notes=tuple(notes),
+        stated=stated_relatives({name: frames.of(name)[0] for name in frames.cameras}),
+    )
+
+
+def _told_apart(keys: Mapping[str, CameraKey]) -> dict[str, CameraKey]:
+    """Each camera's key; those that the frames do not tell apart are told apart by their name in the rig."""
+    counts = Counter((key.make, key.model, key.sub_camera, key.serial) for key in keys.values())
+    return {
+        name: replace(key, sub_camera=name)
+        if counts[(key.make, key.model, key.sub_camera, key.serial)] > 1 and key.sub_camera is None
+        else key
+        for name, key in keys.items()
+    }
+
+
+class RigCorners(Record, tag_field="schema", tag="rig-corners-1"):
+    """Which corner files belong to one rig, and which frames to one shot.
+
+    Attributes:
+        cameras: the corner file of each camera, beside this file; the reference comes first.
+        shots: by shot, the name of each camera's frame.
+    """
+
+    cameras: Mapping[str, FileName]
+    shots: Mapping[str, Mapping[str, FileName]]
+
+
+def saved_rig(path: Path, said: Callable[[CameraKey], CameraKey], reference: str | None) -> RigCollected:
+    """The corners of an earlier run, from the rig.json that it wrote.
+
+    Raises:
+        InputError: a file cannot be read.
+        ParseError: a file is broken.
+    """
+    try:
+        document = json.loads(read_table(path))
+    except ValueError as error:
+        raise ParseError(f"is not JSON: {error}", source=path.name) from None
+    kept = from_json(RigCorners, document, source=path.name)
+    if reference is not None and reference not in kept.cameras:
+        raise InputError(f"no camera {reference!r:.60} among {', '.join(kept.cameras)}", place="--reference")
+    cameras: dict[str, Collected] = {}
+    for name in sorted(kept.cameras, key=lambda name: name != (reference or next(iter(kept.cameras)))):
+        seen = read_corners(path.parent / kept.cameras[name])
+        camera = replace(said(seen.camera), image_size=seen.image_size)
+        cameras[name] = Collected(observations=replace(seen, camera=camera))
+    return RigCollected(cameras=cameras, shots=kept.shots, how=f"as {path.name} says")
+
+
+def corner_files(collected: RigCollected) -> dict[str, bytes]:
+    """rig.json and what it names, by file name."""
+    names = {name: f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.corners.json" for name in collected.cameras}
+    kept = RigCorners(cameras=names, shots=collected.shots)
+    files = {names[name]: encode_corners(one.observations) for name, one in collected.cameras.items()}
+    return {CORNERS_NAME: (json.dumps(to_json(kept), indent=1, ensure_ascii=False) + "\n").encode(), **files}
+
+
+def calibrate_rig_from(collected: RigCollected, request: SolveRequest) -> RigResult:
+    """Solve, with a provenance that leads back to every frame.
+
+    Raises:
+        InputError: the corners contradict themselves.
+        CalibrationError: they do not determine a camera.
+    """
+    result = estimate_rig(collected.observations, request.model, warp=request.warp)
+    today = datetime.now(UTC).date()
+    return replace(
+        result,
+        cameras={name: _dated(one, request, today, name) for name, one in result.cameras.items()},
+    )
+
+
+def _dated(result: CalibrationResult, request: SolveRequest, today: date, name: str) -> CalibrationResult:
+    day, origin = calibration_date(request.date, result.observations.taken, today)
+    made = result.calibration.provenance
+    source = f"{request.corners_name}: {name}" if request.corners_name is not None else made.source
+    provenance = replace(made, source=source, date=day.isoformat(), operator=request.operator)
+    return replace(result, calibration=replace(result.calibration, provenance=provenance), date_origin=origin)
