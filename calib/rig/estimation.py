@@ -254,11 +254,11 @@ def _assessed(
             )
         }
     distance = float(np.median(np.linalg.norm(adjusted.state.translations[adjusted.network.used], axis=1)))
-    size = solution.seen.cameras[lens.names[0]].image_size
+    sizes = [one.image_size for one in solution.seen.cameras.values()]
     cross = {
         name: (
-            cross_std_px(adjusted, C * inflation, camera, size, distance),
-            cross_std_px(adjusted, C * inflation, camera, size, distance * FAR),
+            cross_std_px(adjusted, C * inflation, camera, (sizes[0], sizes[camera]), distance),
+            cross_std_px(adjusted, C * inflation, camera, (sizes[0], sizes[camera]), distance * FAR),
         )
         for camera, name in enumerate(lens.names)
         if camera

@@ -20,15 +20,19 @@ FAR: Final = 1e3
 
 
 def cross_std_px(
-    adjusted: Adjusted[RigLens], covariance: FloatArray, camera: int, size: ImageSize, distance_mm: float
+    adjusted: Adjusted[RigLens],
+    covariance: FloatArray,
+    camera: int,
+    sizes: tuple[ImageSize, ImageSize],
+    distance_mm: float,
 ) -> float | None:
-    """px, root mean square over the frame: σ of where a camera sees a point that the reference camera sees.
+    """px, root mean square over what both see: σ of where a camera sees a point that the reference camera sees.
 
     Args:
         adjusted: the rig.
         covariance: (n, n) of its parameters.
         camera: which, not the reference.
-        size: (width, height) px of the reference camera.
+        sizes: (width, height) px of the reference camera and of this one.
         distance_mm: of the point along the reference camera's axis.
 
     Returns:
@@ -37,10 +41,13 @@ def cross_std_px(
     state, lens = adjusted.state, adjusted.state.model
     values = state.parameters
     first, second = lens.lens_of(0), lens.lens_of(camera)
-    points = _seen(lens, values[first], size, distance_mm)
+    points = _seen(lens, values[first], sizes[0], distance_mm)
     place = lens.place(values, camera)
     inside = points @ place.rotation.T + place.translation
-    there = inside[:, 2] > 0
+    points, inside = points[inside[:, 2] > 0], inside[inside[:, 2] > 0]
+    pixels = lens.models[camera].project(values[second], inside)[0]
+    # Outside of its frame a lens is extrapolated, and there is nothing to be seen.
+    there = ((pixels > 0) & (pixels < sizes[1])).all(axis=1)
     if not there.any():
         return None
     points, inside = points[there], inside[there]

@@ -23,10 +23,11 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers.content import Content
-from calibrary.parsers.document import Node, load_json, parse_json
+from calibrary.parsers.document import Node
 from calibrary.records import Json
 from calibrary.rig import Rig, RigCamera, RigPose
 from calibrary.rotations import from_quaternion, quaternion
+from calibrary.strictjson import parse_json
 
 __all__ = ["TITLE", "read", "sniff", "write"]
 
@@ -44,9 +45,7 @@ def read(path: Path, data: bytes) -> Rig:
     found = parse_json(data, source=path.name)
     if not isinstance(found, list) or not found:
         raise ParseError("expected a list with a rig", source=path.name)
-    document = (
-        Node({"rigs": found}, source=path.name) if len(found) == 1 else load_json(data, source=path.name)
-    )
+    document = Node({"rigs": found[:1]}, source=path.name)
     cameras = []
     for node in document["rigs"].items()[0]["cameras"].items():
         name = node["image_prefix"].text().strip("/") or "camera"

@@ -17,13 +17,14 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.rig.estimation import RigResult, estimate_rig
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calibration import CameraKey
-from calibrary.errors import CalibrationError, InputError, ParseError
+from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate_board.frame_metadata import describe_frames
 from calibrary.jobs.calibrate_board.run import SolveRequest, calibration_date, observe
 from calibrary.jobs.calibrate_rig.pairing import RigFrames
 from calibrary.jobs.calibrate_rig.relatives import stated_relatives
 from calibrary.records import Record, from_json, replace, to_json
 from calibrary.rig import Rig
+from calibrary.strictjson import parse_json
 
 __all__ = ["RigCollected", "RigCorners", "calibrate_rig_from", "collect_rig", "corner_files", "saved_rig"]
 
@@ -139,11 +140,7 @@ def saved_rig(path: Path, said: Callable[[CameraKey], CameraKey], reference: str
         InputError: a file cannot be read.
         ParseError: a file is broken.
     """
-    try:
-        document = json.loads(read_table(path))
-    except ValueError as error:
-        raise ParseError(f"is not JSON: {error}", source=path.name) from None
-    kept = from_json(RigCorners, document, source=path.name)
+    kept = from_json(RigCorners, parse_json(read_table(path), source=path.name), source=path.name)
     if reference is not None and reference not in kept.cameras:
         raise InputError(f"no camera {reference!r:.60} among {', '.join(kept.cameras)}", place="--reference")
     cameras: dict[str, Collected] = {}
