@@ -11,6 +11,7 @@ from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.records import Meta, Record
+from calibrary.records.limits import require_declared
 from calibrary.rotations import left_jacobian, rotation_matrix, rotation_vector
 
 __all__ = ["Rig", "RigCamera", "RigMember", "RigPose", "turn_jacobian"]
@@ -143,6 +144,9 @@ class RigCamera(Record):
     pose: RigPose | None = None
     calibration: Calibration | None = None
 
+    def __post_init__(self) -> None:
+        require_declared(self)
+
 
 class Rig(Record):
     """Cameras that are fixed to one another.
@@ -207,6 +211,7 @@ class RigMember(Record):
     pose: RigPose | None = None
 
     def __post_init__(self) -> None:
+        require_declared(self)
         if (self.pose is None) is not (self.camera == self.reference):
             raise InputError(
                 f"the camera {self.camera} of the rig {self.rig} has "

@@ -15,7 +15,7 @@ from calibrary.rig import Rig, RigPose
 from calibrary.rotations import rotation_vector
 from calibrary.validation import Finding
 
-__all__ = ["PoseDifference", "RigReport", "ShotReport", "difference", "rig_report"]
+__all__ = ["CameraReport", "PoseDifference", "RigReport", "ShotReport", "difference", "rig_report"]
 
 
 class ShotReport(Record):
@@ -48,6 +48,18 @@ class PoseDifference(Record):
     translation_mm: float | None
 
 
+class CameraReport(Record):
+    """One camera of the rig.
+
+    Attributes:
+        name: in the rig.
+        result: its calibration; of a rig that was solved, together with the others.
+    """
+
+    name: str
+    result: CalibrateReport
+
+
 class RigReport(Record, tag_field="schema", tag="rig-calibration-result-1"):
     """A rig from frames of a board, with its verdict and all that speaks for and against it.
 
@@ -65,7 +77,7 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-1"):
         stated: how far the poses are from those that the frames' metadata state; empty where they state none.
         compared: how far the poses are from those of a file; empty where there is none.
         limits: what the rig was judged by.
-        cameras: each camera's calibration.
+        cameras: each camera's calibration, the reference's first.
     """
 
     verdict: BoardVerdict
@@ -80,7 +92,7 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-1"):
     stated: tuple[PoseDifference, ...]
     compared: tuple[PoseDifference, ...]
     limits: RigLimits
-    cameras: Mapping[str, CalibrateReport]
+    cameras: tuple[CameraReport, ...]
 
 
 def difference(result: RigResult, other: Rig | None) -> tuple[PoseDifference, ...]:
@@ -120,5 +132,5 @@ def rig_report(result: RigResult, pairing: str, stated: Rig | None, compared: Ri
         stated=difference(result, stated),
         compared=difference(result, compared),
         limits=result.limits,
-        cameras={name: report_of(one) for name, one in result.cameras.items()},
+        cameras=tuple(CameraReport(name=name, result=report_of(one)) for name, one in result.cameras.items()),
     )
