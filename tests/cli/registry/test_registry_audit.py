@@ -357,3 +357,58 @@ def test_an_entry_that_cannot_be_read_is_told_and_stops_nothing(
     document = audited(capsys, flight)
     assert rules(document) == ["entry unreadable"]
     assert document["cameras"][0]["use"] == "used"
+
+
+@pytest.fixture
+def season(fleet: Path, tmp_path: Path) -> Path:
+    """Three units of one model on two flights: one with its entry, one without, one whose images contradict it."""
+    for number, fx in ((1, 3660.0), (3, 3800.0)):
+        calibration = xml(tmp_path / f"{number}.xml", fx)
+        serial = ("--serial", f"SERIAL{number}", "--label", f"P4R-0{number}")
+        add(calibration, "--approve", "--date", TODAY, *serial, "--force", "--reason", "as measured")
+    flown = tmp_path / "flown"
+    for number in (1, 2, 3):
+        image = flown / "2026-03-05 north/DCIM/100MEDIA" / f"{number}.jpg"
+        phantom(image, body_serial=f"SERIAL{number}")
+    phantom(flown / "2026-03-09 south" / "1.jpg", body_serial="SERIAL1", date_time="2026:03:09 08:00:00")
+    assert fleet.is_dir()
+    return flown
+
+
+def test_an_audit_goes_by_unit_and_says_first_what_to_do(
+    season: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = audited(capsys, season)
+    units = document["units"]
+    assert [(one["label"], one["level"]) for one in units] == [
+        (None, "error"),
+        ("P4R-03", "error"),
+        ("P4R-01", None),
+    ]
+    assert [one["findings"][0]["rule"] for one in units[:2]] == ["no entry", "K drifted"]
+    assert units[0]["next"].startswith("calibrary onboard ")
+    assert sum(one["images"] for one in units) == document["images"] == 4
+    assert [leg["flight"] for leg in units[2]["flights"]] == ["2026-03-05 north", "2026-03-09 south"]
+    code, out, _ = run(capsys, "audit", season, "--html", tmp_path / "a.html")
+    lines = out.splitlines()
+    assert (code, lines[0], lines[1][:2]) == (1, "what to do first, 2 units", "1.")
+    assert "no entry" in lines[1] + lines[2]
+    page = (tmp_path / "a.html").read_text()
+    assert page.index("What to do first") < page.index("P4R-03, DJI FC6310R") < page.rindex("By flight")
+
+
+def test_an_audit_goes_by_flight_with_those_that_need_attention_first(
+    season: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    north, south = audited(capsys, season)["flights"]
+    assert (north["name"], north["images"], north["level"]) == ("2026-03-05 north", 3, "error")
+    assert (south["name"], south["first"], south["level"]) == ("2026-03-09 south", "2026-03-09", None)
+    assert (len(north["units"]), len(north["without"])) == (3, 1)
+    assert south["units"][0].startswith("P4R-01, DJI FC6310R, unit ")
+
+
+def test_a_finding_names_the_unit_as_its_keeper_does(
+    season: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    [drift] = [one for one in audited(capsys, season)["findings"] if one["rule"] == "K drifted"]
+    assert drift["camera"].startswith("P4R-03, DJI FC6310R")

@@ -13,16 +13,20 @@ from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.text import Text
 
     from calibrary.cli.console import Screen
     from calibrary.jobs.audit.answers import Answer
+    from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit
     from calibrary.jobs.audit.run import Audit
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
 EXIT_FINDINGS = 1
 NOT_FLOWN = "not flown"
+MOST_FIRST = 10
 STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 USES = {"used": "green", "expired": "red", "draft": "red", "retired": "red", "none": "red"}
 
@@ -98,17 +102,14 @@ def _show(screen: Screen, done: Audit) -> None:
     from calibrary.api.exchange import LEVELS
     from calibrary.cli.console import plain
 
+    _show_first(screen, done.units)
     if done.answers:
-        screen.show(_table(done.answers, screen.width))
+        screen.show(_table([answer for unit in done.units for answer in unit.answers], screen.width))
+    if len(done.by_flight) > 1:
+        screen.show(_flights(done.by_flight, screen.width))
+    for unit in done.units:
+        _show_findings(screen, unit)
     quiet = [finding for finding in done.findings if finding.rule == NOT_FLOWN]
-    for finding in done.findings:
-        if finding in quiet:
-            continue
-        about = plain(finding.camera or finding.place or "")
-        screen.say(f"[{STYLES[finding.severity.value]}]{finding.severity.value}[/] {finding.rule}: {about}")
-        screen.say(f"  {plain(finding.message)}")
-        if finding.remedy is not None:
-            screen.say(f"  [cyan]next[/] {plain(finding.remedy)}")
     if quiet:
         screen.say(f"[dim]{_several(len(quiet), 'usable entry', 'usable entries')} did not fly here[/]")
     for one in done.flights.unreadable[:8]:
@@ -127,6 +128,68 @@ def _show(screen: Screen, done: Audit) -> None:
     )
 
 
+def _show_first(screen: Screen, units: Sequence[AuditedUnit]) -> None:
+    """What to do, a line a unit, the most urgent first."""
+    from calibrary.cli.console import plain
+
+    due = [unit for unit in units if unit.level is not None and unit.level.value in {"error", "warning"}]
+    if not due:
+        return
+    screen.say(f"[bold]what to do first[/], {_several(len(due), 'unit', 'units')}")
+    for number, unit in enumerate(due[:MOST_FIRST], start=1):
+        first, level = unit.findings[0], unit.findings[0].severity.value
+        flew = f", {_several(unit.images, 'image', 'images')}" if unit.images else ""
+        more = f", {len(unit.findings) - 1} more below" if len(unit.findings) > 1 else ""
+        screen.say(f"{number}. {plain(unit.name)}: [{STYLES[level]}]{first.rule}[/]{flew}{more}", hang=3)
+        if unit.next is not None:
+            screen.say(f"[cyan]next[/] {plain(unit.next)}", indent=3)
+    if len(due) > MOST_FIRST:
+        screen.say(f"[dim]and {len(due) - MOST_FIRST} more units[/]")
+
+
+def _show_findings(screen: Screen, unit: AuditedUnit) -> None:
+    from calibrary.cli.console import plain
+
+    for finding in unit.findings:
+        if finding.rule == NOT_FLOWN:
+            continue
+        about = plain(finding.camera or finding.place or "")
+        screen.say(f"[{STYLES[finding.severity.value]}]{finding.severity.value}[/] {finding.rule}: {about}")
+        screen.say(f"  {plain(finding.message)}")
+        if finding.remedy is not None:
+            screen.say(f"  [cyan]next[/] {plain(finding.remedy)}")
+
+
+FLIGHTS = (
+    Column(name="flight"),
+    Column(name="days", rank=2),
+    Column(name="images", rank=3, right=True),
+    Column(name="units", rank=4, right=True),
+    Column(name="without a usable entry", rank=1, wraps=True),
+)
+
+
+def _flights(flights: Sequence[AuditedFlight], width: int) -> list[Text]:
+    from calibrary.cli.console import plain
+
+    rows = [
+        (
+            plain(one.name),
+            _days(one),
+            str(one.images),
+            str(len(one.units)),
+            f"[red]{plain('; '.join(one.without))}[/]" if one.without else "",
+        )
+        for one in flights
+    ]
+    return fitted(FLIGHTS, rows, width)
+
+
+def _days(flight: AuditedFlight) -> str:
+    days = dict.fromkeys(day.isoformat() for day in (flight.first, flight.last) if day is not None)
+    return " to ".join(days) or "–"
+
+
 COLUMNS = (
     Column(name="camera", wraps=True),
     Column(name="images", rank=2, right=True),
@@ -136,7 +199,7 @@ COLUMNS = (
 )
 
 
-def _table(answers: tuple[Answer, ...], width: int) -> list[Text]:
+def _table(answers: Sequence[Answer], width: int) -> list[Text]:
     from calibrary.api.exchange import named
     from calibrary.cli.console import plain
 

@@ -187,7 +187,7 @@ def _units(key: CameraKey, by_serial: dict[str, Answer], policy: Policy) -> Iter
             continue
         told = _told_apart(one, other, policy)
         if told is not None:
-            apart.append(f"unit {serial[:8]} against {first[0][:8]}: {told}")
+            apart.append(f"{_called(answer, serial)} against {_called(first[1], first[0])}: {told}")
     if not apart:
         return
     entry = first[1].entry_id
@@ -201,6 +201,10 @@ def _units(key: CameraKey, by_serial: dict[str, Answer], policy: Policy) -> Iter
         + (f"; and {len(apart) - 4} more" if len(apart) > 4 else ""),
         remedy="give each unit an entry of its own: calibrary registry add IMAGE, with an image of each",
     )
+
+
+def _called(answer: Answer, serial: str) -> str:
+    return answer.flown.label or f"unit {serial[:8]}"
 
 
 def _told_apart(one: Calibration, other: Calibration, policy: Policy) -> str | None:

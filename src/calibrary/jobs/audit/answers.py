@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
 
+from calibrary.calibration import CameraKey
 from calibrary.errors import RegistryError
 from calibrary.jobs.audit.flights import Flown
 from calibrary.jobs.audit.rules import Rule
@@ -14,7 +15,7 @@ from calibrary.registry.paths import id_of
 from calibrary.registry.resolution import RegistryIndex, Resolution
 from calibrary.validation import Finding, Severity
 
-__all__ = ["Answer", "Use", "answer_to", "named"]
+__all__ = ["Answer", "Use", "answer_to", "named", "unit_name"]
 
 MOST_NEAR = 3
 
@@ -54,9 +55,19 @@ class Answer:
 def named(flown: Flown) -> str:
     """The camera in words, its unit and firmware with it."""
     key = flown.key
+    label = f"{flown.label}, " if flown.label is not None else ""
     unit = f", unit {key.serial[:8]}" if key.serial is not None else ""
     firmware = f", firmware {key.firmware}" if key.firmware is not None else ""
-    return f"{key}{unit}{firmware}"
+    return f"{label}{key}{unit}{firmware}"
+
+
+def unit_name(camera: CameraKey, label: str | None) -> str:
+    """A unit in words: what it is called, its camera, and how the hash of its serial number begins."""
+    model = (
+        " ".join(text for text in (camera.make, camera.model, camera.sub_camera) if text) or "unnamed camera"
+    )
+    called = f"{label}, " if label is not None else ""
+    return f"{called}{model}" + (f", unit {camera.serial[:8]}" if camera.serial is not None else "")
 
 
 def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:

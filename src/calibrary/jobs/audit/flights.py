@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from itertools import groupby
 from pathlib import Path
+from typing import Final
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
@@ -23,10 +25,30 @@ from calibrary.jobs.images.reading import gather
 from calibrary.parsers.imagery.taken import taken_on
 from calibrary.policy import Policy
 
-__all__ = ["Flights", "Flown", "Progress", "flights"]
+__all__ = ["Flights", "Flown", "Leg", "Progress", "flights"]
 
 Progress = Callable[[int, int], None]
 """FrameMetadata how many of how many are done."""
+
+
+OF_CAMERAS: Final = re.compile(r"DCIM|[0-9]{3}(_[0-9]{4}|_?[A-Z]\w{2,4})", re.IGNORECASE)
+"""Folders that cameras make by themselves: they are no flights (DCF, "100MEDIA"; DJI, "100_0001")."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leg:
+    """What one camera took on one flight.
+
+    Attributes:
+        flight: the folder of its images, without those that cameras make by themselves.
+        images: how many.
+        first, last: their days; None where none of them states one.
+    """
+
+    flight: str
+    images: int
+    first: date | None
+    last: date | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +60,8 @@ class Flown:
         camera: what its images say.
         first, last: the days of its images; None where none of them says one.
         example: one of its images.
+        legs: its flights, the oldest first.
+        label: what its keeper calls the unit, by the registry.
     """
 
     key: CameraKey
@@ -45,6 +69,8 @@ class Flown:
     first: date | None
     last: date | None
     example: Path
+    legs: tuple[Leg, ...] = ()
+    label: str | None = None
 
     @property
     def images(self) -> int:
@@ -179,7 +205,30 @@ def _flown(states: dict[ImageMetadata, list[str]], images: _Found, policy: Polic
                     first=min(days, default=None),
                     last=max(days, default=None),
                     example=images.paths[camera.names[0]][1],
+                    legs=_legs(camera.names, images),
                 )
+
+
+def _legs(names: Sequence[str], images: _Found) -> tuple[Leg, ...]:
+    by_flight: dict[str, list[date | None]] = {}
+    for name in names:
+        folder, path = images.paths[name]
+        by_flight.setdefault(_flight(folder, path), []).append(images.days[name])
+    legs = []
+    for flight, days in by_flight.items():
+        known = [day for day in days if day is not None]
+        first, last = min(known, default=None), max(known, default=None)
+        legs.append(Leg(flight=flight, images=len(days), first=first, last=last))
+    return tuple(sorted(legs, key=lambda leg: (leg.last or date.min, leg.flight)))
+
+
+def _flight(folder: Path, path: Path) -> str:
+    """The folder that a person gave a flight: the image's, up to what was asked for."""
+    here = path.parent
+    while here != folder and OF_CAMERAS.fullmatch(here.name):
+        here = here.parent
+    inside = here.relative_to(folder).as_posix()
+    return inside if inside != "." else folder.name or folder.resolve().name
 
 
 def _by_firmware(group: Sequence[State]) -> list[tuple[State, ...]]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.metadata import version
 from typing import Final
 
 from calibrary.jobs.audit.agreement import gaps, tolerance_of
 from calibrary.jobs.audit.answers import Answer, Use, named
+from calibrary.jobs.audit.groups import AuditedUnit
 from calibrary.jobs.audit.rules import Rule
 from calibrary.jobs.audit.run import LEVELS, Audit
 from calibrary.pages import (
@@ -40,6 +41,7 @@ USES: Final = {
 }
 PX: Final = Axis("fx", "px")
 MOST_ROWS: Final = 500
+MOST_NAMED: Final = 6
 MOST_DRAWN: Final = 24
 DRAWN: Final = {Rule.DRIFT, Rule.TAGS, Rule.FIRMWARE}
 
@@ -61,10 +63,12 @@ def audit_page(done: Audit) -> Page:
 
 
 def _sections(done: Audit) -> Iterator[Section]:
-    to_do = [finding for finding in done.findings if finding.severity is not Severity.NOTE]
+    to_do = [one for unit in done.units for one in unit.findings if one.severity is not Severity.NOTE]
     if to_do:
-        yield Section(title="What to do", blocks=tuple(_to_do(to_do)))
+        yield Section(title="What to do first", blocks=tuple(_first(done.units)))
+        yield Section(title="Why", blocks=tuple(_to_do(to_do)))
     yield Section(title="What flew", blocks=tuple(_flown(done)))
+    yield Section(title="By flight", blocks=tuple(_by_flight(done)))
     drawn = tuple(_charts(done))
     if drawn:
         yield Section(title="The images against their entries", blocks=drawn)
@@ -73,6 +77,66 @@ def _sections(done: Audit) -> Iterator[Section]:
         yield Section(title="To know", blocks=(_notes(notes),))
     if done.flights.unreadable:
         yield Section(title="Images skipped", blocks=(_unreadable(done),))
+
+
+def _first(units: tuple[AuditedUnit, ...]) -> Iterator[Block]:
+    """A row a unit, the most urgent first."""
+    due = [unit for unit in units if unit.level is not None and unit.level is not Severity.NOTE]
+    yield Table(
+        caption="Every unit that needs attention, the most urgent first",
+        columns=(
+            Column("unit"),
+            Column("what"),
+            Column("images", numeric=True),
+            Column("flights"),
+            Column("do this"),
+        ),
+        rows=tuple(
+            (
+                unit.name,
+                Badge(unit.findings[0].rule, TONES[unit.findings[0].severity]),
+                str(unit.images),
+                _some(dict.fromkeys(leg.flight for leg in unit.legs)),
+                unit.next or "–",
+            )
+            for unit in due[:MOST_ROWS]
+        ),
+    )
+    if len(due) > MOST_ROWS:
+        yield f"{len(due) - MOST_ROWS} more are in the JSON."
+
+
+def _by_flight(done: Audit) -> Iterator[Block]:
+    yield Table(
+        caption="Every flight, those that need attention first; a flight is a folder of images",
+        columns=(
+            Column("flight"),
+            Column("first day"),
+            Column("last day"),
+            Column("images", numeric=True),
+            Column("units"),
+            Column("without a usable entry"),
+        ),
+        rows=tuple(
+            (
+                one.name,
+                one.first.isoformat() if one.first is not None else "–",
+                one.last.isoformat() if one.last is not None else "–",
+                str(one.images),
+                _some(one.units),
+                Badge(_some(one.without), Tone.BAD) if one.without else "–",
+            )
+            for one in done.by_flight[:MOST_ROWS]
+        ),
+    )
+    if len(done.by_flight) > MOST_ROWS:
+        yield f"{len(done.by_flight) - MOST_ROWS} more are in the JSON."
+
+
+def _some(names: Iterable[str]) -> str:
+    every = [*names]
+    more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
+    return "; ".join(every[:MOST_NAMED]) + more or "–"
 
 
 def _to_do(findings: list[Finding]) -> Iterator[Block]:
@@ -88,7 +152,8 @@ def _to_do(findings: list[Finding]) -> Iterator[Block]:
 
 
 def _flown(done: Audit) -> Iterator[Block]:
-    rows = tuple(_row(answer, done.policy) for answer in done.answers[:MOST_ROWS])
+    answers = [answer for unit in done.units for answer in unit.answers]
+    rows = tuple(_row(answer, done.policy) for answer in answers[:MOST_ROWS])
     yield Table(
         caption="Every unit of every camera with every firmware, and the entry that answers for it",
         columns=(

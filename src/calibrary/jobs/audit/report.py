@@ -8,12 +8,13 @@ from typing import Annotated, Literal, TypeAlias
 from calibrary.calibration import CameraKey, Grade
 from calibrary.jobs.audit.agreement import gaps
 from calibrary.jobs.audit.answers import Answer, Use
+from calibrary.jobs.audit.groups import AuditedUnit
 from calibrary.jobs.audit.run import LEVELS, Audit
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record
 from calibrary.registry.git.objects import ObjectId
-from calibrary.validation import Finding
+from calibrary.validation import Finding, Severity
 
 __all__ = ["AuditReport", "report_of"]
 
@@ -79,6 +80,68 @@ class FlownCamera(Record):
     sources: tuple[FlownSource, ...]
 
 
+class FlightLeg(Record):
+    """What one unit took on one flight.
+
+    Attributes:
+        flight: name of the folder.
+        images: how many.
+        first, last: the days of its images; None where none of them states one.
+    """
+
+    flight: str
+    images: Annotated[int, Meta(ge=1)]
+    first: date | None
+    last: date | None
+
+
+class UnitSummary(Record):
+    """One unit and all that was found of it.
+
+    Attributes:
+        name: its label, camera and the beginning of its serial number's hash.
+        label: what its keeper calls it.
+        serial: hash of its serial number.
+        level: of its gravest finding; None where nothing was found.
+        next: what to do first; None where nothing needs attention.
+        entries: ids of the entries that answer for it.
+        images: how many it took.
+        flights: where it flew.
+        findings: of this unit, the gravest first.
+    """
+
+    name: str
+    label: str | None
+    serial: str | None
+    level: Severity | None
+    next: str | None
+    entries: tuple[str, ...]
+    images: Count
+    flights: tuple[FlightLeg, ...]
+    findings: tuple[Finding, ...]
+
+
+class FlightSummary(Record):
+    """One flight: a folder of images, without those that cameras make by themselves.
+
+    Attributes:
+        name: of the folder.
+        first, last: the days of its images; None where none of them states one.
+        images: how many.
+        units: names of those that took them.
+        without: of these, the units that no entry can be used for.
+        level: of the gravest finding of what flew; None where nothing was found.
+    """
+
+    name: str
+    first: date | None
+    last: date | None
+    images: Count
+    units: tuple[str, ...]
+    without: tuple[str, ...]
+    level: Severity | None
+
+
 class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
     """What ``calibrary registry audit --json`` prints: no position, no serial number, but hashes of them.
 
@@ -98,6 +161,8 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
         counts: of the findings.
         cameras: each unit with each firmware that flew.
         findings: the gravest first.
+        units: what flew and what was found by unit, the most urgent first.
+        flights: what flew by flight, those with the gravest findings first.
         unreadable: images that no camera can be told from.
     """
 
@@ -116,6 +181,8 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
     counts: FindingCounts
     cameras: tuple[FlownCamera, ...]
     findings: tuple[Finding, ...]
+    units: tuple[UnitSummary, ...]
+    flights: tuple[FlightSummary, ...]
     unreadable: tuple[SkippedFile, ...]
 
 
@@ -138,7 +205,37 @@ def report_of(done: Audit) -> AuditReport:
         counts=FindingCounts(**{level.value: done.of(level) for level in LEVELS}),
         cameras=tuple(_camera(answer, done.policy) for answer in done.answers),
         findings=done.findings,
+        units=tuple(map(_unit, done.units)),
+        flights=tuple(
+            FlightSummary(
+                name=one.name,
+                first=one.first,
+                last=one.last,
+                images=one.images,
+                units=one.units,
+                without=one.without,
+                level=one.level,
+            )
+            for one in done.by_flight
+        ),
         unreadable=tuple(seen.unreadable),
+    )
+
+
+def _unit(unit: AuditedUnit) -> UnitSummary:
+    legs = (
+        FlightLeg(flight=one.flight, images=one.images, first=one.first, last=one.last) for one in unit.legs
+    )
+    return UnitSummary(
+        name=unit.name,
+        label=unit.label,
+        serial=unit.serial,
+        level=unit.level,
+        next=unit.next,
+        entries=tuple(dict.fromkeys(one.entry_id for one in unit.answers if one.entry_id is not None)),
+        images=unit.images,
+        flights=tuple(legs),
+        findings=unit.findings,
     )
 
 

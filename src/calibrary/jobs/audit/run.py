@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 from typing import Final
 
+from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
 from calibrary.jobs.audit.age import age_finding
 from calibrary.jobs.audit.agreement import disagreements, unit_findings
 from calibrary.jobs.audit.answers import Answer, answer_to
 from calibrary.jobs.audit.flights import Flights, Progress, flights
+from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit, flights_of, units_of
 from calibrary.jobs.audit.rules import Rule
 from calibrary.policy import Policy
+from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import id_of
+from calibrary.registry.paths import id_of, match_key
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
@@ -62,6 +65,8 @@ class Audit:
         answers: every camera that flew and the entry for it.
         entries: how many the registry has.
         findings: the gravest first.
+        units: what flew and what was found by unit, the most urgent first.
+        by_flight: what flew by flight, those with the gravest findings first.
     """
 
     request: Request
@@ -70,6 +75,8 @@ class Audit:
     answers: tuple[Answer, ...]
     entries: int
     findings: tuple[Finding, ...]
+    units: tuple[AuditedUnit, ...] = ()
+    by_flight: tuple[AuditedFlight, ...] = ()
 
     @property
     def is_clean(self) -> bool:
@@ -93,13 +100,17 @@ def audit(request: Request) -> Audit:
     seen = flights(
         request.folders, policy, since=request.since, workers=request.workers, progress=request.progress
     )
+    parsed = {path: _parsed(path, data) for path, data in sorted(files.items())}
+    entries = {path: entry for path, entry in parsed.items() if isinstance(entry, Entry)}
+    seen = _labelled(seen, entries.values())
     answers = tuple(answer_to(flown, index, request.today) for flown in seen.flown)
     findings = [answer.finding for answer in answers if answer.finding is not None]
     for answer in answers:
         findings += disagreements(answer, policy)
     findings += unit_findings(answers, policy)
     flew = {answer.resolution.path for answer in answers if answer.resolution is not None}
-    findings += _of_entries(files, flew, request)
+    findings += _of_entries(parsed, flew, request)
+    units = units_of(answers, findings, entries)
     return Audit(
         request=request,
         policy=policy,
@@ -107,20 +118,43 @@ def audit(request: Request) -> Audit:
         answers=answers,
         entries=len(files),
         findings=tuple(sorted(findings, key=_gravest_first)),
+        units=units,
+        by_flight=flights_of(units),
     )
 
 
-def _of_entries(files: Mapping[str, bytes], flew: Collection[str], request: Request) -> Iterator[Finding]:
+def _parsed(path: str, data: bytes) -> Entry | InputError:
+    """An entry, or what is wrong with its file."""
+    try:
+        return parse_entry(data, path)
+    except InputError as error:
+        return error
+
+
+def _labelled(seen: Flights, entries: Iterable[Entry]) -> Flights:
+    """What flew, with the labels that the registry has for its units."""
+    labels = {unit: one.label for one in entries if one.label and (unit := _unit(one.calibration.camera))}
+    flown = (replace(one, label=labels.get(_unit(one.key) or ())) for one in seen.flown)
+    return replace(seen, flown=tuple(flown))
+
+
+def _unit(camera: CameraKey) -> tuple[str, ...] | None:
+    if camera.serial is None:
+        return None
+    return tuple(match_key(text or "") for text in (camera.make, camera.model, camera.serial))
+
+
+def _of_entries(
+    parsed: Mapping[str, Entry | InputError], flew: Collection[str], request: Request
+) -> Iterator[Finding]:
     """What the entries say of their own age."""
-    for path, data in sorted(files.items()):
-        try:
-            entry = parse_entry(data, path)
-        except InputError as error:
+    for path, entry in parsed.items():
+        if isinstance(entry, InputError):
             yield Finding(
                 rule=Rule.BROKEN,
                 severity=Severity.ERROR,
                 place=id_of(path),
-                message=str(error),
+                message=str(entry),
                 remedy="calibrary registry check",
             )
             continue
