@@ -19,7 +19,7 @@ from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.git.history import changed, history
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS
+from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path, proposal_path
 from calibrary.registry.registry import Registry
 from calibrary.workers import mapped
 
@@ -106,7 +106,13 @@ def build_into(
     )
     known = _still_true(repo, former, job) if former is not None else {}
     tasks = [
-        Task(path=path, oid=oid or "", former=known.get(path)) for path, oid in sorted(snapshot.paths.items())
+        Task(
+            path=path,
+            oid=oid or "",
+            is_proposed=proposal_path(path) in snapshot.proposed,
+            former=known.get(path),
+        )
+        for path, oid in sorted(snapshot.paths.items())
     ]
     chunks = [tasks[start : start + CHUNK] for start in range(0, len(tasks), CHUNK)]
     count = (os.cpu_count() or 1) if workers is None else workers
@@ -137,10 +143,11 @@ def _still_true(repo: Repository, former: Site, job: Job) -> dict[str, Card]:
     if not is_ancestor or len(news) == MOST_NEWS:
         return {}
     touched = {
-        file.path
+        in_use_path(file.path)
         for commit in news
         for parent in (commit.parents or (None,))
-        for file in changed(repo, parent, commit.commit, CAMERAS)
+        for folder in (CAMERAS, PROPOSALS)
+        for file in changed(repo, parent, commit.commit, folder)
     }
     return {card.path: card for card in former.cards if card.path not in touched}
 

@@ -62,6 +62,7 @@ def camera_page(
     changes: Sequence[Step],
     files: Sequence[Download],
     made_by: str,
+    is_proposed: bool = False,
 ) -> Page:
     """Everything that a registry knows of one camera.
 
@@ -73,6 +74,7 @@ def camera_page(
         changes: of its calibration, newest first.
         files: to download.
         made_by: for the foot.
+        is_proposed: whether another K waits to take its place.
     """
     calibration = entry.calibration
     newest = revisions[0].revision if revisions else None
@@ -80,11 +82,12 @@ def camera_page(
     if newest is not None:
         lead += f" Last changed on {newest.authored:%Y-%m-%d} by {newest.author.name}."
     return Page(
-        title=str(calibration.camera),
+        title=f"{entry.label}: {calibration.camera}" if entry.label is not None else str(calibration.camera),
         badge=Badge(entry.status.value, STATUSES[entry.status]),
         lead=lead,
         sections=(
-            Section(title="K", blocks=tuple(_k(entry, id_, place))),
+            Section(title="Which K to use", blocks=tuple(_use(entry, id_, place, is_proposed=is_proposed))),
+            Section(title="K", blocks=tuple(_k(entry, id_))),
             Section(title="Lens", blocks=tuple(_lens(calibration))),
             Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration))),
             Section(title="Where it is from", blocks=(*_provenance(entry), *_approved(revisions))),
@@ -95,20 +98,37 @@ def camera_page(
     )
 
 
-def _k(entry: Entry, id_: str, place: Place) -> Iterator[Block]:
+def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator[Block]:
+    """Whether this is the K to use, for which images, and what is to do where it is not."""
+    yield Link("All cameras", way(place.page, INDEX))
+    reason = f" Reason: {entry.reason}" if entry.reason else ""
+    size = "{} × {} px".format(*entry.calibration.intrinsics.image_size)
+    whose = entry.label or ("this unit" if entry.unit is not None else "every unit of this model")
+    stated = [f"of {size}", f"taken by {whose}"]
+    stated += [f"with {entry.firmware}"] if entry.firmware is not None else []
+    stated += [f"{entry.validity}"] if entry.validity is not None else []
+    said = {
+        Status.APPROVED: f"Use this K for images {', '.join(stated)}.",
+        Status.HELD: f"Use this K for images {', '.join(stated)}: it is held, and nothing takes its place unasked.",
+        Status.DRAFT: "Do not use this K yet: a draft, not approved.",
+        Status.RETIRED: f"Do not use this K any more: retired. For images {', '.join(stated)} ask what is used.",
+    }
+    action = {
+        Status.DRAFT: f"calibrary registry approve {id_}",
+        Status.RETIRED: f"calibrary registry resolve {id_}",
+    }
+    yield Note(text=said[entry.status] + reason, action=action.get(entry.status), tone=STATUSES[entry.status])
+    if is_proposed:
+        text = "Another K is proposed in its place, and is not used before it is approved."
+        yield Note(text=text, action=f"calibrary registry show proposals/{id_}", tone=Tone.CAUTION)
+    named = (("label", entry.label or ""), ("tags", ", ".join(entry.tags)))
+    if any(value for _, value in named):
+        yield KeyValues(tuple((name, value) for name, value in named if value))
+
+
+def _k(entry: Entry, id_: str) -> Iterator[Block]:
     calibration = entry.calibration
     K, std = calibration.intrinsics, stds_of(calibration)
-    yield Link("All cameras", way(place.page, INDEX))
-    if entry.status is not Status.APPROVED or entry.reason:
-        words = {
-            Status.DRAFT: "A draft: not approved yet.",
-            Status.RETIRED: "Retired: not used any more.",
-        }
-        text = words.get(entry.status, "")
-        reason = f"Reason: {entry.reason}" if entry.reason else None
-        told = " ".join(part for part in (text, reason) if part)
-        if told:
-            yield Note(text=told, tone=STATUSES[entry.status])
     values = [
         (name, f"{getattr(K, name):.3f}" + (f" ± {std[name]:.2g}" if name in std else "") + " px")
         for name in K_NAMES

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from datetime import date
 from functools import partial
 
 from calibrary.jobs.diff.comparison import Comparison
@@ -30,6 +32,7 @@ from calibrary.pages import (
 from calibrary.pages.plots import Axis, Series
 from calibrary.pages.plots.history import history
 from calibrary.registry.entry import Entry
+from calibrary.registry.entry_form import digest
 from calibrary.registry.fields import differences
 from calibrary.registry.history import EntryRevision
 
@@ -104,7 +107,7 @@ def story(
         yield "No history."
         return
     if len(told) > 1:
-        yield _chart(told)
+        yield _chart(_measured(told))
     by_commit = {step.after.revision.commit: step for step in changes}
     titles = (
         "date",
@@ -134,8 +137,25 @@ def story(
         yield f"The newest {MOST_COMPARED} changes are compared here; calibrary diff compares any two."
 
 
+def _measured(told: Sequence[EntryRevision]) -> list[EntryRevision]:
+    """The revisions that brought other numbers, each as it was last said, by the day of the calibration."""
+    newest: dict[str, EntryRevision] = {}
+    for one in told:
+        if one.entry is not None:
+            newest[digest(one.entry.calibration, one.entry.sensor)] = one
+    return sorted(newest.values(), key=_day)
+
+
+def _day(one: EntryRevision) -> date:
+    """Of the calibration, as its source states it; else of the commit."""
+    stated = one.entry.calibration.provenance.date if one.entry is not None else None
+    with suppress(ValueError):
+        return date.fromisoformat((stated or "")[:10])
+    return one.revision.authored.date()
+
+
 def _chart(told: Sequence[EntryRevision]) -> Figure:
-    """Of fx, cx and cy; what is of another frame size than today's is a gap."""
+    """Of fx, cx and cy over time; what is of another frame size than today's is a gap."""
     entries = [revision.entry for revision in told if revision.entry is not None]
     size = entries[-1].calibration.intrinsics.image_size
     same = [entry.calibration.intrinsics.image_size == size for entry in entries]
@@ -159,10 +179,18 @@ def _chart(told: Sequence[EntryRevision]) -> Figure:
     gap = "" if all(same) else " Revisions of another frame size are left out."
     return history(
         series,
-        labels=[f"{revision.revision.authored:%Y-%m-%d}" for revision in told],
+        labels=[_day(revision).isoformat() for revision in told],
         marks=marks,
-        caption=f"fx, cx and cy over the revisions, with ± 1 σ where it is stated; dashed: a new firmware.{gap}",
+        days=[_day(revision) for revision in told],
+        spans=[_valid(entry) for entry in entries],
+        caption="fx, cx and cy by the day of the calibration, with ± 1 σ where it is stated; shaded: the days that it "
+        f"is valid on, where the entry limits them; dashed: a new firmware.{gap}",
     )
+
+
+def _valid(entry: Entry) -> tuple[date | None, date | None] | None:
+    validity = entry.validity
+    return (validity.first, validity.last) if validity is not None else None
 
 
 def _row(one: EntryRevision, by_commit: dict[str, Step], place: Place) -> tuple[Cell, ...]:

@@ -16,6 +16,7 @@ __all__ = ["listing"]
 
 COLUMNS = (
     Column("camera"),
+    Column("label"),
     Column("status"),
     Column("last change"),
     Column("grade"),
@@ -28,6 +29,7 @@ COLUMNS = (
     Column("revisions", numeric=True),
     Column("make"),
     Column("model"),
+    Column("tags"),
 )
 
 
@@ -91,6 +93,7 @@ def _row(card: Card) -> tuple[Cell, ...]:
     assert card.page is not None and card.status is not None  # noqa: S101, PT018  only readable ones are listed
     return (
         Link(card.id, way(INDEX, card.page)),
+        card.label or "–",
         Badge(card.status.value, STATUSES[card.status]),
         Badge(*card.verdict) if card.verdict is not None else "–",
         card.grade,
@@ -103,6 +106,7 @@ def _row(card: Card) -> tuple[Cell, ...]:
         str(card.revisions),
         card.make,
         card.model,
+        card.tags or "–",
     )
 
 

@@ -42,7 +42,7 @@ class Card:
         id: its longest KEY.
         page: the address of its page; None where the entry cannot be read.
         problem: why it cannot.
-        make, model, grade, lens, firmware, made_on: as the entry says them.
+        make, model, grade, lens, firmware, made_on, label, tags: as the entry says them.
         status: None where the entry cannot be read.
         fx, std_fx: px.
         uncertainty: which kind it states.
@@ -62,6 +62,8 @@ class Card:
     lens: str = ""
     firmware: str = ""
     made_on: str = ""
+    label: str = ""
+    tags: str = ""
     fx: float | None = None
     std_fx: float | None = None
     uncertainty: str = ""
@@ -98,11 +100,13 @@ class Task:
     Attributes:
         path: of its file.
         oid: of its content.
+        is_proposed: whether another K waits to take its place.
         former: its card in the earlier site, where that is still true.
     """
 
     path: str
     oid: str
+    is_proposed: bool = False
     former: Card | None = None
 
 
@@ -144,7 +148,14 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
     with np.errstate(all="ignore"):
         changes = steps(revisions, job.policy)
         content = entry_files(
-            entry, data=data, id_=id_, place=place, revisions=revisions, changes=changes, made_by=job.made_by
+            entry,
+            data=data,
+            id_=id_,
+            place=place,
+            revisions=revisions,
+            changes=changes,
+            made_by=job.made_by,
+            is_proposed=task.is_proposed,
         )
     for address, written in content.items():
         where = job.root / address
@@ -162,6 +173,7 @@ def entry_files(
     revisions: Sequence[EntryRevision],
     changes: Sequence[Step],
     made_by: str,
+    is_proposed: bool = False,
 ) -> dict[str, bytes]:
     """All that a site holds of an entry, by address: its page, its downloads, a page for each change.
 
@@ -173,10 +185,18 @@ def entry_files(
         revisions: newest first.
         changes: of its calibration, newest first.
         made_by: for the foot of each page.
+        is_proposed: whether another K waits to take its place.
     """
     files = [*downloads(entry), _own_file(entry, data)]
     page = camera_page(
-        entry, id_=id_, place=place, revisions=revisions, changes=changes, files=files, made_by=made_by
+        entry,
+        id_=id_,
+        place=place,
+        revisions=revisions,
+        changes=changes,
+        files=files,
+        made_by=made_by,
+        is_proposed=is_proposed,
     )
     content = {place.page: _html(page)}
     content |= {place.file(file.name): file.data for file in files if file.name is not None}
@@ -210,6 +230,8 @@ def _card(
         grade=calibration.grade.value,
         lens=lens.model if lens is not None else "unknown",
         firmware=(calibration.provenance.firmware or "") or (str(entry.firmware) if entry.firmware else ""),
+        label=entry.label or "",
+        tags=" ".join(entry.tags),
         made_on=(calibration.provenance.date or "")[:10],
         fx=calibration.intrinsics.fx,
         std_fx=std.get("fx"),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import date, timedelta
 from html import escape
 
 import numpy as np
@@ -28,11 +30,21 @@ LABEL_WIDTH = 88.0
 
 MARK_WIDTH = 150.0
 MOST_REVISIONS = 400
+DAYS_OF_MONTHS = 366 * 4
+"""Of a longer time only years are labelled."""
+MOST_FEW = 2
+"""Fewer ticks than this say too little."""
 LARGEST = 1e12
 
 
 def history(
-    series: Sequence[Series], *, labels: Sequence[str], caption: str, marks: Sequence[tuple[int, str]] = ()
+    series: Sequence[Series],
+    *,
+    labels: Sequence[str],
+    caption: str,
+    marks: Sequence[tuple[int, str]] = (),
+    days: Sequence[date] | None = None,
+    spans: Sequence[tuple[date | None, date | None] | None] = (),
 ) -> Figure:
     """Several quantities over the same revisions, like :func:`calibrary.pages.plots.timeline`, at once.
 
@@ -41,6 +53,9 @@ def history(
         labels: the N revisions, oldest first; of very many the newest 400 are drawn.
         caption: what to look for.
         marks: (index, what happened before that revision), such as a change of firmware.
+        days: of the revisions, oldest first, for an axis of time; without them they are evenly apart.
+        spans: of each revision the first and the last day that it is valid on, None for an open end, drawn as a bar;
+            None where nothing is said of them.
 
     Raises:
         InputError: a series has not N values.
@@ -54,19 +69,27 @@ def history(
             raise InputError(f"{axis.quantity} has {len(values)} values over {len(labels)} revisions")
     start = max(0, len(labels) - MOST_REVISIONS)
     shown = labels[start:]
-    at = _places(len(shown))
+    scale = _Time.of([*days, *_ends(spans)]) if days is not None else None
+    at = (
+        np.array([scale.x(day) for day in (days or ())[start:]]) if scale is not None else _places(len(shown))
+    )
+    bars = [_bar(span, scale) for span in spans[start:]] if scale is not None else []
     marked = [(index - start, what) for index, what in marks if 0 <= index - start < len(shown)]
     parts: list[str] = []
     for n, (axis, values, std) in enumerate(columns):
         top = TOP + n * (PANEL + GAP)
-        parts += _panel(axis.label, values[start:], std[start:], at, top)
+        parts += _panel(axis.label, values[start:], std[start:], at, top, bars)
     foot = TOP + len(columns) * (PANEL + GAP) - GAP
     parts += _marks(marked, at, foot)
-    parts += _labels(shown, at, foot)
+    parts += scale.labels(foot) if scale is not None else _labels(shown, at, foot)
     height = foot + 30
     svg = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {height:.0f}">{"".join(parts)}</svg>'
     told = "; ".join(_range(axis.quantity, axis.unit, values) for axis, values, _ in columns)
     alt = f"Timeline over {len(labels)} revisions, bars ± 1 σ where it is known: {told}."
+    if days:
+        alt += f" The axis is time, from {min(days)} to {max(days)}."
+    if any(span is not None for span in spans):
+        alt += " Shaded bars: the days that each is valid on."
     if marked:
         alt += f" Marked: {'; '.join(f'{name(what)} before {name(shown[i])}' for i, what in marked[:6])}."
     return Figure(svg=svg, alt=alt, caption=caption)
@@ -90,7 +113,79 @@ def _places(count: int) -> FloatArray:
     return np.linspace(LEFT + 22, WIDTH - RIGHT - 22, count)
 
 
-def _panel(label: str, values: FloatArray, std: FloatArray, at: FloatArray, top: float) -> Iterator[str]:
+def _ends(spans: Sequence[tuple[date | None, date | None] | None]) -> list[date]:
+    return [day for span in spans if span is not None for day in span if day is not None]
+
+
+def _bar(span: tuple[date | None, date | None] | None, scale: _Time) -> tuple[float, float] | None:
+    if span is None:
+        return None
+    first, last = span
+    return scale.x(first) if first is not None else LEFT, scale.x(last) if last is not None else WIDTH - RIGHT
+
+
+@dataclass(frozen=True, slots=True)
+class _Time:
+    """An axis of time.
+
+    Attributes:
+        first, last: the days at its ends.
+    """
+
+    first: date
+    last: date
+
+    @classmethod
+    def of(cls, days: Sequence[date]) -> _Time:
+        first, last = min(days), max(days)
+        room = timedelta(days=max(2, (last - first).days // 20))
+        return cls(max(first - min(room, first - date.min), date.min), last + min(room, date.max - last))
+
+    def x(self, day: date) -> float:
+        """Where a day is."""
+        return LEFT + (WIDTH - RIGHT - LEFT) * ((day - self.first).days / (self.last - self.first).days)
+
+    def labels(self, foot: float) -> Iterator[str]:
+        """The first days of some years, months or days, not nearer to one another than they can be read."""
+        for day, text in self._ticks():
+            x = self.x(day)
+            yield f'<path d="M{x:.1f} {foot:.1f}v5" fill="none" stroke="{MUTED}" stroke-width="1"/>'
+            yield _text(x, foot + 18, text, anchor="middle", ink=INK)
+
+    def _ticks(self) -> list[tuple[date, str]]:
+        most = int((WIDTH - RIGHT - LEFT) / LABEL_WIDTH)
+        months = (
+            [
+                date(year, month, 1)
+                for year in range(self.first.year, self.last.year + 1)
+                for month in range(1, 13)
+                if self.first <= date(year, month, 1) <= self.last
+            ]
+            if (self.last - self.first).days < DAYS_OF_MONTHS
+            else []
+        )
+        for step in (1, 2, 3, 6):
+            some = [day for day in months if (day.month - 1) % step == 0]
+            if len(months) >= MOST_FEW and len(some) <= most:
+                return [(day, f"{day:%Y-%m}") for day in some]
+        years = [*range(self.first.year + 1, self.last.year + 1)]
+        for step in (1, 2, 5, 10, 20, 50, 100, 500, 1000, 5000):
+            round_years = [year for year in years if year % step == 0]
+            if len(years) >= MOST_FEW and len(round_years) <= most:
+                return [(date(year, 1, 1), str(year)) for year in round_years]
+        apart = max(1, math.ceil((self.last - self.first).days / most))
+        every = range(self.first.toordinal() + apart // 2, self.last.toordinal() + 1, apart)
+        return [(date.fromordinal(day), date.fromordinal(day).isoformat()) for day in every]
+
+
+def _panel(
+    label: str,
+    values: FloatArray,
+    std: FloatArray,
+    at: FloatArray,
+    top: float,
+    valid: Sequence[tuple[float, float] | None] = (),
+) -> Iterator[str]:
     spread = np.nan_to_num(std)
     finite = np.isfinite(values)
     low = float((values - spread)[finite].min()) if finite.any() else 0.0
@@ -107,6 +202,12 @@ def _panel(label: str, values: FloatArray, std: FloatArray, at: FloatArray, top:
         )
         yield _text(LEFT - 6, y(tick) + 4, text, anchor="end")
     yield _text(LEFT - 6, top - 10, label, anchor="end", ink=INK)
+    for span, v in zip(valid, values.tolist(), strict=False):
+        if span is not None and math.isfinite(v):
+            yield (
+                f'<path d="M{span[0]:.1f} {y(v):.1f}H{span[1]:.1f}" fill="none" stroke="{ACCENT}" stroke-width="9" '
+                'stroke-opacity="0.22"/>'
+            )
     for run in _runs(finite):
         line = "L".join(f"{at[i]:.1f} {y(values[i]):.1f}" for i in run)
         yield f'<path d="M{line}" fill="none" stroke="{ACCENT}" stroke-width="1.3"/>'
