@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from datetime import date
 
 import numpy as np
 import pytest
@@ -169,3 +170,41 @@ def test_a_series_of_another_length_is_refused() -> None:
         history([series(1.0, 2.0)], labels=["a", "b", "c"], caption="")
     with pytest.raises(InputError, match="σ of fx"):
         history([series(1.0, 2.0, std=(1.0,))], labels=["a", "b"], caption="")
+
+
+def test_a_history_over_time_puts_each_revision_on_its_day_and_shows_when_it_is_valid() -> None:
+    days = [date(2020, 1, 1), date(2020, 2, 1), date(2024, 1, 1)]
+    figure = history(
+        [series(1.0, 2.0, 3.0)],
+        labels=["a", "b", "c"],
+        caption="",
+        days=days,
+        spans=[None, (date(2020, 2, 1), date(2022, 2, 1)), (date(2024, 1, 1), None)],
+    )
+    x = [float(text) for text in re.findall(r'<circle cx="([0-9.]+)"', figure.svg)]
+    months = [(day - days[0]).days for day in days]
+    assert (x[1] - x[0]) / (x[2] - x[0]) == pytest.approx(months[1] / months[2], abs=0.002)
+    assert figure.svg.count('stroke-opacity="0.22"') == 2
+    assert re.findall(r">(20[0-9]{2})<", figure.svg) == [
+        "2020",
+        "2021",
+        "2022",
+        "2023",
+        "2024",
+    ]
+    assert "The axis is time, from 2020-01-01 to 2024-01-01." in figure.alt
+
+
+@pytest.mark.parametrize(
+    "days",
+    [
+        [date(2026, 5, 1)] * 3,
+        [date(2026, 5, 1), date(2026, 5, 2), date(2026, 5, 3)],
+        [date.min, date(2026, 5, 2), date.max],
+    ],
+)
+def test_any_days_have_an_axis(days: list[date]) -> None:
+    figure = history([series(1.0, 2.0, 3.0)], labels=["a", "b", "c"], caption="", days=days)
+    x = [float(text) for text in re.findall(r'<circle cx="([0-9.]+)"', figure.svg)]
+    assert all(92 <= at <= 736 for at in x)
+    assert len(re.findall(r"<text", figure.svg)) < 30

@@ -118,6 +118,9 @@ def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator
         Status.RETIRED: f"calibrary registry resolve {id_}",
     }
     yield Note(text=said[entry.status] + reason, action=action.get(entry.status), tone=STATUSES[entry.status])
+    if entry.validity is not None:
+        text = "The day of an image decides which K it gets: for other days an earlier one may answer; see the history."
+        yield Note(text=text, action="calibrary registry resolve IMAGE")
     if is_proposed:
         text = "Another K is proposed in its place, and is not used before it is approved."
         yield Note(text=text, action=f"calibrary registry show proposals/{id_}", tone=Tone.CAUTION)
