@@ -11,7 +11,11 @@ The models and the order of their parameters are COLMAP's, whose numbers kapture
 principal point is therefore read as counted from the corner of the first pixel, as COLMAP counts. An UNKNOWN_CAMERA
 has a size and no K. Sensors of other types are left alone.
 
-Source: kapture, ``kapture/core/Sensors.py`` and ``kapture/io/csv.py``.
+Importers from elsewhere, such as Virtual Gallery's, copy numbers that count from that pixel's centre: ``origin``
+chooses, and a principal point at exactly ((width − 1)/2, (height − 1)/2) is noted.
+
+Source: kapture, ``kapture/core/Sensors.py`` and ``kapture/io/csv.py``; kapture 1.1.12 itself reads what is written
+here, and the same numbers from the same files.
 """
 
 from __future__ import annotations
@@ -36,6 +40,7 @@ from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure,
 from calibrary.parsers.formats._colmap import MAX_CAMERAS, StoredCamera, cameras, records
 from calibrary.parsers.formats._one_camera import refuse_model
 from calibrary.parsers.formats._text_rows import rows_of
+from calibrary.parsers.formats.pinhole_json import ORIGIN
 from calibrary.records import replace
 
 __all__ = ["FORMAT"]
@@ -56,6 +61,10 @@ MODELS = (
 WITHOUT_K = "UNKNOWN_CAMERA"
 SENSOR_ID = "kapture/sensor_id"
 MAX_BYTES = 8 * 1024 * 1024
+HALF = (
+    "the principal point is the middle of the image for a program that counts from the centre of the first pixel; "
+    "--set origin=centre reads it so"
+)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -84,8 +93,13 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         found.append(_stored(fields[3:], index))
         names[str(index)] = fields[0]
     several = len(found) > 1
+    centre = context.option(ORIGIN.name) == "centre"
     return [
-        _named(item, names[(item.provenance.tag or "").removeprefix("camera ")], several=several)
+        _named(
+            _counted(item, from_centre=centre),
+            names[(item.provenance.tag or "").removeprefix("camera ")],
+            several=several,
+        )
         for item in cameras(found, context, grade=Grade.CALIBRATED)
     ]
 
@@ -122,6 +136,16 @@ def _stored(fields: Sequence[str], line: int) -> StoredCamera:
     )
 
 
+def _counted(item: Calibration, *, from_centre: bool) -> Calibration:
+    """The camera with its principal point from the corner, and a note where the file seems to count from the centre."""
+    K = item.intrinsics
+    if from_centre:
+        return replace(item, intrinsics=replace(K, cx=K.cx + 0.5, cy=K.cy + 0.5))
+    if (K.cx, K.cy) == ((K.image_size[0] - 1) / 2, (K.image_size[1] - 1) / 2):
+        return replace(item, notes=(*item.notes, HALF))
+    return item
+
+
 def _named(item: Calibration, name: str, *, several: bool) -> Calibration:
     """The camera under its sensor_id, of which COLMAP's list of numbers knows nothing."""
     extras = tuple((key, text) for key, text in item.extras if key != "colmap/camera_id")
@@ -142,6 +166,7 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     write=write,
+    options=(ORIGIN,),
     capacity=Capacity(
         models=(NoDistortion, BrownConrady, Rational, KannalaBrandt, FieldOfView, ThinPrismFisheye),
         several_cameras=True,

@@ -16,7 +16,8 @@ In the format's own words::
 
 The images are undistorted; the file does not say how large they are, nor where cx and cy count from.
 
-Source: MVSNet, README "Camera files" and ``mvsnet/preprocess.py``, ``load_cam``.
+Source: MVSNet, README "Camera files" and ``mvsnet/preprocess.py``, ``load_cam``: nine numbers behind the word
+intrinsic, row by row.
 """
 
 from __future__ import annotations

@@ -10,7 +10,8 @@ Polycam's numbers are ARKit's, which count from the corner of the image. Of the 
 from, and OpenCV's is taken: ``origin`` chooses. Coefficients are OpenCV's by name; where there is none, nothing is
 known of the distortion. Many files do not say how large the images are.
 
-Sources: Polycam, "Raw data export"; nerfstudio, ``process_data/polycam_utils.py``.
+Sources: Polycam, "Raw data export", whose program is closed; nerfstudio, ``process_data/polycam_utils.py``, which
+copies the numbers unchanged to where they count from the corner.
 """
 
 from __future__ import annotations

@@ -10,7 +10,8 @@ K runs down the columns. ARKit's autofocus changes it from frame to frame; the f
 frames depart from it is said. Apple counts from the top-left corner of the image. The images are rectified by the
 phone as far as its maker does it: nothing is said of a distortion.
 
-Sources: Record3D, "Exported metadata"; nerfstudio, ``process_data/record3d_utils.py``; Apple, "ARCamera.intrinsics".
+Sources: Record3D, "Exported metadata", whose program is closed; nerfstudio, ``process_data/record3d_utils.py``, which
+transposes K and puts the principal point into the middle; Apple, "ARCamera.intrinsics".
 """
 
 from __future__ import annotations

@@ -75,3 +75,14 @@ def test_what_is_written_is_kaptures() -> None:
 def test_a_broken_file_names_what_is_wrong(old: str, new: str, kind: type[Exception], match: str) -> None:
     with pytest.raises(kind, match=match):
         read(FILE.replace(old, new))
+
+
+def test_a_file_that_counts_from_the_pixels_centre_is_noted_and_read_on_request() -> None:
+    text = b"# kapture format: 1.1\n# sensor_id, name, sensor_type, [sensor_params]+\n"
+    text += b"cam0, , camera, PINHOLE, 1920, 1080, 1371, 1371, 959.5, 539.5\n"
+    [item] = parsers.decode(text, name="sensors.txt")
+    assert (item.intrinsics.cx, item.intrinsics.cy) == (959.5, 539.5)
+    assert any("--set origin=centre" in note for note in item.notes)
+    [item] = parsers.decode(text, name="sensors.txt", options={"origin": "centre"})
+    assert (item.intrinsics.cx, item.intrinsics.cy) == (960, 540)
+    assert not any("origin" in note for note in item.notes)

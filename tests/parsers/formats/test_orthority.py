@@ -49,6 +49,12 @@ def test_fisheye_and_opencv_have_their_own_names() -> None:
     assert lens.s4 == 0.001
 
 
+def test_the_tilt_of_opencv_has_orthoritys_names() -> None:
+    tilted = FILE.replace("brown", "opencv").replace("    cx", "    tx: 0.01\n    ty: -0.02\n    cx")
+    coefficients = (-0.2131, 0.0447, -0.00037, 0.00081, 0.0062, 0, 0, 0, 0, 0, 0, 0, 0.01, -0.02)
+    assert_projects_as_opencv(read(tilted)[0], OPENCV, coefficients)
+
+
 def test_without_a_sensor_size_the_focal_length_is_of_the_width() -> None:
     text = (
         FILE.replace("    sensor_size: [7.52, 4.80]\n", "").replace("4.33", "0.6").replace("brown", "pinhole")
