@@ -35,6 +35,7 @@ class Library:
 LIBRARIES = {
     "cv2": Library(name="OpenCV", extras=("calibrate", "opencv"), floor=(4, 10)),
     "PIL": Library(name="Pillow", extras=("calibrate",)),
+    "distributed": Library(name="Dask.distributed", extras=("cluster",)),
     "jinja2": Library(name="Jinja2", extras=("pages",)),
     "matplotlib": Library(name="Matplotlib", extras=("pages",)),
 }

@@ -123,6 +123,9 @@ def extract(
     workers: int = 0,
     strict_validation: bool = False,
     list_images: bool = False,
+    resume: PathLike | None = None,
+    scheduler: str | None = None,
+    cluster: str | None = None,
     progress: Progress | None = None,
 ) -> ExtractResult:
     """Derive and validate one K per camera from what images say of themselves; no pixel is decoded.
@@ -139,9 +142,13 @@ def extract(
         workers: processes that read images; 0 decides by itself.
         strict_validation: raise at the first breach.
         list_images: name every image of however many; else of more than 10 000 only the first few that say the same.
+        resume: a folder that keeps what was read; a later run with it reads only what is missing there.
+        scheduler: address of a Dask scheduler, as "tcp://host:8786", whose workers read the images.
+        cluster: "local:4": so many workers of a Dask cluster on this machine do.
         progress: called with (images read, images in all, "images").
 
     Raises:
+        MissingExtraError: a cluster is to read, and Dask is not installed.
         InputError: there is no image, or a file that was named cannot be read.
         RegistryError: the registry cannot be read, or has drifted from the lock.
         ValidationError: ``strict_validation`` and something breached the policy.
@@ -167,6 +174,9 @@ def extract(
                 workers=workers,
                 strict=strict_validation,
                 list_images=list_images,
+                partials=Path(resume) if resume is not None else None,
+                scheduler=scheduler,
+                cluster=cluster,
                 progress=progress,
             )
         )

@@ -60,6 +60,18 @@ def _add_image_flags(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="processes that read images (default: as many as there are cores, for large flights)",
     )
+    images.add_argument(
+        "--resume",
+        metavar="DIR",
+        help="keep what is read in DIR; the same command, run again, reads only what is missing there",
+    )
+    cluster = images.add_mutually_exclusive_group()
+    cluster.add_argument(
+        "--scheduler", metavar="URL", help="read with the workers of this Dask scheduler, as tcp://host:8786"
+    )
+    cluster.add_argument(
+        "--cluster", metavar="local:N", help="read with N workers of a Dask cluster on this machine"
+    )
 
 
 def _add_limit_flags(parser: argparse.ArgumentParser) -> None:
@@ -194,6 +206,9 @@ def run(arguments: argparse.Namespace) -> int:
             recursive=arguments.recursive,
             workers=arguments.workers,
             strict_validation=arguments.strict_validation,
+            resume=arguments.resume,
+            scheduler=arguments.scheduler,
+            cluster=arguments.cluster,
             list_images=arguments.list_images or arguments.hand_off != "none",
             progress=display.progress,
         )

@@ -79,7 +79,8 @@ class Display:
 
     def progress(self, done: int, total: int, _what: str) -> None:
         """So many images are read."""
-        self._progress.update(self._task, completed=done, total=total)
+        # How many there are of very many is not known before the last.
+        self._progress.update(self._task, completed=done, total=total or None)
 
     def show(self, outcome: Extraction, outputs: Outputs, *, solver: str, dry_run: bool) -> None:
         """Tell the whole outcome, its verdict last."""

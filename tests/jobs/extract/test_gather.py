@@ -11,7 +11,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.extract.report import report_of
 from calibrary.jobs.images.folders import find_images
 from calibrary.jobs.images.listing import Listing
-from calibrary.jobs.images.reading import BATCH, gather, read_images
+from calibrary.jobs.images.reading import BATCH, gather, here, read_images
 from tests.jobs.extract.fleet import NOBODY, P4R, gate, picture
 
 
@@ -131,7 +131,7 @@ def test_reading_leaves_off_after_the_first_rejected_image(flight: Path, workers
     steps: list[int] = []
     images = Listing([flight], recursive=False)
     found = read_images(
-        images, known=images.known, workers=workers, progress=steps.append, stop_at_first=True
+        images, engine=here(workers, known=images.known), progress=steps.append, stop_at_first=True
     )
     assert [row.name for row in found.images.settled().unread] == ["0007.jpg", "0057.jpg"]
     assert steps == [BATCH]

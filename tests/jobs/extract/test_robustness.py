@@ -20,7 +20,7 @@ from calibrary.cli.main import main
 from calibrary.jobs.images import reading
 from calibrary.jobs.images.accumulator import Accumulator
 from calibrary.jobs.images.folders import find_files
-from calibrary.jobs.images.observation import Image
+from calibrary.jobs.images.units import Unit
 from calibrary.schemas import require
 from tests.imagery import (
     ExifTags,
@@ -184,9 +184,9 @@ class TestFolders:
             picture(tmp_path / "im" / f"{number:03}.jpg", (64, 48))
 
         def one_is_killed(
-            read: Callable[[list[Image]], Accumulator], batches: Iterator[list[Image]], _workers: int
-        ) -> Iterator[tuple[list[Image], Accumulator | None]]:
-            return ((batch, None if batch[0].name == "064.jpg" else read(batch)) for batch in batches)
+            read: reading.Read, units: Iterator[Unit], _workers: int
+        ) -> Iterator[tuple[Unit, Accumulator | None]]:
+            return ((unit, None if unit.images[0].name == "064.jpg" else read(unit)) for unit in units)
 
         monkeypatch.setattr(reading, "_mapped", one_is_killed)
         code, report, _ = extract()

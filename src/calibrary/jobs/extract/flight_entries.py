@@ -9,7 +9,7 @@ from calibrary.catalogue import load_catalogue
 from calibrary.errors import InputError
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.images.listing import Listing
-from calibrary.jobs.images.reading import read_images
+from calibrary.jobs.images.reading import Question, here, read_images
 from calibrary.registry.snapshot import Snapshot
 
 __all__ = ["flight_entries"]
@@ -33,7 +33,8 @@ def flight_entries(
     knowledge = Knowledge(catalogue=load_catalogue(), registry=snapshot.index(), on=date.today())
     paths: dict[str, None] = {}
     unanswered = []
-    reading = read_images(images, known=images.known, days=True, list_all=images.known is not None)
+    question = Question(days=True, list_all=images.known is not None)
+    reading = read_images(images, question, engine=here(0, known=images.known))
     states = reading.images.settled().by_day
     dated = (
         (metadata, known)

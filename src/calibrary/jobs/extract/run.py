@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,9 +19,10 @@ from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.pictures import sort_images
 from calibrary.jobs.images.accumulator import ByDay, Names
+from calibrary.jobs.images.cluster import PIECE, connected
 from calibrary.jobs.images.listing import LISTED, Listing
 from calibrary.jobs.images.observation import path_order
-from calibrary.jobs.images.reading import Reading, read_images
+from calibrary.jobs.images.reading import Engine, Question, Reading, here, read_images
 from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress, counted, log, stage
 from calibrary.validation import Finding, Report, Severity, Verdict
@@ -45,6 +47,9 @@ class Request:
         recursive: go into sub-folders.
         workers: processes; 0 decides by itself.
         strict: stop at the first breach.
+        partials: a folder that keeps what was read, shard by shard; what is there already is not read again.
+        scheduler: address of a Dask scheduler whose workers read the images.
+        cluster: "local:N": that many workers of a Dask cluster on this machine do.
         list_images: name every image of however many; else of more than 10 000 only a few that say the same.
         progress: called with (images read, images in all, "images").
     """
@@ -59,6 +64,9 @@ class Request:
     workers: int = 0
     strict: bool = False
     list_images: bool = False
+    partials: Path | None = None
+    scheduler: str | None = None
+    cluster: str | None = None
     progress: Progress | None = field(default=None, compare=False)
 
 
@@ -72,7 +80,12 @@ def run(request: Request) -> Extraction:
     """
     knowledge = Knowledge.load(request.registry, request.lock)
     matrix = read_matrix(request.fallback_k) if request.fallback_k is not None else None
-    listing = Listing(request.images, recursive=request.recursive, keep=may_be_calibration)
+    listing = Listing(
+        request.images,
+        recursive=request.recursive,
+        keep=may_be_calibration,
+        versions=request.partials is not None,
+    )
     if listing.known == 0:
         hint = "" if request.recursive else "; if they lie in sub-folders, add --recursive"
         source = ", ".join(map(str, request.images))
@@ -85,15 +98,27 @@ def run(request: Request) -> Extraction:
 def _read(listing: Listing, request: Request, *, days: bool) -> Reading:
     many = f"more than {LISTED}" if listing.known is None else str(listing.known)
     with stage(f"read the heads of {many} images"):
-        return read_images(
-            listing,
-            known=listing.known,
-            workers=request.workers,
-            days=days,
-            list_all=request.list_images or listing.known is not None,
-            progress=counted(request.progress, listing.known or 0, "images"),
-            stop_at_first=request.strict,
-        )
+        question = Question(days=days, list_all=request.list_images or listing.known is not None)
+        with _engine(listing, request) as (engine, shard):
+            return read_images(
+                listing,
+                question,
+                engine=engine,
+                shard=shard,
+                partials=request.partials,
+                progress=counted(request.progress, listing.known or 0, "images"),
+                stop_at_first=request.strict,
+            )
+
+
+@contextmanager
+def _engine(listing: Listing, request: Request) -> Iterator[tuple[Engine, int | None]]:
+    """What reads, and how many images it is given at once."""
+    if request.scheduler is None and request.cluster is None:
+        yield here(request.workers, known=listing.known), None
+        return
+    with connected(request.scheduler, request.cluster) as engine:
+        yield engine, PIECE
 
 
 def judge_images(

@@ -136,10 +136,12 @@ class Accumulator:
         list_all: keep the name of every image, not only the first few of those that say the same.
     """
 
-    __slots__ = ("_ids", "_kept", "_numbers", "list_all")
+    __slots__ = ("_ids", "_kept", "_numbers", "is_passing", "list_all")
 
     def __init__(self, *, list_all: bool = True) -> None:
         self.list_all = list_all
+        # Whether another attempt may read an image that this one could not; no part of what is written.
+        self.is_passing = False
         self._ids = IdTable()
         # Images that cannot be read are those that say None.
         self._numbers: dict[Seen | None, int] = {}
@@ -152,6 +154,7 @@ class Accumulator:
 
     def add(self, observation: Observation) -> None:
         """Take in one image."""
+        self.is_passing |= observation.passing
         number = self._number(observation.seen)
         self._ids.add(observation.id, number)
         self._kept[number].add(observation.id, observation.name, observation.reason)
@@ -164,6 +167,7 @@ class Accumulator:
         """
         if other.list_all != self.list_all:
             raise ValueError("one part keeps the name of every image and the other does not")
+        self.is_passing |= other.is_passing
         numbers = [self._number(seen) for seen in other._numbers]
         self._ids.merge(other._ids, numbers)
         for number, kept in zip(numbers, other._kept, strict=True):

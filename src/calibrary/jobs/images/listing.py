@@ -31,20 +31,28 @@ class Listing:
         known: how many images there are; None where they are more than :data:`LISTED`.
     """
 
-    def __init__(self, given: Sequence[Path], *, recursive: bool, keep: Keep | None = None) -> None:
+    def __init__(
+        self,
+        given: Sequence[Path],
+        *,
+        recursive: bool,
+        keep: Keep | None = None,
+        versions: bool = False,
+    ) -> None:
         """Finds the first images.
 
         Args:
             given: a folder, or images and folders.
             recursive: go into sub-folders.
             keep: says of another file whether it is remembered.
+            versions: say of each image what changes when it does.
 
         Raises:
             InputError: none is given, or one is not there or cannot be read; a sub-folder is passed over then.
         """
         if not given:
             raise InputError("no image was given; expected a folder, or a list of images")
-        self._recursive, self._keep = recursive, keep
+        self._recursive, self._keep, self._versions = recursive, keep, versions
         self._beside: dict[Path, None] = {}
         self.unreadable: list[SkippedFile] = []
         if len(given) == 1 and not given[0].is_file():
@@ -77,7 +85,7 @@ class Listing:
                 parents.add(one.parent)
                 place, real = f"{os.path.realpath(one.parent)}/{one.name}", os.path.realpath(one)
                 name = one.relative_to(self.root).as_posix()
-                yield Image(name=name, place=place, same_as=real if real != place else None)
+                yield Image(name, place, real if real != place else None, self._version(one))
             elif one not in walked:
                 walked.add(one)
                 yield from self._images_of(one, unreadable=self.unreadable)
@@ -95,6 +103,15 @@ class Listing:
                 below = path.relative_to(folder).as_posix()
                 place = f"{real}/{below}"
                 target = os.path.realpath(place) if entry.is_symlink() else None
-                yield Image(name=above + below, place=place, same_as=target)
+                yield Image(above + below, place, target, self._version(entry))
             elif self._keep is not None and self._keep(entry):
                 self._beside[path] = None
+
+    def _version(self, file: Path | os.DirEntry[str]) -> str | None:
+        if not self._versions:
+            return None
+        try:
+            status = file.stat()
+        except OSError:
+            return None
+        return f"{status.st_size}-{status.st_mtime_ns}"

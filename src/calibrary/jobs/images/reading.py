@@ -1,4 +1,4 @@
-"""Reading the heads of images by several processes, batch by batch, into one accumulator."""
+"""Reading the heads of images, piece by piece and by several processes, into one accumulator."""
 
 from __future__ import annotations
 
@@ -6,21 +6,55 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 from pathlib import Path
+from typing import TypeAlias
 
 from calibrary.errors import InputError
 from calibrary.jobs.images.accumulator import Accumulator, Flight
 from calibrary.jobs.images.observation import Image, Observation, observe
+from calibrary.jobs.images.units import Partials, Unit, batches, shards
 from calibrary.parsers.imagery.source import open_source
 from calibrary.workers import mapped_on
 
-__all__ = ["BATCH", "Reading", "gather", "read_batch", "read_images"]
+__all__ = ["BATCH", "Done", "Engine", "Question", "Reading", "gather", "here", "read_images", "read_unit"]
 
 BATCH = 64
 WORTH_A_POOL = 400
 """Below this many images starting workers costs more than it saves."""
-KILLED = "not read: the process that read it was killed, twice; memory may have run out"
+KILLED = "not read: the process that read it was killed, and again when it was tried anew"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """What every image is asked.
+
+    Attributes:
+        days: also on which day it was taken.
+        list_all: keep its name, however many there are.
+    """
+
+    days: bool = False
+    list_all: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What became of one piece of the work, or of several that were merged where they were read.
+
+    Attributes:
+        count: how many images they are.
+        part: what they say; None where the process that read them was killed, and again when it was tried anew.
+        unit: the piece, if it is one.
+    """
+
+    count: int
+    part: Accumulator | None
+    unit: Unit | None
+
+
+Read: TypeAlias = Callable[[Unit], Accumulator]
+Engine: TypeAlias = Callable[[Read, Iterator[Unit]], Iterator[Done]]
+"""Whatever spreads pieces of work over processes or machines: any order will do, and any merging on the way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,8 +63,8 @@ class Reading:
 
     Attributes:
         images: what they say.
-        lost: how many of them nobody could read because the process that did was killed, and again when it was
-            tried anew; they are among those that cannot be read.
+        lost: how many of them were not read because the process that did was killed, and again when it was tried
+            anew; they are among those that cannot be read.
     """
 
     images: Accumulator
@@ -53,17 +87,17 @@ def gather(
         progress: called with the number of images read since the last call.
     """
     images = (Image(name=path.relative_to(directory).as_posix(), place=str(path)) for path in paths)
-    found = read_images(images, known=len(paths), workers=workers, progress=progress)
+    found = read_images(images, engine=here(workers, known=len(paths)), progress=progress)
     return found.images.settled()
 
 
 def read_images(
     images: Iterable[Image],
+    question: Question = Question(),
     *,
-    known: int | None,
-    workers: int = 0,
-    days: bool = False,
-    list_all: bool = True,
+    engine: Engine,
+    shard: int | None = None,
+    partials: Path | None = None,
     progress: Callable[[int], None] | None = None,
     stop_at_first: bool = False,
 ) -> Reading:
@@ -71,36 +105,76 @@ def read_images(
 
     Args:
         images: what to read; no more of them are asked for than are being read.
-        known: how many there are, None for very many.
-        workers: processes; 0 takes as many as there are cores once it is worth it.
-        days: ask on which day they were taken.
-        list_all: keep the name of every image.
+        question: what they are asked.
+        engine: what spreads the work.
+        shard: how many images are a piece; None for small ones.
+        partials: where to keep what each shard says, and look it up in a later run.
         progress: called with the number of images read since the last call.
-        stop_at_first: leave off after the first batch with an image that cannot be read.
+        stop_at_first: leave off after the first piece with an image that cannot be read.
+
+    Raises:
+        InputError: a partial result cannot be written.
     """
-    if workers == 0:
-        workers = (os.cpu_count() or 1) if known is None or known >= WORTH_A_POOL else 1
-    if known is not None:
-        workers = min(workers, -(-known // BATCH))
-    read = partial(read_batch, days=days, list_all=list_all)
-    total, lost = Accumulator(list_all=list_all), 0
-    for batch, part in _mapped(read, _batches(images), workers):
-        if part is None:
-            lost += len(batch)
-            part = _unread(batch, list_all=list_all)  # noqa: PLW2901  what stands for it
+    asked = f"days{question.days:d}-all{question.list_all:d}"
+    kept = Partials(partials, asked) if partials is not None else None
+    units = shards(images) if kept is not None else batches(images, shard or BATCH)
+    total, lost = Accumulator(list_all=question.list_all), 0
+
+    def taken(part: Accumulator, count: int) -> None:
         total.merge(part)
         if progress is not None:
-            progress(len(batch))
+            progress(count)
+
+    def left() -> Iterator[Unit]:
+        for unit in units:
+            known = kept.get(unit) if kept is not None else None
+            if known is None:
+                yield unit
+            else:
+                taken(known, len(unit.images))
+
+    for done in engine(partial(read_unit, question=question), left()):
+        part = done.part
+        if part is None:
+            lost += done.count
+            part = _unread(done.unit, question)
+        elif kept is not None and done.unit is not None:
+            kept.put(done.unit, part)
+        taken(part, done.count)
         if stop_at_first and total.has_unread:
             break
     return Reading(images=total, lost=lost)
 
 
-def read_batch(images: Sequence[Image], *, days: bool, list_all: bool) -> Accumulator:
-    """What some images say, read by this process one after another."""
-    part = Accumulator(list_all=list_all)
-    for image in images:
-        part.add(_read(image, days=days))
+def here(workers: int, *, known: int | None) -> Engine:
+    """Processes of this machine.
+
+    Args:
+        workers: how many; 0 takes as many as there are cores once it is worth it.
+        known: how many images there are, None for very many.
+    """
+    if workers == 0:
+        workers = (os.cpu_count() or 1) if known is None or known >= WORTH_A_POOL else 1
+    if known is not None:
+        workers = min(workers, -(-known // BATCH))
+
+    def engine(read: Read, units: Iterator[Unit]) -> Iterator[Done]:
+        return (Done(len(unit.images), part, unit) for unit, part in _mapped(read, units, workers))
+
+    return engine
+
+
+def _mapped(read: Read, units: Iterator[Unit], workers: int) -> Iterator[tuple[Unit, Accumulator | None]]:
+    if workers <= 1:
+        return ((unit, read(unit)) for unit in units)
+    return mapped_on(read, units, workers, preload=[__name__])
+
+
+def read_unit(unit: Unit, *, question: Question) -> Accumulator:
+    """What some images say, read by this process."""
+    part = Accumulator(list_all=question.list_all)
+    for image in unit.images:
+        part.add(_read(image, days=question.days))
     return part
 
 
@@ -115,22 +189,8 @@ def _read(image: Image, *, days: bool) -> Observation:
     return Observation(id=image.id, name=image.name, reason=reason)
 
 
-def _unread(images: Sequence[Image], *, list_all: bool) -> Accumulator:
-    part = Accumulator(list_all=list_all)
-    for image in images:
-        part.add(Observation(id=image.id, name=image.name, reason=KILLED))
+def _unread(unit: Unit | None, question: Question) -> Accumulator:
+    part = Accumulator(list_all=question.list_all)
+    for image in unit.images if unit is not None else ():
+        part.add(Observation(id=image.id, name=image.name, reason=KILLED, passing=True))
     return part
-
-
-def _batches(images: Iterable[Image]) -> Iterator[list[Image]]:
-    left = iter(images)
-    while batch := list(islice(left, BATCH)):
-        yield batch
-
-
-def _mapped(
-    read: Callable[[Sequence[Image]], Accumulator], batches: Iterator[list[Image]], workers: int
-) -> Iterator[tuple[list[Image], Accumulator | None]]:
-    if workers <= 1:
-        return ((batch, read(batch)) for batch in batches)
-    return mapped_on(read, batches, workers, preload=[__name__])

@@ -1,0 +1,117 @@
+"""Reading on a cluster of worker processes, and what becomes of it when one of them is killed."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibrary.cli.main import main
+from calibrary.errors import InputError
+from calibrary.jobs.extract.report import encode, report_of
+from calibrary.jobs.images import cluster as module
+from calibrary.jobs.images.accumulator import Accumulator
+from calibrary.jobs.images.cluster import connected, on_cluster
+from calibrary.jobs.images.listing import Listing
+from calibrary.jobs.images.reading import Question, here, read_images, read_unit
+from calibrary.jobs.images.units import Unit, batches
+from calibrary.records import to_json
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
+
+# Dask's own threads and sockets are its own business.
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Any]:
+    """A cluster of two processes, in which a task that kills two workers is given up."""
+    dask = pytest.importorskip("dask")
+    distributed = pytest.importorskip("distributed")
+    settings = {"distributed.scheduler.allowed-failures": 1}
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("flight")
+    for number in range(120):
+        tags = {**(P4R if number % 3 else NOBODY), "software": f"v{number % 4}"}
+        picture(folder / f"{number:03}.jpg", dewarp=DEWARP if number % 2 else None, **tags)
+    (folder / "broken.jpg").write_bytes(b"no image")
+    return folder
+
+
+def alone(folder: Path) -> Accumulator:
+    images = Listing([folder], recursive=False)
+    return read_images(images, engine=here(1, known=images.known)).images
+
+
+def test_a_worker_that_is_killed_in_mid_run_changes_nothing(client: Any, flight: Path) -> None:
+    killed: list[int] = []
+
+    def kill_one(_read: int) -> None:
+        if not killed:
+            killed.append(next(iter(client.run(os.getpid).values())))
+            os.kill(killed[0], signal.SIGKILL)
+
+    images = Listing([flight], recursive=False)
+    found = read_images(images, engine=on_cluster(client, merged=3), shard=5, progress=kill_one)
+    assert killed
+    assert found.lost == 0
+    assert found.images.to_bytes() == alone(flight).to_bytes()
+    assert found.images.settled() == alone(flight).settled()
+
+
+def test_a_piece_that_kills_every_worker_is_unread_and_the_rest_is_read(client: Any, flight: Path) -> None:
+    def read(unit: Unit) -> Accumulator:
+        if any(image.name == "042.jpg" for image in unit.images):
+            os.kill(os.getpid(), signal.SIGKILL)
+        return read_unit(unit, question=Question())
+
+    done = [*on_cluster(client, merged=4)(read, batches(Listing([flight], recursive=False), 10))]
+    lost = [one for one in done if one.part is None]
+    assert [image.name for one in lost if one.unit for image in one.unit.images] == [
+        f"{number:03}.jpg" for number in range(40, 50)
+    ]
+    assert sum(one.count for one in done) == 121
+
+
+def test_the_report_is_that_of_one_process_byte_for_byte(
+    client: Any, flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("calibrary.jobs.extract.run.PIECE", 7)
+    address = client.scheduler_info()["address"]
+    whole = encode(to_json(report_of(gate(flight), {})))
+    assert encode(to_json(report_of(gate(flight, scheduler=address), {}))) == whole
+    for _ in range(2):
+        found = gate(flight, scheduler=address, partials=tmp_path / "kept")
+        assert encode(to_json(report_of(found, {}))) == whole
+    assert list((tmp_path / "kept").iterdir())
+
+
+@pytest.mark.parametrize("text", ["local", "local:0", "ray:4", "local:x"])
+def test_a_cluster_that_is_none_is_named(text: str) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="local:4"), connected(cluster=text):
+        pass
+
+
+def test_without_dask_the_command_that_brings_it_is_told(
+    flight: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("calibrary.extras.find_spec", lambda _: None)
+    assert main(["extract", str(flight), "--cluster", "local:2", "--dry-run"]) == 2
+    assert 'pip install "calibrary[cluster]"' in capsys.readouterr().err
+    assert module.PIECE == 10_000
