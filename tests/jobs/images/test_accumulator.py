@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from datetime import date
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,6 +18,7 @@ from calibrary.jobs.extract.run import Request, judge_images
 from calibrary.jobs.images import accumulator as module
 from calibrary.jobs.images.accumulator import Accumulator, Flight, Names
 from calibrary.jobs.images.folders import SkippedFile
+from calibrary.jobs.images.id_table import IdTable
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.observation import Image, Observation, Seen
 from calibrary.jobs.images.reading import Reading
@@ -161,6 +164,38 @@ def test_parts_that_keep_names_and_parts_that_do_not_are_not_mixed() -> None:
 def test_a_part_that_is_damaged_is_said_to_be(data: bytes) -> None:
     with pytest.raises(InputError, match="partial result"):
         Accumulator.from_bytes(data)
+
+
+def test_ten_million_images_fit_into_300_mb() -> None:
+    """Of a million what is held is measured, and what it takes at the most to put it in order."""
+    what = [Seen(metadata=replace(BASE, software=f"v{number}")) for number in range(20)]
+    found = Accumulator(list_all=False)
+    random = np.random.default_rng(1)
+    numbers = [found._number(seen) for seen in what]
+    tracemalloc.start()
+    try:
+        for _ in range(100):
+            part = Accumulator(list_all=False)
+            part._ids.merge(rows(random, 10_000, len(numbers)), numbers)
+            part._numbers, part._kept = dict(found._numbers), found._kept
+            found.merge(part)
+        flight = found._ids.counts([*range(len(numbers))])
+        held, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert sum(flight[0]) == 1_000_000
+    assert held * 10 < 190e6
+    # The interpreter with all that extract loads takes some 65 MB.
+    assert peak * 10 < 235e6
+
+
+def rows(random: np.random.Generator, count: int, kinds: int) -> IdTable:
+    """A table of so many images that were never seen before."""
+    packed = random.bytes(12 * count)
+    what = random.integers(0, kinds, count, dtype=np.uint32)
+    return IdTable.from_bytes(
+        b"".join(packed[12 * n : 12 * n + 12] + int(what[n]).to_bytes(4, "little") for n in range(count))
+    )
 
 
 def test_a_report_of_many_counts_what_it_does_not_list(folder: Path) -> None:

@@ -20,8 +20,8 @@ Rows: TypeAlias = tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32], npt.NDAr
 BUCKETS = 64
 """Rows are sorted by the first bits of the id, so that putting them in order takes little memory besides."""
 LEAST_PENDING = 1 << 14
-SHARE_PENDING = 4
-"""New rows are put in order when they are a quarter of the old: each row is then sorted a few times in all."""
+SHARE_PENDING = 10
+"""New rows are put in order when they are a tenth of the old: each row is then sorted some ten times in all."""
 
 _WIRE = np.dtype([("high", ">u8"), ("low", ">u4"), ("what", "<u4")])
 
