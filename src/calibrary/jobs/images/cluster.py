@@ -60,6 +60,10 @@ def connected(scheduler: str | None = None, cluster: str | None = None) -> Itera
             size = _LOCAL.fullmatch(cluster)
             if size is None:
                 raise InputError(f"{cluster!r}: expected local:N, such as local:4", place="--cluster")
+            # Where no worker comes back, what waits for one ends, instead of waiting for ever.
+            stack.enter_context(
+                import_module("dask").config.set({"distributed.scheduler.no-workers-timeout": "5 minutes"})
+            )
             target = stack.enter_context(
                 distributed.LocalCluster(
                     n_workers=int(size[1]),
