@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from calibrary.calib.board import LARGEST, Board
-from calibrary.calib.detectors.checkerboard import find_checkerboard
+from calibrary.calib.detectors.checkerboard import find_whole
 from calibrary.calib.detectors.refinement import reduced
 from calibrary.calib.found import Found
 from calibrary.calib.frames import Gray
@@ -85,4 +85,4 @@ def _proposed(image: Gray) -> Iterator[tuple[int, int]]:
 
 
 def _fits(image: Gray, size: tuple[int, int]) -> bool:
-    return isinstance(find_checkerboard(image, Board(columns=size[0], rows=size[1], square_mm=None)), Found)
+    return isinstance(find_whole(image, Board(columns=size[0], rows=size[1], square_mm=None)), Found)

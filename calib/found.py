@@ -29,6 +29,7 @@ class Reason(StrEnum):
     GLARE = "glare"
     SAME_FILE = "same-file"
     SAME_POSE = "same-pose"
+    PARTIAL_BOARD = "partial-board"
     PERSPECTIVE_BIAS = "perspective-bias"
 
 

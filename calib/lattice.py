@@ -21,6 +21,7 @@ __all__ = [
     "beyond",
     "cell_levels",
     "contrast",
+    "ends_on_paper",
     "goes_on",
     "homography",
     "is_even",
@@ -60,7 +61,7 @@ SPARE_LINES, HIGHEST_ORDER = 3, 5
 def smallest_spacing(lattice: Lattice) -> float:
     """Px between the two neighbouring corners that are closest."""
     along, down = np.diff(lattice, axis=1), np.diff(lattice, axis=0)
-    return float(min(np.hypot(*along.T).min(), np.hypot(*down.T).min()))
+    return float(min(np.nanmin(np.hypot(*along.T)), np.nanmin(np.hypot(*down.T))))
 
 
 def _cell_areas(lattice: Lattice) -> FloatArray:
@@ -82,7 +83,7 @@ def is_even(lattice: Lattice) -> bool:
 
 def mirrored(lattice: Lattice) -> bool:
     """Whether rows run against the sense of image rows, as seen from behind the board."""
-    return bool(np.sum(_cell_areas(lattice)) < 0)
+    return bool(np.nansum(_cell_areas(lattice)) < 0)
 
 
 def cell_levels(gray: Gray, lattice: Lattice) -> FloatArray:
@@ -113,10 +114,10 @@ def _signs(shape: tuple[int, ...]) -> FloatArray:
 def contrast(gray: Gray, lattice: Lattice) -> float:
     """Gray levels between the light and the dark cells; negative where the first cell is light."""
     levels = cell_levels(gray, lattice)
-    light = _signs(levels.shape) > 0
-    if not light.any() or np.isnan(levels).all():
+    known, light = ~np.isnan(levels), _signs(levels.shape) > 0
+    if not (known & light).any() or not (known & ~light).any():
         return 0.0
-    return float(np.nanmedian(levels[light]) - np.nanmedian(levels[~light]))
+    return float(np.median(levels[known & light]) - np.median(levels[known & ~light]))
 
 
 def squares_share(gray: Gray, lattice: Lattice) -> float:
@@ -179,6 +180,18 @@ def overhangs(gray: Gray, lattice: Lattice) -> str | None:
     corners have squares on every side, so what lies just beyond the outermost must alternate still.
     """
     return _first_side(lattice, lambda side: _relief_beyond(gray, side, BEYOND_CORNERS) > -HALF)
+
+
+def ends_on_paper(gray: Gray, lattice: Lattice) -> bool:
+    """Whether there is paper, and no more squares, beyond the square before the first row of corners.
+
+    False as well where that lies outside the image.
+    """
+    relief = _relief_beyond(gray, lattice, BEYOND_SQUARES)
+    if not relief < HALF:
+        return False
+    own, beyond_it = cell_levels(gray, lattice), cell_levels(gray, beyond(lattice, BEYOND_SQUARES))
+    return bool(np.nanmedian(beyond_it) > (np.nanmin(own) + np.nanmax(own)) / 2)
 
 
 def _first_side(lattice: Lattice, holds: Callable[[Lattice], bool]) -> str | None:

@@ -9,13 +9,14 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
+from calibrary.calib.detectors.partial import find_partial
 from calibrary.calib.detectors.refinement import half_window, reduced, refined
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import goes_on, is_even, overhangs, smallest_spacing, squares_share, upright
 
-__all__ = ["find_checkerboard"]
+__all__ = ["find_checkerboard", "find_whole"]
 
 
 LARGEST_SHIFT = 0.5
@@ -29,6 +30,24 @@ FEWEST_SQUARES = 0.8
 
 
 def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
+    """The board's inner corners, of a board that leaves the frame or is covered in part those that are seen.
+
+    Args:
+        gray: (H, W).
+        board: a checkerboard.
+
+    Returns:
+        Points in px as OpenCV counts them.
+    """
+    whole = find_whole(gray, board)
+    if isinstance(whole, Found) or whole.reason is Reason.LARGER_BOARD:
+        return whole
+    part = find_partial(gray, board)
+    # What the search for a whole board tells is of more use than that there is no piece of one either.
+    return whole if isinstance(part, NotFound) and part.text.startswith("no ") else part
+
+
+def find_whole(gray: Gray, board: Board) -> Found | NotFound:
     """The board's inner corners, all of them but those that are displaced or at the frame's border.
 
     Args:

@@ -1,0 +1,339 @@
+"""A checkerboard grown from a piece of it: for boards that leave the frame, or that have a hole, a marker or a finger.
+
+Whole boards are found by detectors that want every corner. Here a saddle point with neighbours on four sides is a first
+piece, and corner after corner is added beside those that are known: predicted by how the lattice bends there, measured
+as a saddle point, and kept where the four quadrants around it alternate as the board's squares do. OpenCV's
+sector-based detector grows boards too (``CALIB_CB_LARGER``) but stops at the first hole; its piece is another seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain, combinations
+from typing import Final, TypeAlias
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from calibrary.arrays import FloatArray
+from calibrary.calib.detectors.refinement import DETECTION_SIDE, half_window, reduced, refined
+from calibrary.calib.frames import Gray
+from calibrary.calib.lattice import Lattice, mirrored
+
+__all__ = ["grown"]
+
+Place: TypeAlias = tuple[int, int]
+"""(row, column), from anywhere."""
+
+SIDES: Final = (DETECTION_SIDE, 640)
+"""px of the copies in which a first piece is looked for; noise that hides it in one is averaged out in the smaller."""
+SMALL_SIDE: Final = 800
+"""px up to which a frame is a thermal camera's, faint and noisy, and cheap to look at in several ways."""
+ENOUGH = 20
+"""Corners of a piece that is not looked for in another way."""
+SEED: Final = (3, 3)
+SADDLE_SIGMAS: Final = (1.5, 3.0)
+"""px; the smaller sees small squares, the larger sees through noise."""
+FAINTEST_SADDLE = 0.05
+"""Of the strongest in a thousand px."""
+MOST_SADDLES, TRIED = 1500, 150
+NEIGHBOURS = 8
+OPPOSITE = 0.3
+"""Of the step to one neighbour, by which the step to the one on the other side may differ."""
+LEAST_SINE = 0.25
+LEAST_RELIEF = 8.0
+"""Gray levels; squares fainter than this are not told from what noise makes."""
+MOST_GROWN = 6
+"""First pieces of one copy that are grown."""
+_QUADRANTS: Final = np.array([(1, 1), (-1, -1), (-1, 1), (1, -1)]) * 0.32
+REACH = 3
+"""Corners this many rows and columns away say where the next one is."""
+CURVED_FROM = 9
+LARGEST_SHIFT = 0.35
+"""Of the spacing, between where a corner is expected and where it is measured."""
+SMALLEST_SPACING_PX = 6.0
+FAINTEST = 0.35
+"""Of the relief of the corners that are known, that the next one must have: shade and blur take the rest."""
+UNEVEN, STANDS_OUT = 0.8, 0.35
+"""Times its relief, that opposite quadrants of a corner may differ by; and by how much more than those of the typical
+corner. On the board's rim, where one of four is paper, it is 1 to 2."""
+QUADRANT: Final = 0.32
+"""Of the steps to the neighbours, at which the middle of a quadrant is sampled."""
+SURE = 0.7
+"""Share of a first piece's corners that must be some."""
+
+
+def grown(gray: Gray, largest: int) -> Lattice | None:
+    """The largest piece of a checkerboard.
+
+    Args:
+        gray: (H, W).
+        largest: corners along a side, that it is stopped at.
+
+    Returns:
+        (rows, columns, 2) px as OpenCV counts them, NaN where a corner was not found, rows running as the board's do
+        seen from its front; None where there is none.
+    """
+    best: Lattice | None = None
+    for look, scale in _looks(gray):
+        for seed in chain(*(_seeds(look, sigma) for sigma in SADDLE_SIGMAS), _sector_based(look)):
+            lattice = _Growth(look, seed, largest).lattice()
+            if lattice is not None and (best is None or _count(lattice) > _count(best)):
+                best = (lattice + 0.5) * scale - 0.5
+                if _count(best) >= ENOUGH:
+                    break
+        if best is not None and _count(best) >= ENOUGH:
+            break
+    if best is None:
+        return None
+    return best[:, ::-1] if mirrored(best) else best
+
+
+def _looks(gray: Gray) -> Iterator[tuple[Gray, FloatArray]]:
+    """Copies to look at, and how much larger the image is than each."""
+    import cv2
+
+    if max(gray.shape) > SMALL_SIDE:
+        for side in SIDES:
+            yield reduced(gray, side)
+        return
+    yield gray, np.ones(2)
+    soft = _eight_bit(cv2.GaussianBlur(gray, (0, 0), 1.5))
+    yield soft, np.ones(2)
+    twice = cv2.resize(gray, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+    yield _eight_bit(twice), np.full(2, 0.5)
+    yield _eight_bit(cv2.GaussianBlur(twice, (0, 0), 2.0)), np.full(2, 0.5)
+    evened = cv2.createCLAHE(4.0, (4, 4)).apply(_eight_bit(cv2.GaussianBlur(gray, (0, 0), 1.0)))
+    yield _eight_bit(evened), np.ones(2)
+
+
+def _eight_bit(pixels: object) -> Gray:
+    return np.asarray(pixels, dtype=np.uint8)
+
+
+def _count(lattice: Lattice) -> int:
+    return int(np.isfinite(lattice[..., 0]).sum())
+
+
+def _seeds(gray: Gray, sigma: float) -> Iterator[Lattice]:
+    """Saddle points with a neighbour on each of four sides, the clearest first, and what lies between these sides."""
+    peaks = _saddles(gray, sigma)
+    if len(peaks) < SEED[0] * SEED[1]:
+        return
+    distances, nearest = cKDTree(peaks).query(peaks[:TRIED], k=1 + NEIGHBOURS)
+    levels, left = gray.astype(np.float32), MOST_GROWN
+    for middle, away, beside in zip(peaks, distances, nearest, strict=False):
+        steps = peaks[beside[1:]] - middle
+        opposite = np.hypot(*np.moveaxis(steps[:, None] + steps, 2, 0)) < OPPOSITE * away[1:]
+        pairs = [(a, b) for a, b in zip(*np.nonzero(np.triu(opposite, 1)), strict=True)]
+        for (a, b), (c, d) in combinations(pairs, 2):
+            across, down = (steps[a] - steps[b]) / 2, (steps[c] - steps[d]) / 2
+            if abs(across[0] * down[1] - across[1] * down[0]) > LEAST_SINE * np.hypot(*across) * np.hypot(
+                *down
+            ):
+                v, u = np.mgrid[-1:2, -1:2][..., None]
+                seed = middle + u * across + v * down
+                if _alternates(levels, seed, across, down):
+                    yield seed
+                    left -= 1
+        if left <= 0:
+            return
+
+
+def _alternates(levels: FloatArray, seed: Lattice, across: FloatArray, down: FloatArray) -> bool:
+    """Whether the quadrants around the corners of a first piece are by turns dark and light."""
+    x, y = np.rint(np.moveaxis(seed[..., None, :] + _QUADRANTS @ np.stack([across, down]), -1, 0)).astype(
+        np.intp
+    )
+    height, width = levels.shape
+    if min(x.min(), y.min()) < 0 or x.max() >= width or y.max() >= height:
+        return False
+    a, b, c, d = np.moveaxis(levels[y, x], -1, 0)
+    sign = np.where(np.indices(seed.shape[:2]).sum(axis=0) % 2, -1, 1)
+    relief, uneven = sign * (a + b - c - d) / 2, np.maximum(np.abs(a - b), np.abs(c - d))
+    typical = float(np.median(relief))
+    alike = (relief * np.sign(typical) > FAINTEST * abs(typical)) & (uneven < np.abs(relief))
+    return abs(typical) > LEAST_RELIEF and bool(alike.mean() >= SURE)
+
+
+def _sector_based(gray: Gray) -> Iterator[Lattice]:
+    """What OpenCV's detector of that name grows."""
+    import cv2
+
+    found, corners, meta = cv2.findChessboardCornersSBWithMeta(gray, SEED, cv2.CALIB_CB_LARGER)
+    shape = np.shape(meta)[:2]
+    if found and len(shape) == 2 and np.size(corners) == 2 * shape[0] * shape[1]:
+        yield np.asarray(corners, dtype=np.float64).reshape(*shape, 2)
+
+
+def _saddles(gray: Gray, sigma: float) -> FloatArray:
+    """(N, 2) px of points where the image rises to two sides and falls to the others, the strongest first."""
+    import cv2
+
+    soft = cv2.GaussianBlur(gray.astype(np.float32), (0, 0), sigma)
+    xx, yy, xy = (cv2.Sobel(soft, cv2.CV_32F, *order) for order in ((2, 0), (0, 2), (1, 1)))
+    height = np.maximum(xy * xy - xx * yy, 0.0)
+    peaks = (height == cv2.dilate(height, np.ones((7, 7)))) & (
+        height > FAINTEST_SADDLE * np.percentile(height, 99.9)
+    )
+    y, x = np.nonzero(peaks)
+    order = np.argsort(-height[y, x])[:MOST_SADDLES]
+    return np.column_stack([x, y])[order].astype(np.float64)
+
+
+class _Growth:
+    """The corners that are known so far, by their place."""
+
+    def __init__(self, gray: Gray, seed: Lattice, largest: int) -> None:
+        self._gray, self._largest = gray, largest
+        self._levels = gray.astype(np.float32)
+        self._known: dict[Place, FloatArray] = {}
+        self._relief = 0.0
+        self._start(seed)
+
+    def lattice(self) -> Lattice | None:
+        """All that can be reached."""
+        if not self._known:
+            return None
+        tried: dict[Place, int] = {}
+        while new := [(place, near) for place, near in self._next() if tried.get(place, 0) < near]:
+            for place, near in new:
+                # A place that could not be foretold is looked at again when one more of its neighbours is known.
+                tried[place] = near
+                corner = self._at(place)
+                if corner is not None:
+                    self._known[place] = corner
+            if max(self._extent()) > self._largest:
+                break
+        self._prune()
+        if len(self._known) < SEED[0] * SEED[1]:
+            return None
+        rows, columns = np.array(list(self._known)).T
+        lattice = np.full((np.ptp(rows) + 1, np.ptp(columns) + 1, 2), np.nan)
+        lattice[rows - rows.min(), columns - columns.min()] = list(self._known.values())
+        return lattice
+
+    def _start(self, seed: Lattice) -> None:
+        """The corners of the seed that look like corners, by the relief of the typical one."""
+        places = [(int(row), int(column)) for row, column in np.ndindex(*seed.shape[:2])]
+        self._known = {place: seed[place] for place in places if np.isfinite(seed[place]).all()}
+        reliefs = {place: self._relief_at(place, self._known[place]) for place in self._known}
+        signed = [relief for relief, _ in reliefs.values()]
+        self._relief = float(np.median(signed)) if signed else 0.0
+        self._known = {
+            place: corner for place, corner in self._known.items() if self._is_corner(reliefs[place])
+        }
+        if len(self._known) < SURE * len(places):
+            self._known = {}
+
+    def _prune(self) -> None:
+        """Without corners that are more uneven than the typical one, and what then hangs on to nothing."""
+        uneven = {}
+        for place, corner in self._known.items():
+            height, unevenness = self._relief_at(place, corner)
+            uneven[place] = unevenness / abs(height) if height else np.inf
+        limit = float(np.median(list(uneven.values()))) + STANDS_OUT if uneven else 0.0
+        left = {place for place, value in uneven.items() if value < limit}
+        pieces: list[set[Place]] = []
+        while left:
+            piece, edge = set[Place](), [left.pop()]
+            while edge:
+                row, column = edge.pop()
+                piece.add((row, column))
+                for beside in ((row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)):
+                    if beside in left:
+                        left.remove(beside)
+                        edge.append(beside)
+            pieces.append(piece)
+        kept = max(pieces, key=len, default=set())
+        self._known = {place: corner for place, corner in self._known.items() if place in kept}
+
+    def _extent(self) -> tuple[int, int]:
+        rows, columns = np.array(list(self._known)).T
+        return int(np.ptp(rows)) + 1, int(np.ptp(columns)) + 1
+
+    def _next(self) -> list[tuple[Place, int]]:
+        """The places beside known ones and how many these are, those with most of them first."""
+        beside: dict[Place, int] = {}
+        for row, column in self._known:
+            for place in ((row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)):
+                if place not in self._known:
+                    beside[place] = beside.get(place, 0) + 1
+        return sorted(beside.items(), key=lambda pair: -pair[1])
+
+    def _at(self, place: Place) -> FloatArray | None:
+        """The corner of a place, if there is one."""
+        expected = self._expected(place)
+        if expected is None:
+            return None
+        at, across, down = expected
+        spacing = float(min(np.hypot(*across), np.hypot(*down)))
+        height, width = self._gray.shape
+        half = half_window(spacing)
+        if spacing < SMALLEST_SPACING_PX or not (
+            half + 1 < at[0] < width - 2 - half and half + 1 < at[1] < height - 2 - half
+        ):
+            return None
+        corner = refined(self._gray, at, half)
+        if np.hypot(*(corner - at)) > LARGEST_SHIFT * spacing or self._is_taken(place, corner, spacing):
+            return None
+        return corner if self._is_corner(self._relief_of(place, corner, across, down)) else None
+
+    def _is_taken(self, place: Place, corner: FloatArray, spacing: float) -> bool:
+        """Whether a corner is one that is known already by another place."""
+        row, column = place
+        around = ((row + v, column + u) for v in (-1, 0, 1) for u in (-1, 0, 1))
+        return any(
+            np.hypot(*(corner - other)) < spacing / 2
+            for other in map(self._known.get, around)
+            if other is not None
+        )
+
+    def _expected(self, place: Place) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """Where a corner should be, and the steps to the next column and row, by a polynomial of those around."""
+        row, column = place
+        near = [
+            (r - row, c - column, corner)
+            for r in range(row - REACH, row + REACH + 1)
+            for c in range(column - REACH, column + REACH + 1)
+            if (r, c) != place and (corner := self._known.get((r, c))) is not None
+        ]
+        if len(near) < 3:
+            return None
+        v, u = np.array([(r, c) for r, c, _ in near], dtype=np.float64).T
+        seen = np.array([corner for _, _, corner in near])
+        terms = [np.ones_like(u), u, v]
+        if len(near) >= CURVED_FROM and len(set(u)) >= 3 and len(set(v)) >= 3:
+            terms += [u * v, u**2, v**2]
+        weight = 1.0 / np.hypot(u, v)
+        design = np.column_stack(terms) * weight[:, None]
+        fit, _, rank, _ = np.linalg.lstsq(design, seen * weight[:, None], rcond=1e-6)
+        return (fit[0], fit[1], fit[2]) if rank == len(terms) else None
+
+    def _relief_at(self, place: Place, corner: FloatArray) -> tuple[float, float]:
+        expected = self._expected(place)
+        return self._relief_of(place, corner, *expected[1:]) if expected is not None else (0.0, np.inf)
+
+    def _relief_of(
+        self, place: Place, corner: FloatArray, across: FloatArray, down: FloatArray
+    ) -> tuple[float, float]:
+        """Gray levels by which two opposite quadrants are lighter than the others, and how uneven a pair is at most.
+
+        The sign of the first is turned at every second corner, so that it is the same for all of a board.
+        """
+        s = np.array([(1, 1), (-1, -1), (-1, 1), (1, -1)], dtype=np.float64) * QUADRANT
+        inner = np.array([(0.75, 0.75), (1.25, 0.75), (0.75, 1.25), (1.25, 1.25), (1.0, 1.0)])
+        offsets = s[:, None] * inner
+        x, y = np.moveaxis(corner + offsets[..., :1] * across + offsets[..., 1:] * down, -1, 0)
+        height, width = self._gray.shape
+        column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)
+        if not ((column >= 0) & (column < width) & (row >= 0) & (row < height)).all():
+            return 0.0, np.inf
+        a, b, c, d = self._levels[row, column].mean(axis=1).tolist()
+        sign = 1 if (place[0] + place[1]) % 2 == 0 else -1
+        return sign * (a + b - c - d) / 2, max(abs(a - b), abs(c - d))
+
+    def _is_corner(self, relief: tuple[float, float]) -> bool:
+        height, unevenness = relief
+        share = height / self._relief if self._relief else 0.0
+        return share > FAINTEST and unevenness < UNEVEN * abs(height)
