@@ -13,6 +13,7 @@ from itertools import chain, combinations
 from typing import Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calibrary.arrays import FloatArray
@@ -22,6 +23,7 @@ from calibrary.calib.lattice import Lattice, mirrored
 
 __all__ = ["grown"]
 
+Levels: TypeAlias = NDArray[np.float32]
 Place: TypeAlias = tuple[int, int]
 """(row, column), from anywhere."""
 
@@ -140,7 +142,7 @@ def _seeds(gray: Gray, sigma: float) -> Iterator[Lattice]:
             return
 
 
-def _alternates(levels: FloatArray, seed: Lattice, across: FloatArray, down: FloatArray) -> bool:
+def _alternates(levels: Levels, seed: Lattice, across: FloatArray, down: FloatArray) -> bool:
     """Whether the quadrants around the corners of a first piece are by turns dark and light."""
     x, y = np.rint(np.moveaxis(seed[..., None, :] + _QUADRANTS @ np.stack([across, down]), -1, 0)).astype(
         np.intp
