@@ -14,7 +14,6 @@ from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.detectors.refinement import DETECTION_SIDE, half_window, reduced, refined
@@ -122,7 +121,9 @@ def _seeds(gray: Gray, sigma: float) -> Iterator[Lattice]:
     peaks = _saddles(gray, sigma)
     if len(peaks) < SEED[0] * SEED[1]:
         return
-    distances, nearest = cKDTree(peaks).query(peaks[:TRIED], k=1 + NEIGHBOURS)
+    apart = np.hypot(*np.moveaxis(peaks[:TRIED, None] - peaks, 2, 0))
+    nearest = np.argsort(apart, axis=1)[:, : 1 + NEIGHBOURS]
+    distances = np.take_along_axis(apart, nearest, axis=1)
     levels, left = gray.astype(np.float32), MOST_GROWN
     for middle, away, beside in zip(peaks, distances, nearest, strict=False):
         steps = peaks[beside[1:]] - middle
