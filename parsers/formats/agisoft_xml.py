@@ -7,6 +7,7 @@ In the format's own words::
       <width>5472</width> <height>3648</height>
       <f>3650.1</f> <cx>-3.2</cx> <cy>8.1</cy> <b1>0.4</b1> <b2>-0.1</b2>
       <k1/> … <k4/> <p1/> … <p4/>
+      <covariance> <params>f cx cy k1 …</params> <coeffs>…</coeffs> </covariance>
       <date>2024-05-17T10:00:00Z</date>
     </calibration>
 
@@ -46,6 +47,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._metashape_covariance import COVARIANCE, read_covariance, written_covariance
 from calibrary.parsers.xml import parse_xml
 
 if TYPE_CHECKING:
@@ -77,7 +79,18 @@ FARTHEST = 0.25
 OFFSET_STYLE = ("f", "b1", "b2")
 ABSOLUTE_STYLE = ("fx", "fy", "skew")
 KNOWN = frozenset(
-    ("projection", "width", "height", "date", "cx", "cy", *OFFSET_STYLE, *ABSOLUTE_STYLE, *COEFFICIENTS)
+    (
+        "projection",
+        "width",
+        "height",
+        "date",
+        COVARIANCE,
+        "cx",
+        "cy",
+        *OFFSET_STYLE,
+        *ABSOLUTE_STYLE,
+        *COEFFICIENTS,
+    )
 )
 MAX_BYTES = 1024 * 1024
 """A thousand times what Metashape writes."""
@@ -138,12 +151,14 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     size = context.size(fields.size())
     intrinsics, notes = _intrinsics(fields, size, context)
     assumptions = _order_tangential(fields, context)
+    distortion = _fisheye(fields) if projection == "fisheye" else _frame(fields)
     return [
         Calibration(
             camera=CameraKey(image_size=size),
             intrinsics=intrinsics,
-            distortion=_fisheye(fields) if projection == "fisheye" else _frame(fields),
+            distortion=distortion,
             grade=Grade.ADJUSTED,
+            quality=read_covariance(fields.elements.get(COVARIANCE), distortion),
             provenance=context.provenance(
                 date=fields.text("date") if "date" in fields else None, assumptions=assumptions
             ),
@@ -176,6 +191,8 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     rows += [(key.removeprefix(PREFIX), value) for key, value in calibration.extras if key.startswith(PREFIX)]
     if calibration.provenance.date:
         rows.append(("date", calibration.provenance.date))
+    if calibration.quality is not None:
+        rows += [(COVARIANCE, xml) for xml in [written_covariance(calibration.quality, distortion)] if xml]
     body = "".join(f"  {_element(name, value)}\n" for name, value in rows)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n{body}</calibration>\n'.encode()
 

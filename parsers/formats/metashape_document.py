@@ -27,23 +27,19 @@ Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loa
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from calibrary.calibration import Calibration, CameraKey, Grade, Quality
-from calibrary.distortion import BrownConrady, Distortion
+from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import agisoft_xml
+from calibrary.parsers.formats._metashape_covariance import COVARIANCE, read_covariance
 from calibrary.parsers.xml import parse_xml
 from calibrary.records import replace
 
@@ -58,7 +54,6 @@ MAX_BYTES = 12 * 1024 * 1024
 MAX_SENSORS = 1_000_000
 MAX_ELEMENTS = 256
 """In one calibration; Metashape writes twenty."""
-COVARIANCE = "covariance"
 PREFIX = "metashape_document/"
 HELD = "the calibration that the project was given and held fixed"
 START = "the value that the project started from; no photo was aligned with it, and it may rest on EXIF alone"
@@ -127,7 +122,7 @@ class _Sensor:
         initial = chosen.get("class") == "initial"
         try:
             [single] = agisoft_xml.read(self._as_file(chosen), context)
-            std = _standard_deviations(self._covariance(chosen), single.distortion)
+            quality = read_covariance(self._covariance(chosen), single.distortion)
             focal_mm = self._focal_mm()
         except InputError as error:
             place = f"{self.place}, {error.place}" if error.place else self.place
@@ -139,7 +134,7 @@ class _Sensor:
                 image_size=single.intrinsics.image_size, sub_camera=self.name, focal_mm=focal_mm
             ),
             grade=Grade.DERIVED if initial and not held else Grade.ADJUSTED,
-            quality=Quality(std=std) if std else None,
+            quality=quality,
             provenance=context.provenance(tag=self.place, date=single.provenance.date, tool=tool),
             notes=(*single.notes, *([HELD if held else START] if initial else [])),
             extras=tuple(
@@ -262,39 +257,6 @@ def _distinct(sensor: _Element) -> str:
     bands = [band.get("label", "") for band in sensor.iterfind("bands/band")]
     mark = bands[0] if len(bands) == 1 and bands[0] else f"sensor {sensor.get('id', '?')}"
     return f"{_label(sensor) or 'unknown'}, {mark}"
-
-
-def _standard_deviations(covariance: _Element | None, distortion: Distortion | None) -> Mapping[str, float]:
-    """The roots of the covariance's diagonal by the names of K and of the model, px for those of K.
-
-    A variance that is negative (the adjustment was near singular) is left out.
-    """
-    if covariance is None:
-        return {}
-    names = tuple((covariance.findtext("params") or "").split())
-    size = len(names)
-    if len(set(names)) != size or size > 32:
-        raise ParseError(f"its covariance is of {size} parameters, expected each once", place=COVARIANCE)
-    coefficients = strict.numbers(covariance.findtext("coeffs") or "", count=size**2, place=COVARIANCE)
-    matrix = np.array(coefficients).reshape(size, size)
-    place_of = {name: index for index, name in enumerate(names)}
-
-    def variance(*parts: str) -> float:
-        # The variance of a sum contains the covariances as well.
-        at = [place_of[name] for name in parts if name in place_of]
-        return float(matrix[np.ix_(at, at)].sum()) if parts[0] in place_of else math.nan
-
-    sums = {"fx": ("f", "b1"), "fy": ("f",), "skew": ("b2",), **dict(_lens_names(distortion))}
-    variances = {"cx": variance("cx"), "cy": variance("cy")}
-    variances |= {name: variance(*parts) for name, parts in sums.items()}
-    return {name: math.sqrt(value) for name, value in variances.items() if value >= 0}
-
-
-def _lens_names(distortion: Distortion | None) -> Iterator[tuple[str, tuple[str]]]:
-    """A coefficient of the model and Metashape's name for it."""
-    swapped = {"p1": "p2", "p2": "p1"} if isinstance(distortion, BrownConrady) else {}
-    for name in distortion.names() if distortion else ():
-        yield name, (swapped.get(name, name),)
 
 
 FORMAT = Format(

@@ -12,6 +12,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import (
     BrownConrady,
+    Distortion,
     KannalaBrandt,
     MetashapeFrame,
     NoDistortion,
@@ -20,6 +21,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import MissingTagError, ParseError, UnknownFormatError, UnsupportedModelError
 from calibrary.parsers.format import Fidelity
+from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, SIZE, camera
 
@@ -298,3 +300,59 @@ def test_a_lens_that_metashape_lacks_is_refitted_within_the_limit() -> None:
 
 def test_the_size_a_file_states_is_the_image_size() -> None:
     assert read(xml(FRAME)).camera.image_size == SIZE
+
+
+def _measured(kappa2: float | None = None, distortion: Distortion = BROWN) -> Calibration:
+    names = ("fx", "fy", "cx", "cy", *distortion.names())
+    sizes = np.array([1.0, 1.1, 0.6, 0.7, *(1e-4 for _ in distortion.names())])
+    root = np.random.default_rng(5).normal(size=(len(names), len(names))) * sizes
+    covariance = Covariance.from_matrix(names, root.T @ root)
+    return replace(
+        camera(distortion),
+        quality=Quality(std=covariance.std, covariance=covariance, kappa2=kappa2),
+    )
+
+
+def _written(calibration: Calibration) -> bytes:
+    return parsers.encode([calibration], "agisoft_xml")[0]
+
+
+@pytest.mark.parametrize("distortion", [BROWN, KannalaBrandt(k1=0.03, k2=-0.01, k3=0.002, k4=0.0)])
+def test_a_covariance_comes_back_as_it_was_written(distortion: Distortion) -> None:
+    before = _measured(distortion=distortion)
+    after = read(_written(before))
+    assert before.quality is not None
+    assert before.quality.covariance is not None
+    assert after.quality is not None
+    assert after.quality.covariance is not None
+    assert after.quality.covariance.names == before.quality.covariance.names
+    np.testing.assert_allclose(
+        after.quality.covariance.matrix, before.quality.covariance.matrix, rtol=1e-9, atol=1e-18
+    )
+    assert dict(after.quality.std) == pytest.approx(dict(before.quality.std), rel=1e-9)
+
+
+def test_the_variance_factor_becomes_part_of_the_covariance() -> None:
+    after = read(_written(_measured(kappa2=4.0)))
+    alone = read(_written(_measured()))
+    assert after.quality is not None
+    assert alone.quality is not None
+    assert after.quality.kappa2 is None
+    assert dict(after.quality.std) == pytest.approx(
+        {name: 2 * value for name, value in alone.quality.std.items()}, rel=1e-9
+    )
+
+
+def test_a_covariance_that_metashapes_parameters_cannot_say_is_not_written() -> None:
+    lens = Rational(k1=-0.1, k2=0.02, p1=0.0, p2=0.0, k3=0.001, k4=0.0, k5=0.0, k6=0.0)
+    before = _measured(distortion=lens)
+    assert b"covariance" not in _written(before)
+
+
+def test_a_matrix_that_is_no_covariance_gives_standard_deviations_alone() -> None:
+    covariance = "<covariance><params>f cx</params><coeffs>1 5 5 4</coeffs></covariance>"
+    data = xml(FRAME).replace(b"</calibration>", covariance.encode() + b"</calibration>")
+    quality = read(data).quality
+    assert quality is not None
+    assert quality.covariance is None
+    assert dict(quality.std) == {"fx": 1.0, "fy": 1.0, "cx": 2.0}
