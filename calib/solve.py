@@ -7,6 +7,7 @@ which are the ones that show that it is too simple.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.geometry import duplicates
 from calibrary.calib.lens_change import as_model, widest_angle
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.model_choice import FISHEYE_FROM_RAD, Candidate, WarpTest, best_model, warp_test
+from calibrary.calib.model_choice import FISHEYE_FROM_RAD, SPHERES, Candidate, WarpTest, best_model, warp_test
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.rejection import Gate, screened
 from calibrary.calib.start import start
@@ -42,6 +43,9 @@ ALL: Final = (
 """To choose from. Nothing leaner than full Brown: of a coefficient too small to be seen its standard deviation says so,
 and one that is set to zero for being small moves fx and the frame's edge by up to 11 σ of what is then stated."""
 PERSPECTIVE: Final = tuple(model for model in ALL if not model.is_omnidirectional)
+POLYNOMIAL: Final = tuple(model for model in ALL if model not in SPHERES)
+SPHERES_FROM_RAD: Final = math.radians(65)
+"""Up to here a model whose fx is a pinhole's serves all programs; the sphere models' fx is (1 + ξ) times that."""
 POOR_START_PX: Final = 2.0
 """A perspective start that misses by more than this may be no perspective camera at all: a fisheye is tried."""
 
@@ -135,7 +139,10 @@ def choices(current: Adjusted, model: Solvable | None) -> Sequence[Solvable]:
     """The models to choose from for these corners: the one that was asked for, or those that may differ here."""
     if model is not None:
         return (model,)
-    return ALL if widest_angle(current) > FISHEYE_FROM_RAD else PERSPECTIVE
+    widest = widest_angle(current)
+    if widest <= FISHEYE_FROM_RAD:
+        return PERSPECTIVE
+    return ALL if widest > SPHERES_FROM_RAD else POLYNOMIAL
 
 
 def _first(

@@ -77,6 +77,11 @@ def test_a_decentred_fisheye_is_given_to_mei_and_a_centred_one_is_not(field_deg:
     assert {one.model for one in polynomial.candidates}.isdisjoint({Solvable.MEI, Solvable.DOUBLE_SPHERE})
 
 
+def test_below_65_degrees_off_the_axis_k_stays_that_of_a_pinhole() -> None:
+    result = _solved(Solvable.MEI, 95, "auto")
+    assert {one.model for one in result.candidates} <= {Solvable.BROWN, Solvable.RATIONAL, Solvable.FISHEYE}
+
+
 def test_a_fisheye_polynomial_for_a_decentred_lens_does_not_pass() -> None:
     assert _solved(Solvable.MEI, 190, "fisheye").verdict is not BoardVerdict.PASS
 
