@@ -35,7 +35,7 @@ def stated_relatives(frames: Mapping[str, Path]) -> Rig | None:
         cameras=(
             RigCamera(name=first),
             *(
-                RigCamera(name=name, pose=RigPose.of(turns[name] @ turns[first].T, np.zeros(3)))
+                RigCamera(name=name, pose=RigPose.of(turns[name].T @ turns[first], np.zeros(3)))
                 for name in others
             ),
         )
