@@ -36,8 +36,10 @@ LIBRARIES = {
     "cv2": Library(name="OpenCV", extras=("calibrate", "opencv"), floor=(4, 10)),
     "PIL": Library(name="Pillow", extras=("calibrate",)),
     "distributed": Library(name="Dask.distributed", extras=("cluster",)),
+    "fsspec": Library(name="fsspec", extras=("remote",)),
     "jinja2": Library(name="Jinja2", extras=("pages",)),
     "matplotlib": Library(name="Matplotlib", extras=("pages",)),
+    "obstore": Library(name="obstore", extras=("remote",)),
 }
 """By the name they are imported by."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -16,6 +16,7 @@ from calibrary.jobs.extract.outputs import STALE, Outputs, check_place, plan
 from calibrary.jobs.extract.report import encode, report_of
 from calibrary.jobs.extract.run import Request, run
 from calibrary.jobs.images.folders import SkippedFile
+from calibrary.jobs.images.places import place_of
 from calibrary.policy import FLEET
 from calibrary.progress import Progress
 from calibrary.records import Json, replace, to_json
@@ -112,8 +113,9 @@ def write_outputs(outputs: Outputs) -> None:
 
 
 def extract(
-    images: PathLike | Sequence[PathLike],
+    images: PathLike | Sequence[PathLike] = (),
     *,
+    lines: Iterable[str] | None = None,
     sensor_mm: tuple[float | None, float | None] | None = None,
     policy: PolicyLike = FLEET,
     fallback_k: PathLike | None = None,
@@ -131,7 +133,8 @@ def extract(
     """Derive and validate one K per camera from what images say of themselves; no pixel is decoded.
 
     Args:
-        images: a folder, an image, or a list of images and folders.
+        images: a folder, an archive (zip, tar), a URL (https, s3, gs, az, …), an image, or a list of those.
+        lines: more of them, one a line, as an open file gives them.
         sensor_mm: (width, height) of the sensor, for images of one camera that do not state it.
         policy: what K is judged by: a policy, "fleet", "source" or a policy file.
         fallback_k: a calibrated K (.npy) for when the images yield none.
@@ -164,7 +167,7 @@ def extract(
     return ExtractResult(
         run(
             Request(
-                images=tuple(Path(path) for path in given),
+                images=tuple(place_of(path) for path in given),
                 sensor_mm=sensor_mm or (None, None),
                 policy=policy_of(policy),
                 fallback_k=Path(fallback_k) if fallback_k is not None else None,
@@ -178,6 +181,7 @@ def extract(
                 scheduler=scheduler,
                 cluster=cluster,
                 progress=progress,
+                lines=lines,
             )
         )
     )

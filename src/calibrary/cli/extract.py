@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag
 from calibrary.cli.registry.place import add_layers_flag
+from calibrary.errors import InputError
 
 if TYPE_CHECKING:
     from calibrary.policy import Policy
@@ -23,6 +26,8 @@ examples:
   calibrary extract flight/ --sensor-width-mm 13.2 --sensor-height-mm 8.8
   calibrary extract flight/ --registry ../fleet-registry --hand-off colmap
   calibrary extract flight/ --html flight.html   the same as a page to show
+  calibrary extract s3://bucket/2024/ --resume parts   images where they lie; go on where it left off
+  find . -name '*.JPG' | calibrary extract --from -
 
 exit code 0: every image has a valid K; 1: at least one has not, cannot be read, or nothing could be handed off;
 3: some were not read, because the processes that did were killed; the report has the others.
@@ -50,7 +55,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_image_flags(parser: argparse.ArgumentParser) -> None:
     """What is read. Eight flags, here and below, have the source document's names and defaults."""
     images = parser.add_argument_group("which images")
-    images.add_argument("folder", nargs="?", metavar="DIR", help="folder of images (default: ./input/)")
+    images.add_argument(
+        "folder",
+        nargs="?",
+        metavar="DIR",
+        help="folder of images, zip or tar file, or URL (https://, s3://, gs://, az://, …) (default: ./input/)",
+    )
+    images.add_argument(
+        "--from",
+        dest="list_file",
+        metavar="FILE",
+        help="read the images, folders and URLs that FILE names, one a line; - is standard input",
+    )
     images.add_argument("--image-dir", default=IMAGE_DIR, metavar="DIR", help="the same as DIR, as a flag")
     images.add_argument("--recursive", action="store_true", help="go into sub-folders")
     images.add_argument(
@@ -195,9 +211,10 @@ def run(arguments: argparse.Namespace) -> int:
     check_place(matrix)
     if arguments.html is not None:
         check_page_place(arguments.html)
-    with Display(out(arguments), note(arguments)) as display:
+    with _lines(arguments) as lines, Display(out(arguments), note(arguments)) as display:
         result = extract(
-            _folder(arguments),
+            _given(arguments),
+            lines=lines,
             sensor_mm=_sensor(arguments),
             policy=_policy(arguments),
             fallback_k=arguments.fallback_k or None,
@@ -225,12 +242,30 @@ def run(arguments: argparse.Namespace) -> int:
     return outputs.exit_code
 
 
-def _folder(arguments: argparse.Namespace) -> Path:
-    if arguments.folder is None:
-        return Path(arguments.image_dir)
-    if arguments.image_dir is not IMAGE_DIR:
+def _given(arguments: argparse.Namespace) -> list[str]:
+    """What is to be read besides a list."""
+    if arguments.folder is not None and arguments.image_dir is not IMAGE_DIR:
         arguments.parser.error("DIR and --image-dir are the same; give one of them")
-    return Path(arguments.folder)
+    if arguments.folder is not None:
+        return [arguments.folder]
+    return [] if arguments.list_file and arguments.image_dir is IMAGE_DIR else [arguments.image_dir]
+
+
+@contextmanager
+def _lines(arguments: argparse.Namespace) -> Iterator[Iterable[str] | None]:
+    """The lines of --from."""
+    if arguments.list_file is None:
+        yield None
+    elif arguments.list_file == "-":
+        yield sys.stdin
+    else:
+        try:
+            file = Path(arguments.list_file).open(encoding="utf-8", errors="surrogateescape")  # noqa: SIM115  below
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(f"cannot be read: {reason}", source=arguments.list_file) from None
+        with file:
+            yield file
 
 
 def _sensor(arguments: argparse.Namespace) -> tuple[float | None, float | None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +22,7 @@ from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.jobs.images.cluster import PIECE, connected
 from calibrary.jobs.images.listing import LISTED, Listing
 from calibrary.jobs.images.observation import path_order
+from calibrary.jobs.images.places import shown
 from calibrary.jobs.images.reading import Engine, Question, Reading, here, read_images
 from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress, counted, log, stage
@@ -38,7 +39,8 @@ class Request:
     """What to do.
 
     Attributes:
-        images: a folder, or images and folders.
+        images: a folder, an archive or a URL, or images and any number of those.
+        lines: more images, one a line.
         sensor_mm: (width, height) the user stated; a side or both None where not stated.
         policy: what K is held against.
         fallback_k: a .npy with K for when the images yield none.
@@ -54,7 +56,7 @@ class Request:
         progress: called with (images read, images in all, "images").
     """
 
-    images: tuple[Path, ...]
+    images: tuple[Path | str, ...]
     sensor_mm: tuple[float | None, float | None] = (None, None)
     policy: Policy = FLEET
     fallback_k: Path | None = None
@@ -65,6 +67,7 @@ class Request:
     strict: bool = False
     list_images: bool = False
     partials: Path | None = None
+    lines: Iterable[str] | None = field(default=None, compare=False)
     scheduler: str | None = None
     cluster: str | None = None
     progress: Progress | None = field(default=None, compare=False)
@@ -83,13 +86,16 @@ def run(request: Request) -> Extraction:
     listing = Listing(
         request.images,
         recursive=request.recursive,
+        lines=request.lines,
         keep=may_be_calibration,
         versions=request.partials is not None,
     )
     if listing.known == 0:
         hint = "" if request.recursive else "; if they lie in sub-folders, add --recursive"
-        source = ", ".join(map(str, request.images))
-        raise InputError(f"contains no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source)
+        source = ", ".join(shown(one) if isinstance(one, str) else str(one) for one in request.images)
+        raise InputError(
+            f"contains no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source or "the list"
+        )
     reading = _read(listing, request, days=knowledge.has_registry)
     with stage("derived and judged K"):
         return judge_images(reading, listing, request, knowledge=knowledge, matrix=matrix)

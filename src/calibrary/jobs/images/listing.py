@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
 from typing import TypeAlias
 
 from calibrary.errors import InputError
+from calibrary.jobs.images.archives import archive_of, members
 from calibrary.jobs.images.folders import SkippedFile, walk
 from calibrary.jobs.images.observation import Image, path_order
+from calibrary.jobs.images.places import images_at, place_of, shown
 from calibrary.parsers.image_names import is_image
+from calibrary.records import replace
 
 __all__ = ["LISTED", "Listing"]
 
@@ -33,36 +36,40 @@ class Listing:
 
     def __init__(
         self,
-        given: Sequence[Path],
+        given: Sequence[Path | str],
         *,
         recursive: bool,
+        lines: Iterable[str] | None = None,
         keep: Keep | None = None,
         versions: bool = False,
     ) -> None:
         """Finds the first images.
 
         Args:
-            given: a folder, or images and folders.
+            given: a folder, an archive or a URL, or images and any number of those.
             recursive: go into sub-folders.
+            lines: more of them, one a line; empty lines and those that begin with # are passed over.
             keep: says of another file whether it is remembered.
             versions: say of each image what changes when it does.
 
         Raises:
             InputError: none is given, or one is not there or cannot be read; a sub-folder is passed over then.
         """
-        if not given:
+        if not given and lines is None:
             raise InputError("no image was given; expected a folder, or a list of images")
         self._recursive, self._keep, self._versions = recursive, keep, versions
         self._beside: dict[Path, None] = {}
         self.unreadable: list[SkippedFile] = []
-        if len(given) == 1 and not given[0].is_file():
-            [self.root] = self.folders = tuple(given)
+        paths = [one for one in given if isinstance(one, Path)]
+        if len(paths) == len(given) == 1 and not paths[0].is_file():
+            [self.root] = self.folders = tuple(paths)
         else:
             # Made absolute without following links: a name in the report is the one that was given.
-            given = [Path(os.path.abspath(one)) for one in given]  # noqa: PTH100
-            self.folders = tuple(dict.fromkeys(one.parent if one.is_file() else one for one in given))
-            self.root = Path(os.path.commonpath(self.folders))
-        images = self._found(given)
+            given = [Path(os.path.abspath(one)) if isinstance(one, Path) else one for one in given]  # noqa: PTH100
+            folders = (one.parent if one.is_file() else one for one in given if isinstance(one, Path))
+            self.folders = tuple(dict.fromkeys(folders))
+            self.root = Path(os.path.commonpath(self.folders)) if self.folders else Path()
+        images = chain(self._found(given, self.root), self._listed(lines or ()))
         first = list(islice(images, LISTED + 1))
         self.known = len({image.id for image in first}) if len(first) <= LISTED else None
         self._images = chain(first, images)
@@ -77,24 +84,41 @@ class Listing:
         named = {path: path.relative_to(self.root).as_posix() for path in self._beside}
         return tuple(sorted(named, key=lambda path: path_order(named[path])))
 
-    def _found(self, given: Sequence[Path]) -> Iterator[Image]:
+    def _found(self, given: Sequence[Path | str], root: Path | None) -> Iterator[Image]:
+        """The images of what was given; names are below ``root``, without one as they were given."""
         walked: set[Path] = set()
         parents: set[Path] = set()
         for one in given:
-            if one.is_file():
+            archive = archive_of(one)
+            if archive is not None:
+                above = "" if len(given) == 1 and root is not None else f"{archive[1].as_posix()}/"
+                yield from (Image(above + name, place) for name, place in members(*archive))
+            elif isinstance(one, str):
+                below = images_at(one)
+                many = len(given) > 1 or root is None
+                yield from (replace(image, name=shown(image.place)) if many else image for image in below)
+            elif one.is_file() or (root is None and not one.is_dir()):
                 parents.add(one.parent)
                 place, real = f"{os.path.realpath(one.parent)}/{one.name}", os.path.realpath(one)
-                name = one.relative_to(self.root).as_posix()
-                yield Image(name, place, real if real != place else None, self._version(one))
+                name = one.relative_to(root) if root is not None else one
+                yield Image(name.as_posix(), place, real if real != place else None, self._version(one))
             elif one not in walked:
                 walked.add(one)
-                yield from self._images_of(one, unreadable=self.unreadable)
-        for folder in parents - walked:
-            for _ in self._images_of(folder, unreadable=[]):
+                yield from self._images_of(one, root, unreadable=self.unreadable)
+        for folder in parents - walked if root is not None else ():
+            for _ in self._images_of(folder, root, unreadable=[]):
                 pass
 
-    def _images_of(self, folder: Path, *, unreadable: list[SkippedFile]) -> Iterator[Image]:
-        above = folder.relative_to(self.root).as_posix()
+    def _listed(self, lines: Iterable[str]) -> Iterator[Image]:
+        for line in lines:
+            text = line.rstrip("\r\n")
+            if text.strip() and not text.startswith("#"):
+                yield from self._found([place_of(text)], None)
+
+    def _images_of(
+        self, folder: Path, root: Path | None, *, unreadable: list[SkippedFile]
+    ) -> Iterator[Image]:
+        above = (folder.relative_to(root) if root is not None else folder).as_posix()
         above = "" if above == "." else f"{above}/"
         real = os.path.realpath(folder)
         for entry in walk(folder, recursive=self._recursive, unreadable=unreadable):

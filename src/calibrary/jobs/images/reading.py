@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,13 +13,16 @@ from typing import TypeAlias
 from calibrary.errors import InputError
 from calibrary.jobs.images.accumulator import Accumulator, Flight
 from calibrary.jobs.images.observation import Image, Observation, observe
+from calibrary.jobs.images.places import is_remote, open_place
+from calibrary.jobs.images.ranged import StoreError
 from calibrary.jobs.images.units import Partials, Unit, batches, shards
-from calibrary.parsers.imagery.source import open_source
 from calibrary.workers import mapped_on
 
 __all__ = ["BATCH", "Done", "Engine", "Question", "Reading", "gather", "here", "read_images", "read_unit"]
 
 BATCH = 64
+AT_ONCE = 32
+"""Requests of one process that are under way together: at 20 ms each, as many answers as it has time to read."""
 WORTH_A_POOL = 400
 """Below this many images starting workers costs more than it saves."""
 KILLED = "not read: the process that read it was killed, and again when it was tried anew"
@@ -173,20 +177,31 @@ def _mapped(read: Read, units: Iterator[Unit], workers: int) -> Iterator[tuple[U
 def read_unit(unit: Unit, *, question: Question) -> Accumulator:
     """What some images say, read by this process."""
     part = Accumulator(list_all=question.list_all)
-    for image in unit.images:
-        part.add(_read(image, days=question.days))
+    read = partial(_read, days=question.days)
+    near = [image for image in unit.images if not is_remote(image.place)]
+    far = [image for image in unit.images if is_remote(image.place)]
+    for image in near:
+        part.add(read(image))
+    if far:
+        # Threads wait for answers side by side; their connections are kept for the next piece.
+        with ThreadPoolExecutor(min(AT_ONCE, len(far))) as pool:
+            for observation in pool.map(read, far):
+                part.add(observation)
     return part
 
 
 def _read(image: Image, *, days: bool) -> Observation:
+    passing = False
     try:
-        with open_source(image.place) as source:
+        with open_place(image.place) as source:
             return observe(source, image, days=days)
     except InputError as error:
         reason = error.message
+    except StoreError as error:
+        reason, passing = error.message, error.passing
     except OSError as error:
         reason = f"cannot be read: {error.strerror or error}"
-    return Observation(id=image.id, name=image.name, reason=reason)
+    return Observation(id=image.id, name=image.name, reason=reason, passing=passing)
 
 
 def _unread(unit: Unit | None, question: Question) -> Accumulator:

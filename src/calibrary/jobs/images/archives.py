@@ -1,0 +1,124 @@
+"""Images inside zip and tar files, read without unpacking them."""
+
+from __future__ import annotations
+
+import io
+import tarfile
+import threading
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import BinaryIO, Final, cast
+
+from calibrary.errors import InputError
+from calibrary.parsers.image_names import is_image
+from calibrary.parsers.imagery.source import Source
+
+__all__ = ["ARCHIVES", "archive_of", "members", "open_member"]
+
+ARCHIVES: Final = {".zip": "zip", ".tar": "tar"}
+LARGEST: Final = 1 << 32
+"""A compressed member can be read from its beginning only: one that claims more is no image."""
+_BETWEEN: Final = "!/"
+
+
+def archive_of(given: Path | str) -> tuple[str, Path] | None:
+    """The kind of archive and its file, if ``given`` is one: by a URL such as zip://flight.zip, or by its suffix."""
+    text = str(given)
+    kind, separator, path = text.partition("://")
+    if separator and kind in {"zip", "tar"}:
+        return kind, Path(path)
+    suffix = Path(text).suffix.lower()
+    return (ARCHIVES[suffix], Path(text)) if suffix in ARCHIVES and Path(text).is_file() else None
+
+
+def members(kind: str, archive: Path) -> Iterator[tuple[str, str]]:
+    """The images in an archive: their names, and the place to open each by.
+
+    Raises:
+        InputError: it is not there, or is no such archive.
+    """
+    real = archive.resolve()
+    try:
+        if kind == "zip":
+            for member in _zip(str(real)).infolist():
+                if not member.is_dir() and _is_wanted(member.filename):
+                    yield member.filename, f"zip://{real}{_BETWEEN}{member.filename}"
+            return
+        with tarfile.open(real, "r:") as opened:
+            for part in opened:
+                # "tar -c ." writes ./ before every name.
+                name = part.name.removeprefix("./")
+                if part.isreg() and not part.sparse and _is_wanted(name):
+                    yield name, f"tar://{real}{_BETWEEN}{part.offset_data}+{part.size}{_BETWEEN}{name}"
+    except tarfile.ReadError:
+        reason = "is no tar file; a compressed one has to be unpacked first, or made a zip file"
+        raise InputError(reason, source=str(archive)) from None
+    except (OSError, zipfile.BadZipFile) as error:
+        reason = getattr(error, "strerror", None) or "is no zip file"
+        raise InputError(f"cannot be read: {reason}", source=str(archive)) from None
+
+
+def _is_wanted(name: str) -> bool:
+    return is_image(Path(name)) and not any(part.startswith(".") for part in name.split("/"))
+
+
+@contextmanager
+def open_member(place: str) -> Iterator[Source]:
+    """One image of an archive, by the place that :func:`members` gave.
+
+    Raises:
+        InputError: the archive cannot be read, or the image in it.
+    """
+    kind, _, rest = place.partition("://")
+    archive, _, member = rest.partition(_BETWEEN)
+    name = member.rpartition("/")[2]
+    try:
+        if kind == "tar":
+            at, _, _ = member.partition(_BETWEEN)
+            start, size = (int(number) for number in at.split("+"))
+            with Path(archive).open("rb", buffering=0) as file:
+                yield Source(cast("BinaryIO", _Part(file, start, size)), name=name, size=size)
+            return
+        info = _zip(archive).getinfo(member)
+        if info.file_size > LARGEST:
+            raise InputError(f"claims {info.file_size} bytes, which no image has", source=name)
+        with _zip(archive).open(info) as opened:
+            yield Source(cast("BinaryIO", opened), name=name, size=info.file_size)
+    except (OSError, EOFError, zlib.error, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        reason = "is encrypted" if "encrypted" in str(error) else "is damaged in its archive"
+        raise InputError(f"cannot be read: {reason}", source=name) from None
+    except KeyError:
+        raise InputError("is not in its archive any more", source=name) from None
+
+
+class _Part:
+    """A part of a file as a file."""
+
+    def __init__(self, file: io.FileIO, start: int, size: int) -> None:
+        self._file, self._start, self._size, self._at = file, start, size, 0
+
+    def seek(self, offset: int) -> None:
+        self._at = offset
+
+    def read(self, size: int) -> bytes:
+        self._file.seek(self._start + self._at)
+        return self._file.read(max(0, min(size, self._size - self._at)))
+
+
+_OPEN = threading.Lock()
+
+
+def _zip(path: str) -> zipfile.ZipFile:
+    """An open archive: its directory is read once a process."""
+    with _OPEN:
+        status = Path(path).stat()
+        return _opened(path, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=8)
+def _opened(path: str, _modified: int, _size: int) -> zipfile.ZipFile:
+    return zipfile.ZipFile(path)

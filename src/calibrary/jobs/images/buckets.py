@@ -1,0 +1,155 @@
+"""Images in object stores: S3, Google and Azure through obstore, every other kind through fsspec.
+
+Credentials come as each store's own programs take them, from the environment or the machine's role, and never from
+here; what a store says of an error is put into our own words, since its own may quote a signed URL.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import cache
+from importlib import import_module
+from typing import Any, Final
+
+from calibrary.extras import require
+from calibrary.jobs.images.ranged import First, Listed, Store, StoreError
+
+__all__ = ["OBSTORE", "bucket"]
+
+OBSTORE: Final = frozenset({"s3", "s3a", "gs", "az", "azure", "abfs", "abfss", "adl"})
+NEEDS: Final = "reading images from object stores"
+_STATUS = re.compile(r"status code: ([45]\d\d)\b")
+
+
+@cache
+def bucket(scheme: str, netloc: str) -> Store:
+    """The store of a URL.
+
+    Raises:
+        MissingExtraError: the library for it is not installed.
+        StoreError: it is not set up.
+    """
+    if scheme in OBSTORE:
+        require(["obstore"], NEEDS)
+        return _Bucket(f"{scheme}://{netloc}")
+    require(["fsspec"], NEEDS)
+    return _FileSystem(scheme, netloc)
+
+
+class _Bucket:
+    """One bucket or container by obstore."""
+
+    def __init__(self, url: str) -> None:
+        self._obstore: Any = import_module("obstore")
+        self._errors: Any = import_module("obstore.exceptions")
+        try:
+            # Attempts are counted in one place, for every kind of store.
+            self._store = import_module("obstore.store").from_url(url, retry_config={"max_retries": 0})
+        except (OSError, ValueError, self._errors.BaseError) as error:
+            raise StoreError(f"the store is not set up: {type(error).__name__}") from None
+
+    def first(self, key: str, size: int) -> First:
+        """So many bytes from the beginning, and what file it is."""
+        try:
+            found = self._obstore.get(self._store, key, options={"range": (0, size)})
+            data = bytes(found.bytes())
+            meta = found.meta
+        except (OSError, ValueError, self._errors.BaseError) as error:
+            raise self._told(error) from None
+        if len(data) != min(size, meta["size"]):
+            raise StoreError(f"the store sent {len(data)} of {min(size, meta['size'])} bytes", passing=True)
+        return First(data, meta["size"], meta["e_tag"])
+
+    def part(self, key: str, start: int, end: int, version: str | None) -> bytes:
+        """The bytes from ``start`` to before ``end`` of that very version."""
+        options = {"range": (start, end)} | ({"if_match": version} if version else {})
+        try:
+            return bytes(self._obstore.get(self._store, key, options=options).bytes())
+        except (OSError, ValueError, self._errors.BaseError) as error:
+            raise self._told(error) from None
+
+    def listed(self, prefix: str) -> Iterator[Listed]:
+        """Every file below a prefix, in the order of the keys' bytes."""
+        try:
+            for chunk in self._obstore.list(self._store, prefix=prefix or None, chunk_size=1000):
+                for one in chunk:
+                    version = one["e_tag"] or f"{one['size']}-{one['last_modified']}"
+                    yield Listed(one["path"], version)
+        except (OSError, ValueError, self._errors.BaseError) as error:
+            raise self._told(error) from None
+
+    def _told(self, error: Exception) -> StoreError:
+        errors = self._errors
+        if isinstance(error, errors.NotFoundError | FileNotFoundError):
+            return StoreError("is not there (404)")
+        if isinstance(error, errors.PermissionDeniedError | errors.UnauthenticatedError | PermissionError):
+            return StoreError("access is denied (403)")
+        if isinstance(error, errors.PreconditionError):
+            return StoreError("was changed while it was read (412)")
+        status = _STATUS.search(str(error))
+        if status is not None and status[1] in {"401", "403"}:
+            return StoreError(f"access is denied ({status[1]})")
+        if status is not None and status[1] == "416":
+            return StoreError("is empty, or was cut while it was read (416)")
+        told = f"the store cannot be read ({status[1] if status else type(error).__name__})"
+        return StoreError(told, passing=True)
+
+
+class _FileSystem:
+    """Any other kind of storage by its fsspec library."""
+
+    def __init__(self, scheme: str, netloc: str) -> None:
+        self._above = netloc
+        try:
+            fsspec: Any = import_module("fsspec")
+            options = fsspec.core.url_to_fs(f"{scheme}://{netloc}/")
+        except ImportError as error:
+            raise StoreError(f"{scheme}:// needs another library: {str(error).splitlines()[0]}") from None
+        except ValueError:
+            raise StoreError(f"{scheme}:// is no storage that fsspec knows") from None
+        self._system, self._above = options[0], options[1].rstrip("/")
+
+    def first(self, key: str, size: int) -> First:
+        """So many bytes from the beginning, and what file it is."""
+        try:
+            found = self._system.info(self._path(key))
+            if found["type"] != "file":
+                raise StoreError("is no file")
+            data = bytes(self._system.cat_file(self._path(key), start=0, end=min(size, found["size"])))
+            return First(data, found["size"], self._version(found))
+        except (OSError, ValueError) as error:
+            raise self._told(error) from None
+
+    def part(self, key: str, start: int, end: int, version: str | None) -> bytes:
+        """The bytes from ``start`` to before ``end`` of that very version."""
+        try:
+            data = bytes(self._system.cat_file(self._path(key), start=start, end=end))
+            if self._version(self._system.info(self._path(key))) != version:
+                raise StoreError("was changed while it was read")
+        except (OSError, ValueError) as error:
+            raise self._told(error) from None
+        return data
+
+    def listed(self, prefix: str) -> Iterator[Listed]:
+        """Every file below a prefix, in the order of the keys' bytes."""
+        try:
+            found = self._system.find(self._path(prefix), detail=True)
+        except (OSError, ValueError) as error:
+            raise self._told(error) from None
+        for path in sorted(found):
+            yield Listed(path.removeprefix(self._above).lstrip("/"), self._version(found[path]))
+
+    def _path(self, key: str) -> str:
+        return f"{self._above}/{key}"
+
+    def _version(self, found: dict[str, Any]) -> str | None:
+        stated = found.get("ETag") or found.get("etag") or found.get("mtime") or found.get("created")
+        return f"{found.get('size')}-{stated}"
+
+    def _told(self, error: Exception) -> StoreError:
+        if isinstance(error, FileNotFoundError):
+            return StoreError("is not there")
+        if isinstance(error, PermissionError):
+            return StoreError("access is denied")
+        return StoreError(f"the store cannot be read ({type(error).__name__})", passing=True)

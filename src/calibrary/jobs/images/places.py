@@ -1,0 +1,102 @@
+"""Opening an image where it lies: on a disk, in an archive, behind a URL."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
+
+from calibrary.errors import InputError
+from calibrary.jobs.images.archives import open_member
+from calibrary.jobs.images.buckets import bucket
+from calibrary.jobs.images.observation import Image
+from calibrary.jobs.images.ranged import Store, StoreError, opened
+from calibrary.jobs.images.web import web_server
+from calibrary.parsers.image_names import is_image
+from calibrary.parsers.imagery.source import Source, open_source
+
+__all__ = ["images_at", "is_remote", "is_url", "open_place", "place_of", "shown"]
+
+
+def is_url(given: object) -> bool:
+    """Whether something names an image by a URL and not by a path."""
+    return "://" in str(given)
+
+
+def place_of(given: str | Path) -> str | Path:
+    """What was given as an image or a folder: a URL as it is, all else as a path."""
+    text = str(given)
+    if text.startswith("file://"):
+        return Path(url2pathname(urlsplit(text).path))
+    return text if is_url(text) else Path(given)
+
+
+def is_remote(place: str) -> bool:
+    """Whether reading a place is mostly waiting for an answer."""
+    return is_url(place) and not place.startswith(("zip://", "tar://", "file://"))
+
+
+def open_place(place: str) -> AbstractContextManager[Source]:
+    """An image, open for the length of the block.
+
+    Raises:
+        InputError: it cannot be opened or read.
+        StoreError: a server does not give it.
+    """
+    if not is_url(place):
+        return open_source(place)
+    if place.startswith(("zip://", "tar://")):
+        return open_member(place)
+    store, key = _located(place)
+    return opened(store, key, key.partition("?")[0].rpartition("/")[2])
+
+
+def images_at(url: str) -> Iterator[Image]:
+    """The images that a URL means: itself, or all below it that have the suffix of an image.
+
+    Raises:
+        InputError: the store cannot be listed.
+    """
+    key = _key(url)
+    if _is_web(url) or is_image(Path(key)):
+        yield Image(shown(url), url)
+        return
+    above, prefix = url.rstrip("/"), f"{key.strip('/')}/" if key.strip("/") else ""
+    try:
+        store, _ = _located(url)
+        for found in store.listed(prefix.rstrip("/")):
+            below = found.key.removeprefix(prefix)
+            if found.key.startswith(prefix) and is_image(Path(below)) and not _is_hidden(below):
+                yield Image(below, f"{above}/{below}", None, found.version)
+    except StoreError as error:
+        raise InputError(f"cannot be listed: {error.message}", source=shown(url)) from None
+
+
+def shown(url: str) -> str:
+    """A URL as it may stand in a report: without a user, a password or a signature."""
+    scheme, _, rest = url.partition("://")
+    netloc, slash, key = rest.partition("/")
+    key = key.partition("?")[0].partition("#")[0] if _is_web(url) else key
+    return f"{scheme}://{netloc.rpartition('@')[2]}{slash}{key}"
+
+
+def _is_web(url: str) -> bool:
+    return url.startswith(("http://", "https://"))
+
+
+def _located(url: str) -> tuple[Store, str]:
+    parts = urlsplit(url)
+    if _is_web(url):
+        return web_server(parts.scheme, parts.netloc), _key(url).partition("#")[0]
+    return bucket(parts.scheme, parts.netloc), _key(url)
+
+
+def _key(url: str) -> str:
+    """What stands behind the bucket: names of objects may hold ?, # and %."""
+    return url.partition("://")[2].partition("/")[2]
+
+
+def _is_hidden(name: str) -> bool:
+    return any(part.startswith(".") for part in name.split("/"))

@@ -1,0 +1,139 @@
+"""Images in a bucket of a real S3 server on this machine."""
+
+from __future__ import annotations
+
+import json
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from calibrary.cli.main import main
+from calibrary.errors import InputError
+from calibrary.jobs.extract.report import encode, report_of
+from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.images import buckets, ranged
+from calibrary.jobs.images.buckets import bucket
+from calibrary.jobs.images.listing import Listing
+from calibrary.jobs.images.ranged import FIRST, StoreError
+from calibrary.records import to_json
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
+from tests.jobs.images.servers import moto
+
+SECRET = "geheimes-passwort"  # noqa: S105  of a server of our own
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[str]:
+    pytest.importorskip("obstore")
+    pytest.importorskip("moto")
+    with moto() as url:
+        yield url
+
+
+@pytest.fixture(scope="module")
+def flight(server: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("flight")
+    for number in range(9):
+        tags = P4R if number % 3 else NOBODY
+        picture(folder / f"100/{number:02}.jpg", dewarp=DEWARP if number % 2 else None, **tags)
+    (folder / "100/broken.jpg").write_bytes(b"no image")
+    made = urllib.request.Request(f"{server}/box", method="PUT")  # noqa: S310  http
+    urllib.request.urlopen(made).close()  # noqa: S310  http
+    for path in folder.rglob("*.jpg"):
+        put(server, f"fleet/{path.relative_to(folder).as_posix()}", path.read_bytes())
+    for name in ("fleet/notes.txt", "fleet/.thumbs/a.jpg", "fleets/other.jpg"):
+        put(server, name, b"no image")
+    return folder
+
+
+def put(server: str, key: str, data: bytes) -> None:
+    from_url = pytest.importorskip("obstore.store").from_url
+    keys = {"access_key_id": "a", "secret_access_key": "b", "region": "us-east-1"}
+    store = from_url("s3://box", endpoint=server, client_options={"allow_http": True}, **keys)
+    store.put(key, data)
+
+
+@pytest.fixture(autouse=True)
+def environment(server: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Credentials and address as the AWS programs take them."""
+    for name, value in {
+        "AWS_ENDPOINT_URL": server,
+        "AWS_ALLOW_HTTP": "true",
+        "AWS_REGION": "us-east-1",
+        "AWS_ACCESS_KEY_ID": "AKIAGEHEIM",
+        "AWS_SECRET_ACCESS_KEY": SECRET,
+    }.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(ranged, "WAITS_S", (0.0,))
+    bucket.cache_clear()
+    yield
+    bucket.cache_clear()
+
+
+def test_a_prefix_is_a_folder_and_its_report_that_of_the_same_files_here(flight: Path) -> None:
+    far, near = run(Request(images=("s3://box/fleet/",))), gate(flight, recursive=True)
+    assert encode(to_json(report_of(far, {}))) == encode(to_json(report_of(near, {})))
+    assert far.images == 10
+
+
+@pytest.mark.usefixtures("flight")
+def test_one_object_or_a_list_of_them_is_read() -> None:
+    assert run(Request(images=("s3://box/fleet/100/01.jpg",))).images == 1
+    lines = ["s3://box/fleet/100/01.jpg", "s3://box/fleet/", "s3://box/fleet/100/01.jpg"]
+    outcome = run(Request(images=(), lines=lines))
+    assert outcome.images == 10
+    assert outcome.cameras[0].camera.names[0].startswith("s3://box/fleet/100/")
+
+
+@pytest.mark.usefixtures("flight")
+def test_the_command_reads_a_bucket(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["extract", "s3://box/fleet/", "--dry-run", "--json"]) == 1
+    told = capsys.readouterr()
+    report = json.loads(told.out)
+    assert (report["images"], [row["file"] for row in report["rejected"]]) == (10, ["100/broken.jpg"])
+    assert SECRET not in told.out + told.err
+    assert "AKIA" not in told.out + told.err
+
+
+def test_a_later_run_reads_what_was_changed(flight: Path, server: str, tmp_path: Path) -> None:
+    request = Request(images=("s3://box/fleet/",), partials=tmp_path / "kept")
+    before = encode(to_json(report_of(run(request), {})))
+    assert encode(to_json(report_of(run(request), {}))) == before
+    put(server, "fleet/100/broken.jpg", (flight / "100/01.jpg").read_bytes())
+    assert run(request).rejected == ()
+    put(server, "fleet/100/broken.jpg", b"no image")
+
+
+@pytest.mark.usefixtures("flight")
+def test_what_is_not_there_is_told() -> None:
+    outcome = run(Request(images=(), lines=["s3://box/fleet/100/77.jpg", "s3://box/fleet/100/01.jpg"]))
+    assert [(row.name, row.reason) for row in outcome.rejected] == [
+        ("s3://box/fleet/100/77.jpg", "is not there (404)")
+    ]
+    with pytest.raises(InputError, match="contains no images"):
+        run(Request(images=("s3://box/nothing/",)))
+    with pytest.raises(InputError, match="cannot be listed"):
+        Listing(["s3://no-such-bucket/fleet/"], recursive=True)
+
+
+@pytest.mark.usefixtures("flight")
+def test_an_object_that_was_changed_is_not_mixed_with_what_it_was(server: str) -> None:
+    put(server, "long.jpg", bytes(1 << 18))
+    store = bucket("s3", "box")
+    first = store.first("long.jpg", FIRST)
+    assert (len(first.data), first.size) == (FIRST, 1 << 18)
+    assert store.part("long.jpg", FIRST, FIRST + 10, first.version) == bytes(10)
+    put(server, "long.jpg", b"\1" * (1 << 18))
+    with pytest.raises(StoreError, match="changed while"):
+        store.part("long.jpg", FIRST, FIRST + 10, first.version)
+
+
+def test_a_store_that_does_not_answer_is_told_without_its_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://user:geheim@127.0.0.1:9")
+    outcome = run(Request(images=("s3://box/a.jpg",)))
+    [row] = outcome.rejected
+    assert "the store cannot be read" in row.reason
+    assert "geheim" not in row.reason
+    assert {"s3", "gs", "az"} <= buckets.OBSTORE
