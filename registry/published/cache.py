@@ -5,7 +5,7 @@ Roots are kept by their address, all other files by their digest. The folder may
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import secrets
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -14,8 +14,7 @@ from typing import Final
 
 from platformdirs import user_cache_path
 
-from calibrary.atomic import write_files
-from calibrary.errors import CalibraryError, ParseError
+from calibrary.errors import ParseError
 from calibrary.records import Record, from_json
 from calibrary.registry.published.layout import Sha256, document_bytes, sha256
 from calibrary.strictjson import parse_json
@@ -71,7 +70,7 @@ class Cache:
 
     def keep_root(self, root: CachedRoot) -> None:
         """Keep a root in the place of the one before."""
-        self._keep({self._root_file(root.url): document_bytes(root)})
+        _write(self._root_file(root.url), document_bytes(root))
 
     def get(self, digest: str) -> bytes | None:
         """The file of a digest; None where there is none, or it was damaged."""
@@ -83,11 +82,7 @@ class Cache:
 
     def keep(self, data: bytes) -> None:
         """Keep a file by its digest."""
-        self._keep({self._file(sha256(data)): data})
-
-    def _keep(self, files: Mapping[Path, bytes]) -> None:
-        with suppress(CalibraryError, OSError):
-            write_files(files)
+        _write(self._file(sha256(data)), data)
 
     def _root_file(self, url: str) -> Path:
         return self.folder / "roots" / f"{sha256(url.encode('utf-8', 'surrogatepass'))[:32]}.json"
@@ -99,3 +94,15 @@ class Cache:
 def _read(file: Path) -> bytes:
     with file.open("rb") as opened:
         return opened.read(LARGEST)
+
+
+def _write(file: Path, data: bytes) -> None:
+    """Write a file whole, or not at all; that it outlives a loss of power takes no waiting, as it is verified again."""
+    temporary = file.with_name(f".{file.name[:40]}.{secrets.token_hex(4)}")
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            temporary.write_bytes(data)
+            temporary.replace(file)
+        finally:
+            temporary.unlink(missing_ok=True)

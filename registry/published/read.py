@@ -157,6 +157,8 @@ class Published:
     def _entries(self, digests: Sequence[str]) -> dict[str, bytes]:
         """Entries' files by their digests, several at a time."""
         wanted = list(dict.fromkeys(digests))
+        if len(wanted) <= 1:
+            return {digest: self._file(entry_path(digest), digest, LARGEST_ENTRY) for digest in wanted}
         with ThreadPoolExecutor(max_workers=AT_ONCE) as pool:
             files = pool.map(lambda digest: self._file(entry_path(digest), digest, LARGEST_ENTRY), wanted)
             return dict(zip(wanted, files, strict=True))

@@ -24,6 +24,7 @@ EXAMPLES = """\
 examples:
   calibrary registry publish public/                    then: calibrary registry resolve … --registry https://…
   calibrary registry publish --registry fleet/ /srv/www/cameras --sign ~/.ssh/id_ed25519
+  calibrary registry publish public/ --site             pages for people in the same folder, with links to the JSON
 
 Approved, held and retired entries are published, with the revisions that earlier days need; drafts are not. Only
 what changed is written, and the root file last. docs/publishing.md says how to serve and how to read it.
@@ -33,6 +34,9 @@ what changed is written, and the root file last. docs/publishing.md says how to 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("out", type=Path, metavar="OUT", help="the folder: new, empty, or published before")
+    parser.add_argument(
+        "--site", action="store_true", help="also write the pages of 'registry site' into the folder"
+    )
     parser.add_argument("--sign", type=Path, metavar="KEY", help="an ssh key to sign the root file with")
     parser.add_argument(
         "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
@@ -46,10 +50,14 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import note, out, plain
     from calibrary.records import to_json
 
+    registry = opened(arguments)
     with Bar(note(arguments), "publishing") as bar:
-        done: Publication = opened(arguments).publish(
+        done: Publication = registry.publish(
             arguments.out, key=arguments.sign, workers=arguments.workers, progress=bar
         )
+    if arguments.site:
+        with Bar(note(arguments), "making pages") as bar:
+            registry.write_site(arguments.out, workers=arguments.workers, progress=bar)
     if arguments.json:
         print_json(to_json(done))
         return 0

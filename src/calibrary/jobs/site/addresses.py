@@ -23,22 +23,25 @@ class Place:
 
     Attributes:
         stem: of its addresses.
+        is_published: whether the files that programs read are beside the site and have the entry.
     """
 
     stem: str
+    is_published: bool = False
 
     @classmethod
-    def of(cls, path: str, *, proper: bool) -> Place:
+    def of(cls, path: str, *, proper: bool, published: bool = False) -> Place:
         """The place of the entry at a path.
 
         Args:
             path: in the registry.
             proper: whether it is where its camera belongs; any other path may be what somebody wished to
                 write outside the site, or over another's page, and gets a number instead.
+            published: whether the files that programs read are beside the site.
         """
         stem = path.removeprefix(ROOT).removesuffix(SUFFIX)
         if proper and _SAFE.fullmatch(stem) and ".." not in stem:
-            return cls(stem=stem)
+            return cls(stem=stem, is_published=published)
         return cls(stem=f"elsewhere/{hashlib.sha256(path.encode('utf-8', 'surrogatepass')).hexdigest()[:16]}")
 
     @property

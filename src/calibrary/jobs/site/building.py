@@ -13,7 +13,7 @@ from pathlib import Path
 from calibrary.errors import InputError
 from calibrary.jobs.site.addresses import INDEX
 from calibrary.jobs.site.listing import listing
-from calibrary.jobs.site.place import MARKER, replaced
+from calibrary.jobs.site.place import MARKER, is_published, replaced
 from calibrary.jobs.site.work import Card, Job, Task, write_entries
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -67,7 +67,7 @@ def build(registry: Path, out: Path, *, workers: int | None = None, progress: Pr
         RegistryError: the registry cannot be read.
     """
     with replaced(out) as folder:
-        site = build_into(folder, registry, workers=workers, progress=progress)
+        site = build_into(folder, registry, published=is_published(out), workers=workers, progress=progress)
     return replace(site, root=out)
 
 
@@ -76,6 +76,7 @@ def build_into(
     registry: Path,
     *,
     former: Site | None = None,
+    published: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Site:
@@ -86,6 +87,7 @@ def build_into(
         registry: its folder.
         former: an earlier site of this registry by this process, whose pages are taken over where they are
             still true.
+        published: whether the files that programs read are beside it.
         workers: processes; by default one for each processor.
         progress: told how far it is.
 
@@ -103,6 +105,7 @@ def build_into(
         root=folder,
         made_by=f"Made by calibrary {version('calibrary')}.",
         former=former.root if former is not None else None,
+        published=published,
     )
     known = _still_true(repo, former, job) if former is not None else {}
     tasks = [

@@ -314,7 +314,7 @@ def _downloads(place: Place, files: Sequence[Download]) -> Iterator[Block]:
         caption="The calibration in every format that can contain it; each file was read back and compared",
         columns=(Column("format"), Column("file"), Column("contains"), Column("leaves out")),
         rows=tuple(
-            (file.title, Link(file.name, way(place.page, place.file(file.name))), file.remark, file.left_out)
+            (file.title, Link(file.name, _way(place, file, file.name)), file.remark, file.left_out)
             for file in held
             if file.name is not None
         ),
@@ -329,6 +329,10 @@ def _downloads(place: Place, files: Sequence[Download]) -> Iterator[Block]:
             text=f"calibrary convert {best} OUT --to FORMAT --max-error-px 0.2",
             label="The command that fits another lens model, from a file of this table",
         )
+
+
+def _way(place: Place, file: Download, name: str) -> str:
+    return way(place.page, file.address if file.address is not None else place.file(name))
 
 
 def _origin(calibration: Calibration) -> str:

@@ -26,6 +26,7 @@ class Download:
         data: its bytes.
         remark: how well it holds K and the lens, or why there is no file.
         left_out: what else is known and not in the file.
+        address: below the site's root, of a file that others wrote; None for the entry's own.
     """
 
     format: str
@@ -34,6 +35,7 @@ class Download:
     data: bytes = b""
     remark: str = ""
     left_out: str = ""
+    address: str | None = None
 
 
 def downloads(entry: Entry) -> tuple[Download, ...]:

@@ -11,13 +11,20 @@ from pathlib import Path
 from calibrary.atomic import check_folder
 from calibrary.errors import InputError
 from calibrary.jobs.site.addresses import INDEX
+from calibrary.registry.published.layout import ROOT_FILE
+from calibrary.registry.published.write import OWN_NAMES, SITE_MARKER
 
-__all__ = ["MARKER", "check_out", "replaced"]
+__all__ = ["MARKER", "check_out", "is_published", "replaced"]
 
-MARKER = ".calibrary-site"
+MARKER = SITE_MARKER
 """The file by which a folder is known to be a site of ours."""
 
 OURS = frozenset({MARKER, INDEX, "cameras", "changes", "files"})
+
+
+def is_published(out: Path) -> bool:
+    """Whether the files that programs read are in the folder of a site."""
+    return (out / ROOT_FILE).is_file()
 
 
 def check_out(out: Path) -> Path:
@@ -36,12 +43,12 @@ def check_out(out: Path) -> Path:
         found = {item.name for item in place.iterdir()}
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=str(out)) from None
-    if found and MARKER not in found:
+    if found and MARKER not in found and not is_published(place):
         raise InputError(
             f"is not a site made by calibrary (it has no {MARKER}) and is not empty; name a folder of its own",
             source=str(out),
         )
-    if foreign := sorted(found - OURS):
+    if foreign := sorted(found - OURS - OWN_NAMES):
         raise InputError(
             f"contains {', '.join(foreign[:5])} beside the site, which replacing it would remove; move that elsewhere",
             source=str(out),
@@ -76,6 +83,9 @@ def replaced(out: Path) -> Iterator[Path]:
 
 
 def _swap(building: Path, place: Path, former: Path) -> None:
+    if is_published(place):
+        _swap_members(building, place, former)
+        return
     try:
         if place.exists():
             place.rename(former)
@@ -88,4 +98,23 @@ def _swap(building: Path, place: Path, former: Path) -> None:
     except OSError as error:
         raise InputError(
             f"cannot be replaced: {error.strerror or error}; it is as it was", source=str(place)
+        ) from None
+
+
+def _swap_members(building: Path, place: Path, former: Path) -> None:
+    """Put the parts of a site in the place of the former ones; what is published beside them is not touched.
+
+    Raises:
+        InputError: one cannot be replaced.
+    """
+    try:
+        former.mkdir()
+        for name in sorted(OURS):
+            if (place / name).exists():
+                (place / name).rename(former / name)
+            if (building / name).exists():
+                (building / name).rename(place / name)
+    except OSError as error:
+        raise InputError(
+            f"cannot be replaced: {error.strerror or error}; write it again", source=str(place)
         ) from None

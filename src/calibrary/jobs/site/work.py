@@ -26,6 +26,7 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.history import EntryRevision, of_path
 from calibrary.registry.paths import id_of
+from calibrary.registry.published.layout import camera_path
 from calibrary.registry.registry import Registry
 
 __all__ = ["Card", "Job", "Task", "entry_files", "write_entries"]
@@ -83,6 +84,7 @@ class Job:
         root: the folder that the site is written into.
         made_by: for the foot of each page.
         former: the folder of an earlier site by this very program, to take over what is still true.
+        published: whether the files that programs read are beside it, so that pages link to them.
     """
 
     registry: Path
@@ -91,6 +93,7 @@ class Job:
     root: Path
     made_by: str
     former: Path | None = None
+    published: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +146,7 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
         entry = parse_entry(data, task.path)
     except InputError as error:
         return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
-    place = Place.of(task.path, proper=entry.path == task.path)
+    place = Place.of(task.path, proper=entry.path == task.path, published=job.published)
     # Any finite number may stand in an entry, and what overflows on the way to a page is shown as unknown.
     with np.errstate(all="ignore"):
         changes = steps(revisions, job.policy)
@@ -187,7 +190,9 @@ def entry_files(
         made_by: for the foot of each page.
         is_proposed: whether another K waits to take its place.
     """
-    files = [*downloads(entry), _own_file(entry, data)]
+    own = [*downloads(entry), _own_file(entry, data)]
+    is_there = place.is_published and entry.status is not Status.DRAFT
+    files = [*own, *([_published_file(entry)] if is_there else [])]
     page = camera_page(
         entry,
         id_=id_,
@@ -199,7 +204,7 @@ def entry_files(
         is_proposed=is_proposed,
     )
     content = {place.page: _html(page)}
-    content |= {place.file(file.name): file.data for file in files if file.name is not None}
+    content |= {place.file(file.name): file.data for file in own if file.name is not None}
     for step in changes:
         content[place.step(step.name)] = _html(step_page(step, id_=id_, place=place, made_by=made_by))
     return content
@@ -249,6 +254,19 @@ def _own_file(entry: Entry, data: bytes) -> Download:
     remark = "exact"
     return Download(
         format="entry", title=ENTRY_FORMAT, name=name, data=data, remark=remark, left_out="nothing"
+    )
+
+
+def _published_file(entry: Entry) -> Download:
+    """The file in which programs find the entry."""
+    address = camera_path(entry.calibration.camera)
+    return Download(
+        format="published",
+        title="for programs, over HTTP",
+        name=address.rpartition("/")[2],
+        remark="every entry of this camera, with the digest of its file",
+        left_out="drafts, labels, tags",
+        address=address,
     )
 
 
