@@ -337,19 +337,53 @@ def test_a_wish_that_makes_no_sense_is_a_usage_error(flags: list[str]) -> None:
     assert ended.value.code == 2
 
 
-def test_what_is_lost_of_a_wide_lens_is_told_with_what_would_keep_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture
+def wide(tmp_path: Path) -> tuple[Path, ...]:
+    """An image of a fisheye, and its calibration."""
     K = Intrinsics(fx=60.0, fy=60.0, cx=120.0, cy=80.0, image_size=(240, 160))
     lens = KannalaBrandt(k1=0.01, k2=0.0, k3=0.0, k4=0.0)
     key, made = CameraKey(image_size=(240, 160)), Provenance(kind="test")
-    wide = Calibration(camera=key, intrinsics=K, distortion=lens, grade=Grade.CALIBRATED, provenance=made)
-    parsers.write([wide], tmp_path / "wide.yml", "opencv_storage")
+    known = Calibration(camera=key, intrinsics=K, distortion=lens, grade=Grade.CALIBRATED, provenance=made)
+    parsers.write([known], tmp_path / "wide.yml", "opencv_storage")
     cv2.imwrite(str(tmp_path / "a.png"), pixels())
-    given = (tmp_path / "a.png", "--calibration", tmp_path / "wide.yml")
-    _, text, _ = run(capsys, *given, "--out", tmp_path / "same")
+    return tmp_path / "a.png", Path("--calibration"), tmp_path / "wide.yml"
+
+
+def kept(text: str) -> float:
+    """How much of the images the last line of a camera says is kept, in per cent."""
+    return float(text.split(" px images: ")[1].partition("%")[0])
+
+
+def test_a_wide_lens_gets_the_view_that_saves_most_of_its_images(
+    wide: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, text, _ = run(capsys, *wide, "--out", tmp_path / "auto")
+    told = " ".join(text.split())
+    assert code == 0
+    assert "with its own K (fx 60.0) only" in told
+    assert "--keep same keeps K" in told
+    _, same, _ = run(capsys, *wide, "--out", tmp_path / "same", "--keep", "same")
+    assert kept(same) < 80
+    assert kept(text) > kept(same) + 10
+    assert parsers.read(tmp_path / "auto" / "camera.yml")[0].intrinsics.fx < 60
+    assert parsers.read(tmp_path / "same" / "camera.yml")[0].intrinsics.fx == 60
+
+
+def test_what_is_lost_by_keeping_k_is_told_with_what_would_keep_it(
+    wide: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, text, _ = run(capsys, *wide, "--out", tmp_path / "same", "--keep", "same")
     told = " ".join(text.split())
     assert "K stays as it is, so only" in told
     assert "--keep all keeps" in told
-    _, text, _ = run(capsys, *given, "--out", tmp_path / "all", "--keep", "all")
+    _, text, _ = run(capsys, *wide, "--out", tmp_path / "all", "--keep", "all")
     assert "K stays as it is" not in " ".join(text.split())
+
+
+def test_a_lens_that_loses_little_keeps_its_k(
+    image: Path, camera: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, text, _ = run(capsys, image, "--calibration", camera, "--out", image.parent / "out")
+    assert "widened" not in text
+    before, after = parsers.read(camera)[0], parsers.read(image.parent / "out" / "camera.yml")[0]
+    assert (after.intrinsics.fx, after.intrinsics.cx) == (before.intrinsics.fx, before.intrinsics.cx)

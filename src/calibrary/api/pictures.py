@@ -8,7 +8,7 @@ from typing import Literal
 
 from calibrary.extras import CALIBRATE, require
 from calibrary.jobs.exchange.argument import Reading, choose
-from calibrary.jobs.undistort.run import ALPHAS, Size, Undistortion, UndistortRequest
+from calibrary.jobs.undistort.run import ALPHAS, AUTO, Size, Undistortion, UndistortRequest
 from calibrary.jobs.undistort.run import undistort as run
 from calibrary.progress import Progress
 
@@ -21,7 +21,7 @@ def undistort(
     out: str | Path = "undistorted",
     *,
     reading: Reading | None = None,
-    keep: Literal["same", "all", "valid"] | float = "same",
+    keep: Literal["auto", "same", "all", "valid"] | float = "auto",
     size: Size = None,
     max_angle_deg: float = 80.0,
     interpolation: str = "cubic",
@@ -39,8 +39,9 @@ def undistort(
         calibration: file of the camera that took them.
         out: folder for the pictures and their camera.
         reading: answers to what the calibration's file leaves open, and which camera of several.
-        keep: "same" keeps K, "all" every pixel, "valid" leaves no pixel empty; or OpenCV's alpha, from valid (0) to
-            all (1).
+        keep: "auto" keeps K, or widens the view where K would keep less than two thirds of the images' pixels, as
+            far as it saves more than it leaves empty; "same" keeps K, "all" every pixel, "valid" leaves no pixel
+            empty; or OpenCV's alpha, from valid (0) to all (1).
         size: (width, height) px; "same-focal" for as many as keep the focal length in px; None for the image's.
         max_angle_deg: of wide lenses, show so much off the axis.
         interpolation: "nearest", "linear", "cubic" or "lanczos".
@@ -70,7 +71,8 @@ def undistort(
         calibration=camera,
         source=source,
         out=Path(out),
-        alpha=ALPHAS[keep] if isinstance(keep, str) else keep,
+        alpha=ALPHAS.get(keep) if isinstance(keep, str) else keep,
+        widens=keep == AUTO,
         size=size,
         max_angle_deg=max_angle_deg,
         interpolation=interpolation,

@@ -19,7 +19,7 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 DESCRIPTION = "Remove lens distortion from images, and write the new K beside them."
 EXAMPLES = """\
 examples:
-  calibrary undistort flight/ --calibration camera.xml              into ./undistorted, K unchanged
+  calibrary undistort flight/ --calibration camera.xml              into ./undistorted
   calibrary undistort a.jpg --calibration camera.xml --keep all     no pixel is lost
   calibrary undistort a.jpg --calibration camera.xml --keep valid   no pixel is empty
   calibrary undistort *.tif --calibration rig.xml --camera 2 --keep all --size same-focal
@@ -65,9 +65,10 @@ def _add_view_flags(parser: argparse.ArgumentParser) -> None:
     choice = group.add_mutually_exclusive_group()
     choice.add_argument(
         "--keep",
-        choices=("same", "all", "valid"),
-        default="same",
-        help="same: K as it is (default); all: every pixel; valid: what leaves no pixel empty",
+        choices=("auto", "same", "all", "valid"),
+        default="auto",
+        help="auto: K as it is, or for a wide lens the view that saves most (default); same: K as it is; all: every "
+        "pixel; valid: what leaves no pixel empty",
     )
     choice.add_argument(
         "--alpha", type=_alpha, metavar="A", help="between valid (0) and all (1), as OpenCV's alpha"

@@ -26,6 +26,7 @@ from calibrary.records import replace
 
 __all__ = [
     "ALPHAS",
+    "AUTO",
     "SAME_FOCAL",
     "NewCamera",
     "UndistortRequest",
@@ -38,8 +39,13 @@ SAME_FOCAL: Final = "same-focal"
 ALPHAS: Final[Mapping[str, float | None]] = {"same": None, "all": 1.0, "valid": 0.0}
 """What of the images is kept, as OpenCV's alpha; None keeps K."""
 
+AUTO: Final = "auto"
+"""K stays where it keeps enough of the images; a wide lens gets the extent that saves most for what is empty."""
 LEAST_KEPT: Final = 0.8
 """Below it, another extent is proposed; a perspective lens with its own K keeps over nine tenths."""
+TOO_LITTLE: Final = 2 / 3
+"""Below it, another extent is taken; only fisheyes lose so much."""
+TRIED: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 MAX_PICTURE_BYTES: Final = 4 * 1024**3
 KINDS: Final = {"jpg": {".jpg", ".jpeg", ".jpe"}, "tif": {".tif", ".tiff"}, "png": {".png"}}
@@ -56,6 +62,7 @@ class UndistortRequest:
         source: the file that the calibration was read from.
         out: folder for the pictures and their camera.
         alpha: 0 leaves no pixel empty, 1 loses none, as OpenCV's; None keeps K.
+        widens: whether another extent is taken where K would keep too little of a wide lens's images.
         size: of the pictures in px; "same-focal" for as many as keep the focal length in px; None for the image's.
         max_angle_deg: of wide lenses, show so much off the axis.
         interpolation: "nearest", "linear", "cubic" or "lanczos".
@@ -71,6 +78,7 @@ class UndistortRequest:
     source: Path
     out: Path
     alpha: float | None = None
+    widens: bool = False
     size: Size = None
     max_angle_deg: float = 80.0
     interpolation: str = "cubic"
@@ -225,8 +233,31 @@ class _Cameras:
         Raises:
             InputError: its distortion is unknown, no K is as it was asked for, or the format does not hold it.
         """
-        made = self._planned(self.request.calibration)
+        made, _ = self._chosen(self.request.calibration)
         parsers.encode([_pinhole(made)], self.record, name=self.path().name)
+
+    def _chosen(self, source: Calibration) -> tuple[Plan, str | None]:
+        """The plan for images of one size, and what to know of how much of them is kept."""
+        made = self._planned(source)
+        if self.request.alpha is not None or made.kept >= LEAST_KEPT:
+            return made, None
+        if not self.request.widens or made.kept >= TOO_LITTLE:
+            return made, self._proposal(made)
+        plans = [made]
+        for alpha in TRIED:
+            try:
+                plans.append(self._planned(source, alpha=alpha))
+            except CalibraryError:
+                continue
+        # A wider view is worth it as long as it saves more of the images than it leaves empty of the new ones.
+        best = max(plans, key=lambda one: one.kept - one.empty)
+        if best is made:
+            return made, self._proposal(made)
+        return best, (
+            f"with its own K (fx {made.intrinsics.fx:.1f}) only {made.kept:.1%} of the images' pixels would be "
+            f"kept, so the view was widened to fx {best.intrinsics.fx:.1f}, which keeps {best.kept:.1%}; "
+            "--keep same keeps K, --keep all every pixel, and --max-angle says how far off the axis they look"
+        )
 
     def _proposal(self, made: Plan) -> str:
         """What is lost with the camera's own K, and what the other extents would keep."""
@@ -262,13 +293,13 @@ class _Cameras:
             notes.append(
                 f"the calibration is of {before[0]}×{before[1]} px; it was scaled to {size[0]}×{size[1]}"
             )
-        made = self._planned(source)
+        made, extent = self._chosen(source)
         if made.cropped_to_deg is not None:
             notes.append(
                 f"the lens sees more than a plane shows well; {made.cropped_to_deg:g}° of it are kept"
             )
-        if given.alpha is None and made.kept < LEAST_KEPT:
-            notes.append(self._proposal(made))
+        if extent is not None:
+            notes.append(extent)
         undistorter = Undistorter(made, interpolation=Interpolation(given.interpolation))
         calibration = _pinhole(made)
         path, mask = self.path(size), self.path(size, suffix=".mask.png")
