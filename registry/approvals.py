@@ -7,12 +7,14 @@ for the owner of the key that signed it. Nothing of this is in the entry's file,
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from calibrary.records import replace
-from calibrary.registry.configuration import ApprovalRule
+from calibrary.registry.configuration import KEY, ApprovalRule
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.commits import Person
@@ -25,7 +27,15 @@ from calibrary.registry.history import Approval, of_path, origin
 from calibrary.registry.snapshot import StoredEntry
 from calibrary.registry.writing import APPROVED_DIGEST
 
-__all__ = ["approvals_of", "digest_as_proposed", "unmet", "unmet_with"]
+__all__ = [
+    "all_said",
+    "approvals_of",
+    "came_to_use",
+    "digest_as_proposed",
+    "unmet",
+    "unmet_with",
+    "unsigned_here",
+]
 
 
 def digest_as_proposed(entry: Entry) -> str:
@@ -51,19 +61,21 @@ def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:
     said = _said(repo, stored.entry, stored.commit)
     if said:
         return tuple(map(_approval, said))
-    digest, first = digest_as_proposed(stored.entry), None
-    for one in of_path(repo, stored.commit, stored.path):
-        if one.entry is None or not one.entry.is_usable or digest_as_proposed(one.entry) != digest:
-            break
-        first = one.revision
+    first = came_to_use(repo, stored)
     return (_approval(first),) if first is not None and first.commit not in repo.cut else ()
 
 
-def unmet(repo: Repository, stored: StoredEntry, rule: ApprovalRule) -> str | None:
-    """What the approvals of an entry in use lack of what the registry asks for; None where nothing."""
+def unmet(
+    repo: Repository, stored: StoredEntry, rule: ApprovalRule, said: Sequence[Revision] | None = None
+) -> str | None:
+    """What the approvals of an entry in use lack of what the registry asks for; None where nothing.
+
+    ``said`` are the commits that approve it, for those who have them from :func:`all_said`.
+    """
     if stored.commit is None:
         return None
-    lacking = _lacking(rule, _counted(repo, stored, rule, _said(repo, stored.entry, stored.commit)))
+    said = _said(repo, stored.entry, stored.commit) if said is None else said
+    lacking = _lacking(rule, _counted(repo, stored, rule, said))
     return f"{lacking}{repo.unshallow_hint}" if lacking is not None else None
 
 
@@ -87,11 +99,64 @@ def _said(repo: Repository, entry: Entry, at: str) -> list[Revision]:
     return [*found.values()]
 
 
+def all_said(repo: Repository, at: str) -> Mapping[str, list[Revision]]:
+    """The commits that approve anything, by the digest that they approve; as :func:`unmet` takes them."""
+    found: dict[str, dict[str, Revision]] = {}
+    for revision in reversed(git_history(repo, None, at, saying=f"{APPROVED_DIGEST}: ")):
+        for name, digest in revision.trailers:
+            if name == APPROVED_DIGEST:
+                found.setdefault(digest, {}).setdefault(revision.author.email.lower(), revision)
+    return {digest: [*people.values()] for digest, people in found.items()}
+
+
+def came_to_use(repo: Repository, stored: StoredEntry) -> Revision | None:
+    """The commit by which an entry's content came to use."""
+    digest, found = digest_as_proposed(stored.entry), None
+    for one in of_path(repo, stored.commit or "", stored.path):
+        if one.entry is None or not one.entry.is_usable or digest_as_proposed(one.entry) != digest:
+            break
+        found = one.revision
+    return found
+
+
+def unsigned_here(repo: Repository, rule: ApprovalRule) -> str | None:
+    """Why a commit that is made here would not be signed with a key that counts; None where it would."""
+    if not rule.is_signed:
+        return None
+    wanted = "registry.yaml counts approvals only in commits that are signed with a key it lists"
+    if (repo.setting("commit.gpgsign") or "").lower() not in {"true", "yes", "on", "1"}:
+        return (
+            f"{wanted}, and git signs none here: git config --global commit.gpgsign true, with gpg.format ssh and "
+            "user.signingkey FILE"
+        )
+    if (repo.setting("gpg.format") or "openpgp").lower() != "ssh":
+        return (
+            None if rule.fingerprints else f"{wanted}, which are ssh keys: git config --global gpg.format ssh"
+        )
+    public = _public_key((repo.setting("user.signingkey") or "").strip())
+    if public is not None and public not in {" ".join(key.split()[:2]) for key in rule.keys}:
+        return f"{wanted}, and user.signingkey is another one"
+    return None
+
+
+def _public_key(setting: str) -> str | None:
+    """An ssh key as git's user.signingkey names it, in text or as a file; None where that cannot be told."""
+    text = setting.removeprefix("key::")
+    if not KEY.match(text):
+        file = Path(setting).expanduser()
+        file = file if file.suffix == ".pub" else file.with_name(f"{file.name}.pub")
+        try:
+            text = file.read_text("utf-8", "replace")
+        except OSError:
+            return None
+    return " ".join(text.split()[:2])
+
+
 def _counted(
     repo: Repository, stored: StoredEntry, rule: ApprovalRule, said: Sequence[Revision]
 ) -> frozenset[str]:
     """Of whom an approval counts, by address."""
-    signed = _signed(repo, [one.commit for one in said], rule.keys) if rule.keys else None
+    signed = _signed(repo, [one.commit for one in said], rule) if rule.is_signed else None
     return frozenset(
         one.author.email.lower()
         for one in said
@@ -113,17 +178,28 @@ def _lacking(rule: ApprovalRule, people: frozenset[str]) -> str | None:
     if len(people) >= rule.count:
         return None
     of_whom = f" of {', '.join(rule.people)}" if rule.people else ""
-    keys = ", signed with a listed key" if rule.keys else ""
+    keys = ", signed with a listed key" if rule.is_signed else ""
     another = " who did not propose it" if rule.not_author else ""
     return f"{len(people)} of {rule.count} approvals{of_whom}{another}{keys}"
 
 
-def _signed(repo: Repository, commits: Sequence[str], keys: Sequence[str]) -> frozenset[str]:
-    """The commits that carry a good signature by one of some ssh keys."""
+def _signed(repo: Repository, commits: Sequence[str], rule: ApprovalRule) -> frozenset[str]:
+    """The commits that carry a good signature by one of the listed keys; no other key counts, trusted or not."""
+    listed = {*map(_fingerprint, rule.keys), *rule.fingerprints}
     with tempfile.TemporaryDirectory() as folder:
         signers = Path(folder) / "signers"
-        signers.write_text("".join(f"* {' '.join(key.split()[:2])}\n" for key in keys), encoding="utf-8")
-        return frozenset(one.commit for one in signatures(repo, commits, signers) if one.is_good)
+        signers.write_text("".join(f"* {' '.join(key.split()[:2])}\n" for key in rule.keys), encoding="utf-8")
+        found = signatures(repo, commits, signers)
+    return frozenset(one.commit for one in found if one.is_intact and {one.key, one.primary} & listed)
+
+
+def _fingerprint(key: str) -> str:
+    """Of an ssh key, as ssh-keygen prints it."""
+    try:
+        blob = base64.b64decode(key.split()[1])
+    except ValueError:
+        return ""
+    return "SHA256:" + base64.b64encode(hashlib.sha256(blob).digest()).decode().rstrip("=")
 
 
 def _approval(revision: Revision) -> Approval:

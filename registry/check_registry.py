@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
-from calibrary.registry.approvals import digest_as_proposed, unmet
+from calibrary.registry.approvals import all_said, came_to_use, digest_as_proposed, unmet
 from calibrary.registry.check import CheckReport, check, check_order
 from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, configuration_at
 from calibrary.registry.entry import Entry
@@ -134,10 +134,39 @@ def check_all(
     report = _completed(found, files, files)
     report = CheckReport(
         entries=report.entries,
-        findings=(*_no_files(snapshot.repo.irregular(snapshot.commit, *FOLDERS)), *report.findings),
+        findings=(
+            *_no_files(snapshot.repo.irregular(snapshot.commit, *FOLDERS)),
+            *report.findings,
+            *_never_approved(snapshot, snapshot.repo, snapshot.commit),
+        ),
     )
     return Checked(
         what=f"{_entries(len(files))} at {snapshot.commit[:12]}", commit=snapshot.commit, report=report
+    )
+
+
+def _never_approved(snapshot: Snapshot, repo: Repository, commit: str) -> Iterator[Finding]:
+    """Entries in use without the approvals that were asked for when they came to use."""
+    rule = snapshot.configuration.approvals
+    if rule is None:
+        return
+    said = all_said(repo, commit)
+    for stored in snapshot.entries(unreadable=lambda _: None):
+        digest = digest_as_proposed(stored.entry)
+        if not stored.entry.is_usable or unmet(repo, stored, rule, said.get(digest, ())) is None:
+            continue
+        first = came_to_use(repo, stored)
+        base = first.parents[0] if first is not None and first.parents else None
+        then = configuration_at(repo, base).approvals if base is not None else rule
+        lacking = unmet(repo, stored, then, said.get(digest, ())) if then is not None else None
+        if lacking is not None:
+            yield _lacking_approvals(stored.path, stored.entry, lacking)
+
+
+def _lacking_approvals(path: str, entry: Entry, lacking: str) -> Finding:
+    return replace(
+        _error(path, "approval", f"is {entry.status.value} with {lacking}"),
+        remedy="'calibrary registry approve KEY' records an approval; a status written by hand is none",
     )
 
 
@@ -272,10 +301,7 @@ def _unapproved(
             repo, StoredEntry(entry=entry, path=path, oid=listed[path], commit=end), rules.approvals
         )
         if lacking is not None:
-            yield replace(
-                _error(path, "approval", f"is {entry.status.value} with {lacking}"),
-                remedy="'calibrary registry approve KEY' records an approval; a status written by hand is none",
-            )
+            yield _lacking_approvals(path, entry, lacking)
 
 
 def _former(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:

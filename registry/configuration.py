@@ -60,14 +60,15 @@ policy: "{policy}"
 
 
 KEY: Final = re.compile(r"(?:sk-)?(?:ssh|ecdsa)-\S+ \S+")
+FINGERPRINT: Final = re.compile(r"(?:[0-9A-Fa-f]{4} *){10}")
 
 
 class ApprovalRule(Record):
     """What it takes for an entry to be used; ``calibrary registry check BASE..HEAD`` judges by what BASE asks for.
 
     Attributes:
-        by: whose approvals count: names or addresses as git has them, or public ssh keys, with which the approving
-            commit then has to be signed; everybody's where none is listed.
+        by: whose approvals count: names or addresses as git has them, or public ssh keys or the 40 digits of OpenPGP
+            fingerprints, with which the approving commit then has to be signed; everybody's where none is listed.
         count: of different people.
         not_author: whether the approval of whoever proposed it does not count.
     """
@@ -78,13 +79,23 @@ class ApprovalRule(Record):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The public keys among those who approve."""
+        """The public ssh keys among those who approve."""
         return tuple(one for one in self.by if KEY.match(one))
+
+    @property
+    def fingerprints(self) -> tuple[str, ...]:
+        """The OpenPGP keys among them, as 40 capital hex digits."""
+        return tuple(one.replace(" ", "").upper() for one in self.by if FINGERPRINT.fullmatch(one))
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether an approval counts only in a signed commit."""
+        return bool(self.keys or self.fingerprints)
 
     @property
     def people(self) -> tuple[str, ...]:
         """The names and addresses among them."""
-        return tuple(one for one in self.by if not KEY.match(one))
+        return tuple(one for one in self.by if not (KEY.match(one) or FINGERPRINT.fullmatch(one)))
 
 
 class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):

@@ -15,7 +15,7 @@ from calibrary.records import replace
 from calibrary.registry import decisions, sync
 from calibrary.registry import history as entry_history
 from calibrary.registry import proposals as proposing
-from calibrary.registry.approvals import digest_as_proposed, unmet_with
+from calibrary.registry.approvals import digest_as_proposed, unmet_with, unsigned_here
 from calibrary.registry.configuration import (
     CONFIGURATION_FILE,
     FOLDER,
@@ -251,6 +251,8 @@ class Registry:
         rule = self.configuration.approvals
         if rule is None:
             return {}
+        if approved and (unsigned := unsigned_here(self.repo, rule)) is not None:
+            raise RegistryError(f"nothing was written: {unsigned}")
         person, tip, missing = author or identity(self.repo)[0], self.commit(), {}
         for one in approved:
             if one.current is not None and one.current.is_usable and differs_in_status_only(one):

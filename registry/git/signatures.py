@@ -31,13 +31,20 @@ class Signature:
     Attributes:
         state: git's letter for it; ``G`` alone is good.
         signer: who, by the list of signers.
-        key: the key's fingerprint.
+        key: the key's fingerprint; of an ssh key ``SHA256:…``, of an OpenPGP key its 40 hex digits.
+        primary: of an OpenPGP key, the fingerprint of the one that it is a part of.
     """
 
     commit: str
     state: str
     signer: str
     key: str
+    primary: str = ""
+
+    @property
+    def is_intact(self) -> bool:
+        """Whether the owner of the key signed this very commit, whether or not the reader trusts the key."""
+        return self.state in {"G", "U"}
 
     @property
     def is_good(self) -> bool:
@@ -64,15 +71,15 @@ def signatures(
         "log",
         "--no-walk=unsorted",
         "--stdin",
-        "--format=%H%x00%G?%x00%GS%x00%GK",
+        "--format=%H%x00%G?%x00%GS%x00%GF%x00%GP",
         "--no-color",
         "--no-notes",
     )
     told = repo.run(*options, *command, stdin="".join(f"{commit}\n" for commit in commits).encode()).out
     found = {}
     for line in told.decode("utf-8", "replace").splitlines():
-        commit, state, signer, key = line.split("\0")
-        found[commit] = Signature(commit=commit, state=state, signer=signer, key=key)
+        commit, state, signer, key, primary = line.split("\0")
+        found[commit] = Signature(commit=commit, state=state, signer=signer, key=key, primary=primary)
     return tuple(found[commit] for commit in commits)
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 
 import pytest
 
+from calibrary.registry.approvals import unmet
 from calibrary.registry.check_registry import check_range
+from calibrary.registry.configuration import ApprovalRule
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.registry import Registry
 from tests.cli.registry.direct import put_bytes
@@ -158,11 +161,67 @@ class TestARule:
         subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
         base = asks(fleet, f'{{by: ["{key.with_suffix(".pub").read_text().strip()}"]}}')
         add(xml(tmp_path / "a.xml"))
-        run(capsys, "approve", *looked_at(fleet, P4R))
-        [told] = unapproved(fleet, base)
-        assert "signed with a listed key" in told
+        # An approval that no check would count is not written.
+        code, _, told = run(capsys, "approve", *looked_at(fleet, P4R))
+        assert (code, "git signs none here" in " ".join(told.split())) == (4, True)
+        assert held(fleet).is_pending
         for name, value in (("gpg.format", "ssh"), ("user.signingKey", str(key)), ("commit.gpgSign", "true")):
             git(fleet, "config", "--global", name, value)
-        add(xml(tmp_path / "b.xml", 3662.0))
-        run(capsys, "approve", *looked_at(fleet, P4R))
+        assert run(capsys, "approve", *looked_at(fleet, P4R))[0] == 0
         assert unapproved(fleet, base) == []
+        assert run(capsys, "check")[0] == 0
+        other = tmp_path / "other"
+        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(other)], check=True)
+        git(fleet, "config", "--global", "user.signingKey", str(other))
+        add(xml(tmp_path / "b.xml", 3662.0))
+        code, _, told = run(capsys, "approve", *looked_at(fleet, P4R))
+        assert (code, "user.signingkey is another one" in " ".join(told.split())) == (4, True)
+
+    def test_an_openpgp_key_is_listed_by_its_fingerprint(
+        self,
+        fleet: Path,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+        tmp_path_factory: pytest.TempPathFactory,
+    ) -> None:
+        if shutil.which("gpg") is None:
+            pytest.skip("gpg is not installed")
+        # The socket of gpg's agent lies in it, and a socket's path is short.
+        with tempfile.TemporaryDirectory(prefix="gpg") as home:
+            monkeypatch.setenv("GNUPGHOME", home)
+            gpg = ("gpg", "--batch", "--quiet", "--pinentry-mode", "loopback", "--passphrase", "")
+            person = "Ada Keeper <ada@example.com>"
+            made = subprocess.run([*gpg, "--quick-gen-key", person, "ed25519", "sign", "never"], check=False)
+            if made.returncode:
+                pytest.skip("gpg makes no key here")
+            listed = subprocess.run(
+                ["gpg", "--with-colons", "-K"], capture_output=True, text=True, check=True
+            )
+            fingerprint = next(
+                line.split(":")[9] for line in listed.stdout.splitlines() if line.startswith("fpr:")
+            )
+            base = asks(fleet, f'{{by: ["{fingerprint}"]}}')
+            add(xml(tmp_path_factory.mktemp("lab") / "a.xml"))
+            git(fleet, "config", "--global", "commit.gpgSign", "true")
+            git(fleet, "config", "--global", "user.signingKey", fingerprint)
+            assert run(capsys, "approve", *looked_at(fleet, P4R))[0] == 0
+            assert unapproved(fleet, base) == []
+            assert run(capsys, "check")[0] == 0
+            # A key that is not listed counts for nothing, however good the signature is.
+            registry, stored = Registry.open(fleet), held(fleet)
+            assert unmet(registry.repo, stored, ApprovalRule(by=(fingerprint,))) is None
+            assert "0 of 1" in str(unmet(registry.repo, stored, ApprovalRule(by=("0" * 40,))))
+            subprocess.run(["gpgconf", "--kill", "all"], check=False)
+
+    def test_a_check_of_everything_finds_what_was_never_approved(
+        self, fleet: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        put_bytes(fleet, {an_entry().path: entry_yaml(an_entry())})
+        asks(fleet, "{count: 1}")
+        # What was in use before approvals were asked for is judged by what was asked for then.
+        assert run(capsys, "check")[0] == 0
+        by_hand = an_entry(model="FC330")
+        put_bytes(fleet, {by_hand.path: entry_yaml(by_hand)})
+        code, told, _ = run(capsys, "check")
+        assert (code, f"{by_hand.path}: error: is approved with 0 of 1 approvals" in told) == (1, True)
+        assert an_entry().path not in told
