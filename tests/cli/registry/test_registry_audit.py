@@ -100,7 +100,7 @@ def test_a_draft_that_flies_is_no_entry_to_use(
     add(xml(tmp_path / "a.xml"))
     assert held(fleet).entry.status is Status.DRAFT
     [finding] = audited(capsys, flight)["findings"]
-    assert (finding["rule"], finding["place"]) == ("draft in use", P4R)
+    assert (finding["rule"], finding["place"]) == ("only proposed", P4R)
 
 
 def test_a_retired_entry_that_flies_is_told_with_its_reason(

@@ -68,9 +68,9 @@ def _said(made: Initialised) -> list[str]:
     if made.cloned_from is not None and not made.files:
         lines = [f"{folder}: a copy of {made.cloned_from}"]
     elif made.cloned_from is not None:
-        lines = [f"{folder}: {made.cloned_from} was empty, so a registry was begun; push it"]
+        lines = [f"{folder}: {made.cloned_from} was empty, so a registry was created in it; push it"]
     else:
-        lines = [f"{folder}: a registry was begun, with {', '.join(sorted(made.files))}"]
+        lines = [f"{folder}: registry created, with {', '.join(sorted(made.files))}"]
     if made.outer is not None:
         lines.append(f"it lies in another repository, {made.outer}, whose .gitignore should name it")
     return lines

@@ -11,7 +11,7 @@ class Rule(StrEnum):
     """What can be found; the value is what people read."""
 
     NO_ENTRY = "no entry"
-    DRAFT = "draft in use"
+    DRAFT = "only proposed"
     RETIRED = "retired in use"
     EXPIRED = "expired in use"
     SEVERAL = "several entries"
