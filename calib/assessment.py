@@ -33,7 +33,8 @@ from calibrary.calib.rejection import residual_lengths, view_rms
 from calibrary.calib.result import CalibrationResult, Dismissal, DismissalReason, ViewResult
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
-from calibrary.calib.verdict import LIMITS, BoardVerdict, Evidence, Limits, judge
+from calibrary.calib.verdict import LIMITS, BoardVerdict, Evidence, Limits
+from calibrary.calib.verdict_rules import judge
 from calibrary.calibration import (
     Calibration,
     Covariance,

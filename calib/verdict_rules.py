@@ -1,0 +1,373 @@
+"""What speaks against a calibration: every measured value against its limit, with what to do next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final
+
+from calibrary.calib.misfit import Cause
+from calibrary.calib.verdict import LIMITS, Evidence, Limits
+from calibrary.validation import Finding, Severity
+
+__all__ = ["judge"]
+
+
+def judge(evidence: Evidence, limits: Limits = LIMITS) -> tuple[Finding, ...]:
+    """Measure everything against its limit, the gravest finding first; none stops the others."""
+    findings = [finding for check in _CHECKS for finding in check(evidence, limits)]
+    order = list(Severity)
+    return tuple(sorted(findings, key=lambda finding: -order.index(finding.severity)))
+
+
+def _views(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    if e.is_board:
+        yield from _at_least(
+            "few-views",
+            e.views,
+            (limits.views_needed, limits.views_wanted),
+            f"{e.views} views count, need {limits.views_wanted}",
+            "take more, each with the board somewhere else",
+        )
+    if e.repeats:
+        yield Finding(
+            rule="duplicates",
+            severity=Severity.NOTE,
+            measured=e.repeats,
+            limit=0,
+            message=f"{e.repeats} of {e.views_shown} views repeat the pose of another and count once",
+            remedy="move the board between the frames",
+        )
+
+
+def _rejected(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    share = e.views_out / max(e.views + e.views_out, 1)
+    if e.views_out:
+        severe = share > limits.lost_views_wanted
+        yield Finding(
+            rule="views-rejected",
+            severity=Severity.UNPROVEN if severe else Severity.NOTE,
+            measured=share,
+            limit=limits.lost_views_wanted,
+            message=f"{_count(e.views_out, 'view')} rejected as outliers: their residuals are far larger than the "
+            "others', because the camera moved or corners are wrong",
+            remedy="look at these frames",
+        )
+    if e.corners_out:
+        yield Finding(
+            rule="corners-rejected",
+            severity=Severity.NOTE,
+            measured=e.corners_out,
+            message=f"{_count(e.corners_out, 'single corner')} rejected as outliers: glare, shadow or something in "
+            "front of the board",
+        )
+
+
+def _tilt(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    if not e.is_board:
+        return
+    spread = e.geometry.tilt_spread_deg
+    yield from _at_least(
+        "low-tilt",
+        spread,
+        (limits.tilt_needed_deg, limits.tilt_wanted_deg),
+        f"board normals spread {spread:.0f}°, need {limits.tilt_wanted_deg:.0f}°; a board that is always parallel to "
+        "the sensor does not determine the focal length",
+        "tilt the board",
+    )
+    yield from _at_least(
+        "one-distance",
+        e.geometry.depth_ratio,
+        (0.0, limits.depth_wanted),
+        f"the farthest corner is {e.geometry.depth_ratio:.2f} times as far as the nearest, need "
+        f"{limits.depth_wanted:g}",
+        "hold the board nearer and farther",
+    )
+
+
+def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    seen = e.geometry.coverage
+    yield from _at_least(
+        "centre-only",
+        seen.reach,
+        (limits.reach_needed, limits.reach_needed),
+        f"corners reach {seen.reach:.0%} of the way to the image's corners, need {limits.reach_needed:.0%}: "
+        "the distortion outside is extrapolated",
+        "hold the board into all four corners",
+    )
+    yield from _at_least(
+        "low-coverage",
+        seen.fraction,
+        (0.0, limits.cells_wanted),
+        f"corners lie in {seen.fraction:.0%} of the image's cells, need {limits.cells_wanted:.0%}",
+        "hold the board where it has not been yet",
+    )
+    where_seen, everywhere = e.sound
+    if where_seen < 1:
+        yield Finding(
+            rule="not-monotonic",
+            severity=Severity.ERROR,
+            measured=where_seen,
+            limit=1.0,
+            message="the distortion is not monotonic where corners were seen, so part of the image has no direction",
+            remedy="hold the board into the corners, or choose a simpler model",
+        )
+    elif everywhere < 1:
+        yield Finding(
+            rule="valid-region",
+            severity=Severity.NOTE if e.model.is_omnidirectional else Severity.UNPROVEN,
+            measured=everywhere,
+            limit=1.0,
+            message=f"{everywhere:.0%} of the frame have a direction; the rest, where no corner was seen, has none",
+            remedy="where the lens shows an image there: hold the board into it",
+        )
+    if e.edge_px is not None and e.edge_px > limits.edge_px:
+        yield Finding(
+            rule="uncertain-edge",
+            severity=Severity.NOTE,
+            measured=e.edge_px,
+            limit=limits.edge_px,
+            message=f"the standard deviation of a direction reaches {e.edge_px:.1f} px near the image's border",
+            remedy="hold the board further into the corners",
+        )
+
+
+def _focal_length(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    spread = e.fx_std / e.fx * math.sqrt(max(1.0, e.kappa2 or 1.0))
+    yield from _at_most(
+        "uncertain-focal-length",
+        spread,
+        (limits.focal_std_wanted, limits.focal_std_needed),
+        f"the standard deviation of fx is {spread:.2%}, need {limits.focal_std_wanted:.2%}",
+        "take more views, with more tilt",
+    )
+    if not e.model.trades_terms:
+        yield from _at_most(
+            "undetermined",
+            e.condition,
+            (limits.condition_needed, limits.condition_needed),
+            f"the views hardly separate {', '.join(e.culprits) or 'the parameters'}",
+            "tilt the board about both axes and fill the frame, or choose a simpler model",
+        )
+
+
+def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    share = max(max(e.image_size) / 5472, 0.5)
+    wanted, needed, than = limits.rms_wanted_px * share, limits.rms_needed_px * share, "images of this size"
+    noise = math.inf if e.noise_px is None else e.noise_px * math.sqrt(2)
+    if limits.rms_wanted * noise < wanted:
+        # A quarter of a pixel is no misfit where corners are that hard to see; below that, noise sets the scale.
+        wanted, than = max(limits.rms_wanted * noise, wanted / 4), "the noise of the corners"
+        needed = min(needed, max(limits.rms_needed * noise, needed / 4))
+    yield from _at_most(
+        "poor-fit",
+        e.rms_px,
+        (wanted, needed),
+        f"the reprojection error (RMS) is {e.rms_px:.2f} px; {than} allows {wanted:.2f} px, and above {needed:.2f} px "
+        "it is refused",
+        "check that this is the board, flat and still, at one focus and zoom",
+    )
+
+
+def _lens(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    del limits
+    if e.better is not None:
+        yield Finding(
+            rule="lens-model",
+            severity=Severity.UNPROVEN,
+            message=f"the corners ask for a {e.better.model.value} lens (RMS {e.better.rms_px:.3f} instead of "
+            f"{e.rms_px:.3f} px), which was not taken: {e.better.refused}",
+            remedy="take more views, with the board in the corners of the frame",
+        )
+
+
+def _halves(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    if e.edge_px is None:
+        yield Finding(
+            rule="unknown-uncertainty",
+            severity=Severity.UNPROVEN,
+            message="the standard deviation over the frame cannot be computed: the parameters are all but "
+            "interchangeable",
+            remedy="choose a simpler model, or take more views",
+        )
+    if e.kappa2 is None:
+        yield Finding(
+            rule="no-variance-factor",
+            severity=Severity.UNPROVEN,
+            measured=e.views,
+            limit=limits.views_needed,
+            message="too few views to compare one half with the other",
+            remedy="take more",
+        )
+        return
+    yield from _at_most(
+        "unstable",
+        e.kappa2,
+        (limits.kappa2_wanted, limits.kappa2_needed),
+        f"the variance factor is {e.kappa2:.1f}; PASS needs at most {limits.kappa2_wanted:g}, above "
+        f"{limits.kappa2_needed:g} it is refused. Halves of the views differ by that many times the variance they "
+        f"state: multiply every σ by {math.sqrt(max(e.kappa2, 1.0)):.1f} (σ × κ)",
+        "mount the board on glass or aluminium, use a tripod",
+    )
+
+
+def _board(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    if e.warp is not None and e.warp.keeps_warp:
+        w0, w1 = e.warp.warp_mm
+        yield Finding(
+            rule="board-warp",
+            severity=Severity.NOTE if e.is_warped else Severity.UNPROVEN,
+            measured=max(abs(w0), abs(w1)),
+            message=f"the board is warped by {e.length(w0, '+')} across and {e.length(w1, '+')} down "
+            f"(F = {e.warp.f:.0f}); "
+            + ("this was solved for" if e.is_warped else "if it is ignored fx is wrong: 0.2 mm make 0.14 %"),
+            remedy=None if e.is_warped else "solve for the board's warp",
+        )
+    if e.shape is not None and e.shape.is_bent:
+        yield Finding(
+            rule="board-shape",
+            severity=Severity.NOTE if e.is_lifted else Severity.UNPROVEN,
+            measured=e.shape.largest_mm,
+            message=f"the board is bent by up to {e.length(e.shape.largest_mm)} elsewhere than a smooth arch bends it "
+            f"(F = {e.shape.f:.1f}); "
+            + ("this was solved for" if e.is_lifted else "the standard deviations allow for it"),
+            remedy="glue the print to glass or aluminium",
+        )
+    z = e.stretch
+    # Whatever else bends the views shows here too; the variance factor says how much of a z that is worth.
+    if (
+        z is not None
+        and abs(z.z) > limits.stretch_z * math.sqrt(max(1.0, e.kappa2 or 1.0))
+        and abs(z.value) > limits.stretch_wanted
+    ):
+        yield Finding(
+            rule="stretched-print",
+            severity=Severity.UNPROVEN,
+            measured=z.value,
+            limit=limits.stretch_wanted,
+            message=f"squares are {abs(z.value):.3%} {'longer' if z.value > 0 else 'shorter'} down than across "
+            f"(± {z.std:.3%})",
+            remedy="measure the print along both sides, and print it again to scale",
+        )
+    distance = e.geometry.distance_mm
+    if e.is_board and e.unit == "mm" and not limits.nearest_mm <= distance <= limits.farthest_mm:
+        yield Finding(
+            rule="wrong-square",
+            severity=Severity.UNPROVEN,
+            measured=distance,
+            limit=limits.nearest_mm if distance < limits.nearest_mm else limits.farthest_mm,
+            message=f"the board would be {distance / 1000:.3g} m away; K does not depend on the side of a square, the "
+            "poses do",
+            remedy="check that the square's side is given in mm",
+        )
+
+
+_CAUSES: Final[Mapping[Cause, tuple[str, str]]] = {
+    Cause.ROLLING_SHUTTER: (
+        "motion while a rolling shutter reads the frame",
+        "put camera and board on stands, or use the mechanical shutter",
+    ),
+    Cause.FOCUS_CHANGES: (
+        "a focus that changes from frame to frame",
+        "switch autofocus off and lock the focus",
+    ),
+    Cause.TWO_CAMERAS: (
+        "two cameras or two zoom positions in one set",
+        "calibrate each by itself: sort the frames by serial number, lens and focal length",
+    ),
+    Cause.STABILISED: (
+        "electronic stabilisation, which shifts the frame",
+        "switch stabilisation (EIS) and horizon levelling off",
+    ),
+    Cause.BOARD_FLEXES: ("a board that bends in the hand", "glue the print to glass or aluminium"),
+    Cause.MOTION_BLUR: (
+        "motion while the shutter was open, which blurs corners along one direction",
+        "put camera and board on stands, or expose shorter",
+    ),
+    Cause.STRETCHED_PRINT: (
+        "a print that is longer one way",
+        "measure the print, and print it again to scale",
+    ),
+}
+
+
+def _cause(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    """One fault where it beats the others clearly, else the two that explain the residuals best."""
+    likely = e.misfit.likely if e.misfit is not None else ()
+    if e.misfit is None or not likely or [one.cause for one in likely] == [Cause.STRETCHED_PRINT]:
+        return
+    harms = e.kappa2 is None or e.kappa2 > limits.kappa2_wanted
+    certain = len(likely) == 1
+    severity = Severity.UNPROVEN if harms else Severity.NOTE
+    if certain and likely[0].cause is Cause.TWO_CAMERAS and harms:
+        # A K between two cameras is neither's, and no standard deviation makes it so.
+        severity = Severity.ERROR
+    said = ", or ".join(_CAUSES[one.cause][0] for one in likely)
+    yield Finding(
+        rule=likely[0].cause.value if certain else "unclear-cause",
+        severity=severity,
+        measured=likely[0].left_px,
+        message=f"the views differ as by {said}: that leaves {likely[0].left_px:.3f} px of "
+        f"{e.misfit.sigma_px:.3f} px by coordinate"
+        + ("" if certain else "; the residuals do not tell which"),
+        remedy="; or ".join(_CAUSES[one.cause][1] for one in likely),
+    )
+
+
+def _capture(e: Evidence, limits: Limits) -> Iterator[Finding]:
+    del limits
+    if e.focus is None:
+        yield Finding(
+            rule="focus-unknown",
+            severity=Severity.NOTE,
+            message="the frames do not state how the lens was focused",
+            remedy="lock the focus as in flight",
+        )
+    elif "auto" in e.focus.lower():
+        yield Finding(
+            rule="focus-not-locked",
+            severity=Severity.UNPROVEN,
+            message=f"the lens was focused by {e.focus}; from infinity to 1.5 m fx changes by 0.6 % at 8.8 mm",
+            remedy="lock the focus as in flight",
+        )
+
+
+_CHECKS: Final[tuple[Callable[[Evidence, Limits], Iterator[Finding]], ...]] = (
+    _views,
+    _rejected,
+    _tilt,
+    _coverage,
+    _focal_length,
+    _fit,
+    _lens,
+    _halves,
+    _cause,
+    _board,
+    _capture,
+)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun} was" if number == 1 else f"{number} {noun}s were"
+
+
+def _at_least(
+    rule: str, measured: float, limits: tuple[float, float], message: str, remedy: str
+) -> Iterator[Finding]:
+    needed, wanted = limits
+    if not measured >= wanted:
+        severity = Severity.UNPROVEN if measured >= needed else Severity.ERROR
+        yield Finding(
+            rule=rule, severity=severity, measured=measured, limit=wanted, message=message, remedy=remedy
+        )
+
+
+def _at_most(
+    rule: str, measured: float, limits: tuple[float, float], message: str, remedy: str
+) -> Iterator[Finding]:
+    wanted, needed = limits
+    if not measured <= wanted:
+        severity = Severity.UNPROVEN if measured <= needed else Severity.ERROR
+        yield Finding(
+            rule=rule, severity=severity, measured=measured, limit=wanted, message=message, remedy=remedy
+        )
