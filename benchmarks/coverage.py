@@ -41,6 +41,8 @@ from tests.calib.solving import SIZE, Session, camera, shoot
 FAR = 3.0
 LEAST_PX = 0.01
 """Below it an error is none; where the turn of the camera is fitted best σ may be a thousandth of a pixel."""
+UNKNOWN_PX = 10.0
+"""Where more is stated, nothing is claimed of the frame, and an error no longer grows in proportion."""
 MOST_FAR, LEAST_NEAR = 0.01, 0.98
 
 
@@ -87,7 +89,8 @@ def errors(result: CalibrationResult, truth: Calibration) -> tuple[float, list[f
         for name, sigma in zip(names, std, strict=True)
         if same or name in {"fx", "fy", "cx", "cy"}
     ]
-    return float(np.nanmax(seen.lengths_px / np.hypot(seen.std_px, LEAST_PX))), own
+    z = np.where(seen.std_px <= UNKNOWN_PX, seen.lengths_px / np.hypot(seen.std_px, LEAST_PX), np.nan)
+    return float(np.nanmax(z)), own
 
 
 def _values(calibration: Calibration) -> dict[str, float]:

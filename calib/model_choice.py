@@ -38,7 +38,7 @@ CLEARLY: Final = 10.0
 """By so much a criterion must be better to say that a model which may not be taken is missed."""
 WARP_LEVEL: Final = 0.01
 WORST_CONDITION: Final = 1e8
-WORST_RATIONAL: Final = 1e14
+WORST_RATIONAL: Final = 1e13
 """Numerator and denominator nearly cancel in every rational lens, as ξ and k1 do in Mei's, which harms no pixel; past
 this nothing is left of float64's sixteen digits."""
 CAREFUL: Final = 1.0
