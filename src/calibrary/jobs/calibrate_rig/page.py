@@ -55,7 +55,7 @@ def rig_page(result: RigResult, collected: RigCollected, report: RigReport) -> P
 def _sections(result: RigResult, collected: RigCollected, report: RigReport) -> Iterator[Section]:
     yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, collected)))
     if result.poses:
-        poses: list[Block] = [rig_picture(result), _poses(result), _relatives(result)]
+        poses: list[Block] = [rig_picture(result), _poses(result), _predicted(result), _relatives(result)]
         poses += [*_compared("what the frames' metadata state", report.stated)]
         poses += [*_compared("the file that was given", report.compared)]
         yield Section(title="Relative poses", anchor="poses", blocks=tuple(poses))
@@ -96,15 +96,28 @@ def _poses(result: RigResult) -> Table:
             Column("translation (mm)", numeric=True),
             Column("σ (mm)", numeric=True),
             Column("baseline (mm)", numeric=True),
-            Column("predicted px, σ near / far", numeric=True),
         ),
         rows=tuple(rows),
     )
 
 
+def _predicted(result: RigResult) -> Table:
+    return Table(
+        caption=f"σ of the pixel in which a camera sees what {result.reference} sees in a pixel of its own",
+        columns=(
+            Column("camera"),
+            Column("at the boards' distance (px)", numeric=True),
+            Column("far away (px)", numeric=True),
+        ),
+        rows=tuple(
+            (name, _number(near), _number(far))
+            for name, (near, far) in (result.evidence.cross_px or {}).items()
+        ),
+    )
+
+
 def _pose_row(result: RigResult, name: str) -> tuple[str, ...]:
     pose = result.poses[name]
-    near, far = (result.evidence.cross_px or {}).get(name, (None, None))
     spread = f" ± {pose.baseline_std_mm:.2g}" if pose.baseline_std_mm is not None else ""
     return (
         name,
@@ -113,7 +126,6 @@ def _pose_row(result: RigResult, name: str) -> tuple[str, ...]:
         _triple(pose.translation_mm, 3),
         _triple(pose.translation_std_mm, 3),
         f"{pose.baseline_mm:.3f}{spread}",
-        f"{_number(near)} / {_number(far)}",
     )
 
 
