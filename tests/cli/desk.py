@@ -58,6 +58,8 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "registry lock --out new/l/calibrary.lock": (0, "pinned"),
     "registry export --format csv --out new/e/fleet.csv": (0, "entries"),
     "registry site new/w/site --workers 1": (0, "index.html"),
+    "registry publish new/p/public --workers 1": (0, "2 entries in 1 camera files"),
+    "registry contribute fc6310r/5472 new/k": (0, "a draft for review"),
     "registry import lab --make DJI --model FC330 --yes": (0, "new"),
     "registry retire fc6310r/4864x3648 --reason 'no longer flown'": (0, "retired"),
     "registry push ./hub.git": (0, "origin"),
