@@ -106,7 +106,7 @@ class Display:
             if camera.fallback is not None and camera.fallback.steps and camera.outranked is None:
                 told.setdefault(camera.fallback.steps, []).append(camera)
         for steps, cameras in told.items():
-            names = "; ".join(plain(str(camera.camera.key)) for camera in cameras)
+            names = "; ".join(plain(camera.name) for camera in cameras)
             self._screen.say("")
             self._screen.say(f"[bold]Fallbacks tried[/] for {names}")
             chain = [
@@ -176,7 +176,7 @@ def _cameras(outcome: Extraction, width: int) -> RenderableType:
     """Those that need attention come last, nearest to the prompt."""
     cameras = sorted(outcome.cameras, key=lambda camera: list(Verdict).index(camera.verdict))
     left = max(12, width - sum(COLUMNS.values()) - GAP * len(COLUMNS))
-    name_width = min(left, max((len(str(c.camera.key)) for c in cameras), default=0))
+    name_width = min(left, max((len(c.name) for c in cameras), default=0))
     head = _line(
         [Text(name, "dim") for name in ("verdict", "camera, K in px", "images", "fx/W", "grade")], name_width
     )
@@ -194,7 +194,7 @@ def _camera(camera: CameraReport, name_width: int) -> RenderableType:
     line = _line(
         [
             Text(camera.verdict.value, STYLES[camera.verdict]),
-            Text(printable(str(camera.camera.key)), "bold"),
+            Text(printable(camera.name), "bold"),
             Text(str(camera.camera.count)),
             Text(over_width),
             Text(grade),

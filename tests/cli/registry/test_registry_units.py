@@ -6,19 +6,26 @@ import csv
 import io
 import json
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from calibrary.calibration import Grade
+from calibrary.cli.main import main
 from calibrary.errors import AmbiguousCameraError
 from calibrary.known_camera import hash_serial
 from calibrary.records import replace
-from calibrary.registry.entry import Entry
+from calibrary.registry.approvals import digest_as_proposed
+from calibrary.registry.entry import Alias, Entry, Sensor, Validity
+from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.registry import Registry
 from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import commit_of, held, printed, run, xml
+from tests.jobs.extract.fleet import DEWARP, picture
 from tests.registry.entries import FILE, an_entry
+from tests.registry.git.repositories import git
 
 SERIALS = [f"0V2LG3H0{number}" for number in range(6)]
 LABELS = [f"P4R-{number:02}" for number in range(1, 7)]
@@ -449,3 +456,79 @@ class TestTable:
         assert run(capsys, "units", "import", table, "--yes")[0] == 0
         assert held(six, "drohne 3").entry.calibration.intrinsics.fx == 3657.0
         assert SERIALS[2].encode() not in b"".join(path.read_bytes() for path in six.rglob("*.yaml"))
+
+
+class TestApprovals:
+    """What changes an approved entry and what becomes of its approval: the table of docs/registry.md."""
+
+    @pytest.mark.parametrize(
+        ("change", "goes_on"),
+        [
+            (lambda entry: replace(entry, label="Hugo"), True),
+            (lambda entry: replace(entry, tags=("survey",)), True),
+            (lambda entry: replace(entry, calibration=replace(entry.calibration, notes=("new lens",))), True),
+            (lambda entry: replace(entry, validity=Validity(last=date(2030, 1, 1))), False),
+            (lambda entry: replace(entry, tolerance=0.1), False),
+            (lambda entry: replace(entry, override="it is right"), False),
+            (lambda entry: replace(entry, aliases=(Alias(make="DJI", model="P4R"),)), False),
+            (lambda entry: replace(entry, firmware=FirmwareRange(min="1.0")), False),
+            (lambda entry: replace(entry, sensor=Sensor(width_mm=13.2)), False),
+            (
+                lambda entry: replace(entry, calibration=replace(entry.calibration, grade=Grade.ADJUSTED)),
+                False,
+            ),
+            (lambda entry: replace(entry, calibration=replace(entry.calibration, distortion=None)), False),
+            (lambda entry: _with_fx(replace(entry, label="Hugo", tags=("x",)), 3657.1), False),
+        ],
+    )
+    def test_what_is_approved_is_all_but_label_tags_and_notes(
+        self, change: Callable[[Entry], Entry], goes_on: bool
+    ) -> None:
+        entry = a_unit(2)
+        assert (digest_as_proposed(change(entry)) == digest_as_proposed(entry)) is goes_on
+
+    def test_a_unit_is_labelled_where_two_people_have_to_approve(
+        self, six: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        configuration = six / "registry.yaml"
+        text = f"{configuration.read_text()}\napprovals:\n  count: 2\n  not_author: true\n"
+        configuration.write_text(text)
+        git(six, "commit", "-qam", "Two approve")
+        base = commit_of(six)
+        assert run(capsys, "label", "P4R-03", "Hugo")[0] == 0
+        assert run(capsys, "tag", "Hugo", "+survey")[0] == 0
+        document = printed(capsys, "registry-check-1", "check", f"{base}..HEAD")
+        assert document["verdict"] == "good", document["findings"]
+
+    def test_a_k_that_comes_with_a_label_is_an_unapproved_k(
+        self, six: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        configuration = six / "registry.yaml"
+        configuration.write_text(f"{configuration.read_text()}\napprovals:\n  count: 2\n")
+        git(six, "commit", "-qam", "Two approve")
+        base = commit_of(six)
+        put(six, _with_fx(replace(held(six, "P4R-03").entry, label="Hugo"), 3657.1))
+        findings = printed(capsys, "registry-check-1", "check", f"{base}..HEAD")["findings"]
+        assert "approval" in [one["rule"] for one in findings if one["severity"] == "error"]
+
+
+def _with_fx(entry: Entry, fx: float) -> Entry:
+    """The same with another fx."""
+    K = replace(entry.calibration.intrinsics, fx=fx)
+    return replace(entry, calibration=replace(entry.calibration, intrinsics=K))
+
+
+def test_extract_names_a_unit_as_its_keeper_does(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    camera = ("--make", "DJI", "--model", "FC6310R", "--serial", SERIALS[2], "--label", "P4R-03")
+    assert run(capsys, "add", xml(tmp_path / "c.xml"), *camera, "--approve", "--yes")[0] == 0
+    tags: dict[str, Any] = {"make": "DJI", "model": "FC6310R", "focal_mm": (88, 10), "dewarp": DEWARP}
+    picture(tmp_path / "flight/a.jpg", (5472, 3648), **tags, body_serial=SERIALS[2])
+    capsys.readouterr()
+    command = ["extract", str(tmp_path / "flight"), "--registry", str(fleet), "--dry-run"]
+    main([*command])
+    assert "P4R-03: DJI FC6310R" in capsys.readouterr().out
+    main([*command, "--json"])
+    [camera_of_unit] = json.loads(capsys.readouterr().out)["cameras"]
+    assert camera_of_unit["label"] == "P4R-03"

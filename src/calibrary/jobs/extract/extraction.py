@@ -44,6 +44,17 @@ class CameraReport:
         return self.camera.calibration if self.camera.verdict is not Verdict.REJECTED else None
 
     @property
+    def label(self) -> str | None:
+        """What the registry calls the unit; None where its entry is of no unit, or no entry is used for it."""
+        found = self.camera.states[0].known.resolution
+        return found.entry.label if found is not None and found.entry.unit is not None else None
+
+    @property
+    def name(self) -> str:
+        """The camera in words, behind its label."""
+        return f"{self.label}: {self.camera.key}" if self.label is not None else str(self.camera.key)
+
+    @property
     def outranked(self) -> Calibration | None:
         """The images' own valid K, where a measured entry of the registry is used in its place."""
         replaced = self.fallback is not None and self.camera.verdict is Verdict.VALID

@@ -123,7 +123,7 @@ def _row(camera: CameraReport, output: str | None) -> tuple[Cell, ...]:
         fx, over_width = f"{K.fx:.2f}", f"{K.fx / K.image_size[0]:.3f}"
         grade = camera.calibration.grade.value
     return (
-        Link(str(camera.camera.key), f"#{camera.slug}"),
+        Link(camera.name, f"#{camera.slug}"),
         _verdict(camera),
         str(camera.camera.count),
         fx,
@@ -146,9 +146,7 @@ def _camera(camera: CameraReport, policy: Policy, *, drawn: bool) -> Section:
     if camera.fallback is not None:
         blocks += _fallbacks(camera.fallback)
     blocks += _images_by_state(camera)
-    return Section(
-        title=str(camera.camera.key), badge=_verdict(camera), anchor=camera.slug, blocks=tuple(blocks)
-    )
+    return Section(title=camera.name, badge=_verdict(camera), anchor=camera.slug, blocks=tuple(blocks))
 
 
 def _judgement(camera: CameraReport) -> Iterator[Block]:

@@ -106,6 +106,7 @@ class CameraDocument(Record):
         images: path of each image below the folder, or of the first of very many.
         more_images: how many more there are than are listed; 0 in reports of earlier versions.
         states: those images by what can change K or its meaning; none in reports of earlier versions.
+        label: what the registry calls the unit; None where its entry is of no unit, or no entry is used for it.
     """
 
     id: str
@@ -128,6 +129,7 @@ class CameraDocument(Record):
     images: tuple[str, ...]
     states: tuple[StateDocument, ...] = ()
     more_images: Annotated[int, Meta(ge=0)] = 0
+    label: str | None = None
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         camera = document.pop("camera")
@@ -251,6 +253,7 @@ def _camera(c: CameraReport, output: str | None) -> CameraDocument:
         images=c.camera.names,
         more_images=c.camera.count - len(c.camera.names),
         states=c.states,
+        label=c.label,
     )
 
 
