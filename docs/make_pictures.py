@@ -111,8 +111,8 @@ DIFF_PARTS = (("header", 858), ("#section-3", 580))
 """The verdict with the numbers, and the maps."""
 
 SITE_PARTS = (("header", 730),)
-CAMERA_PARTS = (("header", 146), ("#section-5", 840))
-"""What the camera is, and its history."""
+CAMERA_PARTS = (("header", 400), ("#section-6", 840))
+"""What the camera is, which K to use, and its history."""
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 BOARD_FRAMES, BOARD_SEED = 24, 1

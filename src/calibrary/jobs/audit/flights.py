@@ -31,8 +31,8 @@ Progress = Callable[[int, int], None]
 """FrameMetadata how many of how many are done."""
 
 
-OF_CAMERAS: Final = re.compile(r"DCIM|[0-9]{3}(_[0-9]{4}|_?[A-Z]\w{2,4})", re.IGNORECASE)
-"""Folders that cameras make by themselves: they are no flights (DCF, "100MEDIA"; DJI, "100_0001")."""
+OF_CAMERAS: Final = re.compile(r"DCIM|[0-9]{4}SET|[0-9]{3}(_[0-9]{4}|_?[A-Z]\w{2,4})?", re.IGNORECASE)
+"""Folders that cameras make by themselves are no flights: DCF's 100MEDIA, DJI's 100_0001, MicaSense's 0000SET/000."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
