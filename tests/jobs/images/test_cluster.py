@@ -18,11 +18,12 @@ from calibrary.cli.main import main
 from calibrary.errors import InputError
 from calibrary.jobs.extract.report import encode, report_of
 from calibrary.jobs.images import cluster as module
+from calibrary.jobs.images import reading
 from calibrary.jobs.images.accumulator import Accumulator
 from calibrary.jobs.images.cluster import connected, on_cluster
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.reading import Question, here, read_images, read_unit
-from calibrary.jobs.images.units import Unit, batches
+from calibrary.jobs.images.units import Unit, batches, shards
 from calibrary.records import to_json
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
 
@@ -153,10 +154,14 @@ def test_the_report_is_that_of_one_process_byte_for_byte(
     address = client.scheduler_info()["address"]
     whole = encode(to_json(report_of(gate(flight), {})))
     assert encode(to_json(report_of(gate(flight, scheduler=address), {}))) == whole
+    monkeypatch.setattr(reading, "shards", lambda images: shards(images, 8))
     for _ in range(2):
         found = gate(flight, scheduler=address, partials=tmp_path / "kept")
         assert encode(to_json(report_of(found, {}))) == whole
-    assert list((tmp_path / "kept").iterdir())
+    pieces = [*shards(Listing([flight], recursive=False, versions=True), 8)]
+    assert len(pieces) > 8
+    kept = {path.name.partition(".")[0] for path in (tmp_path / "kept").iterdir()}
+    assert kept == {piece.key for piece in pieces}
 
 
 @pytest.mark.parametrize("text", ["local", "local:0", "ray:4", "local:x"])

@@ -19,7 +19,7 @@ from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.pictures import sort_images
 from calibrary.jobs.images.accumulator import ByDay, Names
-from calibrary.jobs.images.cluster import PIECE, connected
+from calibrary.jobs.images.cluster import MERGED, PIECE, connected
 from calibrary.jobs.images.listing import LISTED, Listing
 from calibrary.jobs.images.observation import path_order
 from calibrary.jobs.images.places import shown
@@ -123,7 +123,8 @@ def _engine(listing: Listing, request: Request) -> Iterator[tuple[Engine, int | 
     if request.scheduler is None and request.cluster is None:
         yield here(request.workers, known=listing.known), None
         return
-    with connected(request.scheduler, request.cluster) as engine:
+    merged = MERGED if request.partials is None else 1
+    with connected(request.scheduler, request.cluster, merged=merged) as engine:
         yield engine, PIECE
 
 

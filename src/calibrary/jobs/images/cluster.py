@@ -23,7 +23,7 @@ from calibrary.jobs.images.units import Unit
 Future: TypeAlias = Any
 """Of Dask, which declares no types."""
 
-__all__ = ["PIECE", "connected", "on_cluster"]
+__all__ = ["MERGED", "PIECE", "connected", "on_cluster"]
 
 PIECE: Final = 10_000
 """Images of one task: some seconds of work, against some milliseconds that a task costs the scheduler."""
@@ -40,12 +40,15 @@ def _distributed() -> Any:
 
 
 @contextmanager
-def connected(scheduler: str | None = None, cluster: str | None = None) -> Iterator[Engine]:
+def connected(
+    scheduler: str | None = None, cluster: str | None = None, *, merged: int = MERGED
+) -> Iterator[Engine]:
     """An engine on a cluster for the length of the block.
 
     Args:
         scheduler: address of a running one, as tcp://host:8786.
         cluster: "local:4" starts so many processes on this machine instead.
+        merged: answers that travel back as one; 1 where each is kept by itself.
 
     Raises:
         MissingExtraError: Dask is not installed.
@@ -77,7 +80,7 @@ def connected(scheduler: str | None = None, cluster: str | None = None) -> Itera
             client.wait_for_workers(1, timeout=60)
         except (OSError, ValueError) as error:
             raise InputError(f"no scheduler with workers answers: {error}", source=scheduler) from None
-        yield on_cluster(client)
+        yield on_cluster(client, merged=merged)
 
 
 def on_cluster(client: Any, *, merged: int = MERGED) -> Engine:
