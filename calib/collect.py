@@ -26,7 +26,7 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
 from calibrary.workers import end_with_parent, mapped
 
-__all__ = ["Collected", "NamedRemark", "collect", "try_board_sizes"]
+__all__ = ["Collected", "Looked", "NamedRemark", "collect", "look_at", "try_board_sizes"]
 
 WORTH_A_POOL = 100_000_000
 """Pixels in all, below which starting workers costs more than it saves: five frames of 20 megapixels."""
@@ -72,7 +72,7 @@ class Collected:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Looked:
+class Looked:
     """What one frame yielded: a view, or a remark that rejects it."""
 
     name: str
@@ -81,6 +81,7 @@ class _Looked:
 
     @property
     def rejection(self) -> Remark | None:
+        """Why the frame cannot be calibrated with, if so."""
         return next((remark for remark in self.remarks if remark.rejects), None)
 
 
@@ -116,8 +117,10 @@ def collect(
         notes = (f"the board was taken for {board}, which was found by trying",)
     check_detectable(board)
     size = _common_size(frames)
-    looked: list[_Looked] = []
-    for one in _mapped(partial(_look, board=board, size=size), frames, _workers(workers, len(frames), size)):
+    looked: list[Looked] = []
+    for one in _mapped(
+        partial(look_at, board=board, size=size), frames, _workers(workers, len(frames), size)
+    ):
         looked.append(one)
         if progress is not None:
             progress(1)
@@ -205,7 +208,7 @@ def _common_size(frames: Sequence[Path]) -> ImageSize:
     return the_one_setting(group_frames(sizes, sizes)).image_size
 
 
-def _look(path: Path, *, board: Board, size: ImageSize) -> _Looked:
+def look_at(path: Path, *, board: Board, size: ImageSize) -> Looked:
     """Read, search and judge one frame."""
     import cv2
 
@@ -215,14 +218,14 @@ def _look(path: Path, *, board: Board, size: ImageSize) -> _Looked:
             raise InputError("is {}×{} px, the others {}×{}".format(*frame.size, *size))
     except InputError as error:
         remark = Remark(reason=Reason.UNREADABLE, text=error.message, rejects=True)
-        return _Looked(name=path.name, remarks=(remark,))
+        return Looked(name=path.name, remarks=(remark,))
     try:
         found = detect(frame.gray, board)
     except cv2.error as error:
         found = NotFound(reason=Reason.NO_BOARD, text=f"OpenCV gave up on it: {error.err or error}")
     if isinstance(found, NotFound):
         remark = Remark(reason=found.reason, text=found.text, rejects=True)
-        return _Looked(name=path.name, remarks=(remark,))
+        return Looked(name=path.name, remarks=(remark,))
     sharpness_px, remarks = judge_view(frame.gray, board, found)
     view = View(
         name=frame.name,
@@ -232,10 +235,10 @@ def _look(path: Path, *, board: Board, size: ImageSize) -> _Looked:
         sharpness_px=sharpness_px,
         spacing_px=found.spacing_px,
     )
-    return _Looked(name=path.name, view=view, remarks=remarks)
+    return Looked(name=path.name, view=view, remarks=remarks)
 
 
-def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[_Looked]) -> str:
+def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[Looked]) -> str:
     """Why no frame is left, and what the frames show instead where that can be told."""
     rejections = [(one.name, one.rejection) for one in looked if one.rejection is not None]
     counts = Counter(rejection.reason for _, rejection in rejections)
@@ -259,7 +262,7 @@ def _workers(wanted: int, frames: int, size: ImageSize) -> int:
     return min(os.cpu_count() or 1, frames) if frames * size[0] * size[1] >= WORTH_A_POOL else 1
 
 
-def _mapped(look: Callable[[Path], _Looked], frames: Sequence[Path], workers: int) -> Iterator[_Looked]:
+def _mapped(look: Callable[[Path], Looked], frames: Sequence[Path], workers: int) -> Iterator[Looked]:
     """One result a frame, in their order."""
     if workers <= 1:
         yield from _mapped_here(look, frames)
@@ -272,7 +275,7 @@ def _mapped(look: Callable[[Path], _Looked], frames: Sequence[Path], workers: in
         ) from None
 
 
-def _mapped_here(look: Callable[[Path], _Looked], frames: Sequence[Path]) -> Iterator[_Looked]:
+def _mapped_here(look: Callable[[Path], Looked], frames: Sequence[Path]) -> Iterator[Looked]:
     """In this process, by one thread as in a worker: some of OpenCV's detectors depend on how many there are."""
     for path in frames:
         with one_thread():

@@ -24,6 +24,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "calibration-result-1": "calibrary.jobs.calibrate_board.report:CalibrateReport",
     "rig-calibration-result-1": "calibrary.jobs.calibrate_rig.report:RigReport",
     "rig-corners-1": "calibrary.jobs.calibrate_rig.run:RigCorners",
+    "calibrate-watch-1": "calibrary.jobs.calibrate_watch.watch:WatchStatus",
     "registry-audit-1": "calibrary.jobs.audit.report:AuditReport",
     "registry-check-1": "calibrary.registry.check_registry:CheckDocument",
     "registry-export-1": "calibrary.jobs.exchange.export:ExportReport",

@@ -237,6 +237,7 @@ class Page:
         badge: the verdict, beside the title.
         made_by: what made the page, and from what, at its foot.
         contents: whether a list of three parts or more stands above them; a page may have its own.
+        refresh_s: seconds after which a browser reads the page again; None for a page that stays as it is.
     """
 
     title: str
@@ -245,3 +246,4 @@ class Page:
     badge: Badge | None = None
     made_by: str
     contents: bool = True
+    refresh_s: int | None = None

@@ -14,6 +14,7 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 WORDS = (
     Command("board", "write a board as PDF or SVG, true to the millimetre", f"{__name__}.board"),
     Command("rig", "calibrate cameras that are fixed to one another; also --rig", f"{__name__}.rig"),
+    Command("watch", "judge frames as they arrive, and propose the next pose", f"{__name__}.watch"),
     Command("synth", "render frames of a board, with the truth beside them", f"{__name__}.synth"),
 )
 """A folder of frames that bears such a name is given as ./board, ./rig or ./synth."""

@@ -1,0 +1,112 @@
+"""``calibrary calibrate watch``: frames arrive one by one, and each is judged while the board is still at hand."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.calibrate.flags import number
+
+if TYPE_CHECKING:
+    from calibrary.api.watching import WatchStatus
+    from calibrary.cli.console import Screen
+
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
+
+DESCRIPTION = """\
+Watch a folder in which frames of a board arrive, from a tethered camera or a card reader. After each frame it says
+whether the board was found, how much of the frame is covered, how sure the camera is by now, and which pose to
+photograph next: the one that lowers the largest standard deviation over the frame most. It ends when the
+calibration passes; Ctrl-C ends it before, and running it again reads the frames and goes on.
+"""
+EXAMPLES = """\
+examples:
+  calibrary calibrate watch DCIM/ --board checkerboard:11x8
+  calibrary calibrate watch DCIM/ --board checkerboard:11x8 --page watch.html
+  calibrary calibrate watch DCIM/ --board checkerboard:11x8 --once --json
+
+exit codes: 0 it passes; 1 not yet
+"""
+EXIT_NOT_YET = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the word's arguments."""
+    parser.add_argument("folder", type=Path, metavar="DIR", help="where the frames arrive")
+    parser.add_argument("--board", required=True, metavar="BOARD", help="which board: checkerboard:11x8")
+    parser.add_argument(
+        "--square-mm",
+        type=number(0.01, 10_000),
+        metavar="MM",
+        help="side of a square; K does not depend on it",
+    )
+    parser.add_argument(
+        "--page",
+        type=Path,
+        metavar="FILE",
+        help="an .html page that is written after each frame and reads itself anew",
+    )
+    parser.add_argument("--once", action="store_true", help="look at what is there, and end")
+    parser.add_argument(
+        "--every-s",
+        type=number(0.05, 60),
+        default=1.0,
+        metavar="S",
+        help="seconds between two looks into the folder (default: 1)",
+    )
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON document a line (schemas/calibrate-watch-1.schema.json)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Watch, and show."""
+    from calibrary.api.watching import watch
+    from calibrary.cli.console import out
+    from calibrary.cli.output import print_json
+
+    given, screen, done = arguments, out(arguments), False
+    statuses = watch(
+        given.folder,
+        given.board,
+        square_mm=given.square_mm,
+        page=given.page,
+        once=given.once,
+        every_s=given.every_s,
+    )
+    try:
+        for status in statuses:
+            done = status.done
+            if given.json:
+                print_json(status, indent=None)
+            else:
+                _show(screen, status)
+    except KeyboardInterrupt:
+        if not given.json:
+            screen.say("stopped; the frames are kept: the same command goes on from them")
+    return 0 if done else EXIT_NOT_YET
+
+
+def _show(screen: Screen, status: WatchStatus) -> None:
+    from calibrary.api.watching import facts
+    from calibrary.cli.console import plain
+
+    for frame in status.new:
+        found = f"{frame.corners} corners" if frame.corners else "[yellow]does not count[/]"
+        why = f": {plain('; '.join(frame.remarks))}" if frame.remarks else ""
+        screen.say(f"{plain(frame.name)}  {found}{why}")
+    said = ", ".join(f"{name} {value}" for name, value in facts(status))
+    screen.say(f"  {status.views} of {status.frames} frames count; {plain(said)}")
+    if status.done:
+        screen.say("[bold green]PASS[/] is in reach: calibrate from these frames")
+        return
+    for reason in status.missing[:3]:
+        screen.say(f"  [yellow]missing[/]  {plain(reason)}")
+    if status.next is not None:
+        screen.say(
+            f"  [bold]next[/]  {plain(str(status.next))}: the largest σ over the frame is then expected at "
+            f"{status.next.edge_px:.2g} px, {status.next.gain:.0%} less"
+        )

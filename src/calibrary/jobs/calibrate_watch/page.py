@@ -1,0 +1,101 @@
+"""The page of a session: read again by the browser every few seconds, on a tablet beside the board."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calibrary.calib.geometry import CELLS
+from calibrary.calib.verdict import BoardVerdict
+from calibrary.jobs.calibrate_watch.watch import Watch, WatchStatus
+from calibrary.pages import Badge, Block, Bullets, Column, KeyValues, Note, Page, Section, Table, Tone
+from calibrary.pages.plots import Axis, heat_map
+
+__all__ = ["watch_page"]
+
+REFRESH_S = 2
+BADGES = {
+    BoardVerdict.PASS: Badge("pass", Tone.GOOD),
+    BoardVerdict.PROVISIONAL: Badge("provisional", Tone.CAUTION),
+    BoardVerdict.REFUSE: Badge("not yet", Tone.BAD),
+    None: Badge("not yet", Tone.NEUTRAL),
+}
+LAST_FRAMES = 30
+
+
+def watch_page(watch: Watch, status: WatchStatus) -> Page:
+    """Where the session stands."""
+    return Page(
+        title="Photographing a board",
+        badge=BADGES[status.verdict],
+        lead=f"{status.views} of {status.frames} frames count."
+        + (" The calibration passes: no more frames are needed." if status.done else ""),
+        sections=(
+            Section(title="Next", anchor="next", blocks=tuple(_next(status))),
+            Section(title="So far", anchor="so-far", blocks=tuple(_so_far(watch, status))),
+            Section(title="Frames", anchor="frames", blocks=(_frames(watch),)),
+        ),
+        made_by="Made by calibrary calibrate watch.",
+        contents=False,
+        refresh_s=None if status.done else REFRESH_S,
+    )
+
+
+def _next(status: WatchStatus) -> Iterator[Block]:
+    if status.done:
+        yield Note(text="It passes.", action="solve it with calibrary calibrate", tone=Tone.GOOD)
+        return
+    if status.next is not None:
+        expected = f"{status.next.edge_px:.2g} px, {status.next.gain:.0%} less"
+        gain = f"The largest σ over the frame is then expected at {expected}."
+        yield Note(text=f"{str(status.next).capitalize()}.", action=gain, tone=Tone.NEUTRAL)
+    if status.missing:
+        yield Bullets(status.missing)
+
+
+def _so_far(watch: Watch, status: WatchStatus) -> Iterator[Block]:
+    yield KeyValues(tuple(facts(status)))
+    if watch.image_size is not None:
+        width, height = watch.image_size
+        columns, rows = CELLS
+        pixels = watch.pixels
+        counts, _, _ = np.histogram2d(
+            pixels[:, 1], pixels[:, 0], bins=(rows, columns), range=((0, height), (0, width))
+        )
+        yield heat_map(
+            np.where(counts > 0, counts, np.nan),
+            watch.image_size,
+            axis=Axis("corners"),
+            cells=True,
+            caption="Where corners were seen so far.",
+        )
+
+
+def facts(status: WatchStatus) -> Iterator[tuple[str, str]]:
+    """Coverage, tilt and σ, in words."""
+    yield "coverage", f"{status.coverage:.0%} of the cells"
+    if status.tilt_spread_deg is not None:
+        yield "tilt", f"normals spread {status.tilt_spread_deg:.0f}°"
+    sigma = status.sigma
+    if sigma is not None:
+        values = {"fx": sigma.fx, "cx": sigma.cx, "cy": sigma.cy, "largest over the frame": sigma.edge}
+        yield (
+            "σ × κ",
+            ", ".join(f"{name} {value:.2g} px" for name, value in values.items() if value is not None),
+        )
+
+
+def _frames(watch: Watch) -> Table:
+    return Table(
+        caption="The latest first",
+        columns=(Column("frame"), Column("corners", numeric=True), Column("")),
+        rows=tuple(
+            (
+                frame.name,
+                str(frame.corners) if frame.corners else Badge("not counted", Tone.CAUTION),
+                "; ".join(frame.remarks),
+            )
+            for frame in watch.frames[: -LAST_FRAMES - 1 : -1]
+        ),
+    )

@@ -1,0 +1,220 @@
+"""A folder in which frames of a board arrive: each is looked at, and the camera solved again from all of them.
+
+The frames are all the state there is: who stops and starts again reads them anew, and goes on where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from calibrary.calib.board import Board
+from calibrary.calib.collect import Looked, look_at
+from calibrary.calib.estimation import estimate
+from calibrary.calib.found import Reason, Remark
+from calibrary.calib.frames import frame_size
+from calibrary.calib.geometry import coverage
+from calibrary.calib.next_pose import NextPose, next_pose
+from calibrary.calib.observations import Observations, View
+from calibrary.calib.opencv_state import one_thread
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.verdict import BoardVerdict
+from calibrary.calib.view_quality import judge_repeats
+from calibrary.calibration import CameraKey, ImageSize
+from calibrary.errors import CalibrationError, InputError
+from calibrary.parsers.image_names import is_image
+from calibrary.records import Record
+from calibrary.validation import Severity
+
+__all__ = ["Watch", "WatchStatus", "WatchedFrame"]
+
+Stamp: TypeAlias = tuple[int, int]
+"""Bytes and time of the last change, by which a file that is still being written is told."""
+
+FEWEST_VIEWS: Final = 3
+
+
+class WatchedFrame(Record):
+    """What one frame showed.
+
+    Attributes:
+        name: of its file.
+        corners: that were found; 0 where it does not count.
+        remarks: why it does not count, or what else to know of it.
+    """
+
+    name: str
+    corners: int
+    remarks: tuple[str, ...]
+
+
+class WatchSigma(Record):
+    """Standard deviations in px as they are now, the variance factor included.
+
+    Attributes:
+        fx, cx, cy: of the parameters; None where the model has none of that name.
+        edge: of a direction, at most over the frame.
+    """
+
+    fx: float | None
+    cx: float | None
+    cy: float | None
+    edge: float | None
+
+
+class WatchStatus(Record, tag_field="schema", tag="calibrate-watch-1"):
+    """Where a session stands.
+
+    Attributes:
+        new: the frames that were looked at since the last status.
+        frames: that were looked at in all.
+        views: that count.
+        verdict: on a calibration from them; None while there are too few for one.
+        missing: what keeps it from passing, the gravest first.
+        coverage: fraction of the frame's cells with a corner.
+        tilt_spread_deg: angle that the boards' normals spread over.
+        sigma: of the calibration; None before there is one.
+        next: the pose that would help most; None before the first frame told the size of them.
+        done: whether the calibration passes.
+    """
+
+    new: tuple[WatchedFrame, ...]
+    frames: int
+    views: int
+    verdict: BoardVerdict | None
+    missing: tuple[str, ...]
+    coverage: float
+    tilt_spread_deg: float | None
+    sigma: WatchSigma | None
+    next: NextPose | None
+    done: bool
+
+
+class Watch:
+    """A session: call :meth:`poll` again and again."""
+
+    def __init__(self, folder: Path, board: Board, model: str = "auto") -> None:
+        """As yet nothing was looked at.
+
+        Raises:
+            InputError: the folder is none.
+        """
+        if not folder.is_dir():
+            raise InputError(
+                "is not a folder; expected the one in which the frames arrive", source=str(folder)
+            )
+        self._folder, self._board, self._model = folder, board, model
+        self._stamps: dict[Path, Stamp] = {}
+        self._done: dict[Path, Stamp] = {}
+        self._looked: dict[Path, Looked] = {}
+        self._size: ImageSize | None = None
+        self.result: CalibrationResult | None = None
+        self.frames: tuple[WatchedFrame, ...] = ()
+
+    def poll(self, *, settled: bool = False) -> WatchStatus | None:
+        """Look at what has arrived.
+
+        Args:
+            settled: whether files are taken as they are; else one counts once it is the same as at the last call.
+
+        Returns:
+            Where the session stands now; None where nothing is new.
+        """
+        new = []
+        for path, stamp in self._ready(settled=settled):
+            new.append(self._look(path))
+            self._done[path] = stamp
+        return self._status(tuple(new)) if new else None
+
+    @property
+    def pixels(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+        """(N, 2) px: every corner that counts."""
+        views = self._views()
+        return np.concatenate([view.image_points for view in views]) if views else np.empty((0, 2))
+
+    @property
+    def image_size(self) -> ImageSize | None:
+        """(width, height) px of the frames."""
+        return self._size
+
+    def _ready(self, *, settled: bool) -> Iterator[tuple[Path, Stamp]]:
+        """The frames that are new or were changed, and whose writing has come to an end."""
+        before, self._stamps = self._stamps, {}
+        for path in sorted(self._folder.iterdir()):
+            if not is_image(path) or path.name.startswith("."):
+                continue
+            with suppress(OSError):
+                status = path.stat()
+                stamp = (status.st_size, status.st_mtime_ns)
+                self._stamps[path] = stamp
+                if self._done.get(path) != stamp and (settled or (stamp[0] and before.get(path) == stamp)):
+                    yield path, stamp
+
+    def _look(self, path: Path) -> WatchedFrame:
+        try:
+            self._size = self._size or frame_size(path)
+            with one_thread():
+                looked = look_at(path, board=self._board, size=self._size)
+        except InputError as error:
+            remark = Remark(reason=Reason.UNREADABLE, text=error.message, rejects=True)
+            looked = Looked(name=path.name, remarks=(remark,))
+        self._looked[path] = looked
+        counts = looked.view is not None and looked.rejection is None
+        return WatchedFrame(
+            name=path.name,
+            corners=len(looked.view.ids) if looked.view is not None and counts else 0,
+            remarks=tuple(remark.text for remark in looked.remarks),
+        )
+
+    def _views(self) -> tuple[View, ...]:
+        """Those that count, each pose once."""
+        views = [one.view for one in self._looked.values() if one.view is not None and one.rejection is None]
+        repeats = judge_repeats(views)
+        return tuple(view for at, view in enumerate(views) if at not in repeats)
+
+    def _status(self, new: tuple[WatchedFrame, ...]) -> WatchStatus:
+        views, self.result = self._views(), None
+        problem: tuple[str, ...] = ()
+        names = {frame.name for frame in new}
+        self.frames = (*(frame for frame in self.frames if frame.name not in names), *new)
+        if self._size is not None and len(views) >= FEWEST_VIEWS:
+            seen = Observations(board=self._board, image_size=self._size, views=views, camera=CameraKey())
+            try:
+                self.result = estimate(seen, self._model)
+            except CalibrationError as error:
+                problem = (str(error),)
+        result = self.result
+        verdict = result.verdict if result is not None else None
+        missing = problem or (
+            () if result is not None else (f"{len(views)} views count, need {FEWEST_VIEWS}",)
+        )
+        if result is not None:
+            missing = tuple(
+                f"{one.message}: {one.remedy}" if one.remedy else one.message
+                for one in result.findings
+                if one.severity is not Severity.NOTE
+            )
+        return WatchStatus(
+            new=new,
+            frames=len(self._looked),
+            views=len(views),
+            verdict=verdict,
+            missing=missing,
+            coverage=coverage(self.pixels, self._size).fraction if self._size is not None else 0.0,
+            tilt_spread_deg=result.evidence.geometry.tilt_spread_deg if result is not None else None,
+            sigma=_sigma(result) if result is not None else None,
+            next=next_pose(self._board, self._size, result) if self._size is not None else None,
+            done=verdict is BoardVerdict.PASS,
+        )
+
+
+def _sigma(result: CalibrationResult) -> WatchSigma:
+    quality = result.calibration.quality
+    std = dict(quality.std) if quality is not None else {}
+    wider = float(np.sqrt(quality.inflation)) if quality is not None else 1.0
+    fx, cx, cy = (std[name] * wider if name in std else None for name in ("fx", "cx", "cy"))
+    return WatchSigma(fx=fx, cx=cx, cy=cy, edge=result.evidence.edge_px)
