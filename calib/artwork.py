@@ -89,23 +89,28 @@ class Discs:
     Attributes:
         columns, rows, pitch_mm: of the grid whose first disc is centred at (0, 0).
         radius_mm: of each.
+        is_staggered: whether every second row is moved by a pitch, and the discs of a row are two pitches apart.
     """
 
     columns: int
     rows: int
     pitch_mm: float
     radius_mm: float
+    is_staggered: bool = False
 
     @property
     def extent_mm(self) -> Box:
         """What the print covers."""
         r = self.radius_mm
-        return -r, -r, (self.columns - 1) * self.pitch_mm + r, (self.rows - 1) * self.pitch_mm + r
+        across = 2 * self.columns - 1 if self.is_staggered else self.columns - 1
+        return -r, -r, across * self.pitch_mm + r, (self.rows - 1) * self.pitch_mm + r
 
     def darkness(self, x: FloatArray, y: FloatArray, width: FloatArray, height: FloatArray) -> FloatArray:
         """The dark share of upright boxes much smaller than a disc, whose rim is straight within one."""
-        dx = x - np.clip(np.rint(x / self.pitch_mm), 0, self.columns - 1) * self.pitch_mm
-        dy = y - np.clip(np.rint(y / self.pitch_mm), 0, self.rows - 1) * self.pitch_mm
+        row = np.clip(np.rint(y / self.pitch_mm), 0, self.rows - 1)
+        step, first = (2, row % 2) if self.is_staggered else (1, 0 * row)
+        column = np.clip(np.rint((x / self.pitch_mm - first) / step), 0, self.columns - 1)
+        dx, dy = x - (step * column + first) * self.pitch_mm, y - row * self.pitch_mm
         distance = np.hypot(dx, dy)
         across = np.maximum(distance, 1e-9 * self.pitch_mm)
         # A box of these sides seen along the rim's normal, with the same second moment.
@@ -133,8 +138,14 @@ def _fraction(lines: FloatArray, at: FloatArray) -> _Fractions:
 @lru_cache(maxsize=8)
 def artwork(board: Board) -> Artwork:
     """What is printed for a board."""
-    if board.pattern is Pattern.CIRCLES:
-        return Discs(columns=board.columns, rows=board.rows, pitch_mm=board.pitch, radius_mm=board.marker / 2)
+    if board.pattern in {Pattern.CIRCLES, Pattern.ASYMMETRIC_CIRCLES}:
+        return Discs(
+            is_staggered=board.pattern is Pattern.ASYMMETRIC_CIRCLES,
+            columns=board.columns,
+            rows=board.rows,
+            pitch_mm=board.pitch,
+            radius_mm=board.marker / 2,
+        )
     if board.pattern is Pattern.APRILGRID:
         return _april_grid(board)
     return _squares(board)

@@ -34,8 +34,9 @@ DICTIONARIES: Mapping[str, int] = MappingProxyType(
 )
 """How many markers there are in each of OpenCV's dictionaries."""
 
-_MARKER_SHARE = {"charuco": 0.75, "aprilgrid": 1 / 1.3, "circles": 0.5}
-"""Of the square, that a marker or a disc takes up: Kalibr's grid has gaps of 0.3 tags."""
+_MARKER_SHARE = {"charuco": 0.75, "aprilgrid": 1 / 1.3, "circles": 0.5, "acircles": 0.8}
+"""Of the square, that a marker or a disc takes up: Kalibr's grid has gaps of 0.3 tags, OpenCV's staggered discs are 0.8
+of the distance of their rows."""
 
 
 class Pattern(StrEnum):
@@ -45,6 +46,7 @@ class Pattern(StrEnum):
     CHARUCO = "charuco"
     APRILGRID = "aprilgrid"
     CIRCLES = "circles"
+    ASYMMETRIC_CIRCLES = "acircles"
 
 
 class Board(Record):
@@ -53,8 +55,10 @@ class Board(Record):
     Attributes:
         pattern: what is printed.
         columns, rows: points along each side; of a checkerboard or ChArUco board its inner corners; of an
-            AprilGrid its tags, each of which has a point on every corner.
-        square_mm: distance between neighbouring points; of an AprilGrid from one tag to the next. None where it
+            AprilGrid its tags, each of which has a point on every corner; of asymmetric circles as OpenCV counts
+            them, the discs of a row and the staggered rows: 4×11.
+        square_mm: distance between neighbouring points; of an AprilGrid from one tag to the next, of asymmetric
+            circles from one row to the next, half of that between the discs of a row. None where it
             is not known: every length is then counted in squares.
         dictionary: of the markers, for patterns that have them, by OpenCV's name: "4x4_50". None takes the
             smallest 4x4 that has enough, or for AprilGrid apriltag_36h11.
@@ -151,6 +155,8 @@ class Board(Record):
         columns, rows = self.lattice
         y, x = np.mgrid[:rows, :columns]
         flat = np.zeros(x.size)
+        if self.pattern is Pattern.ASYMMETRIC_CIRCLES:
+            return np.column_stack([(2 * x + y % 2).ravel(), y.ravel(), flat]) * self.pitch
         if self.pattern is not Pattern.APRILGRID:
             return np.column_stack([x.ravel(), y.ravel(), flat]) * self.pitch
         across, down = ((at // 2) * self.pitch + (at % 2) * self.marker for at in (x, y))
@@ -159,7 +165,7 @@ class Board(Record):
     @property
     def extent(self) -> tuple[float, float]:
         """Distance between the outermost points, (across, down), in :attr:`unit`."""
-        across, down, _ = self.points[-1]
+        across, down, _ = self.points.max(axis=0)
         return float(across), float(down)
 
     @property

@@ -22,6 +22,7 @@ DETECTORS: Final[Mapping[Pattern, Callable[[Gray, Board], Found | NotFound]]] = 
     Pattern.CHARUCO: find_charuco,
     Pattern.APRILGRID: find_aprilgrid,
     Pattern.CIRCLES: find_circles,
+    Pattern.ASYMMETRIC_CIRCLES: find_circles,
 }
 
 FEWEST_ALONG_A_SIDE = 3

@@ -75,6 +75,7 @@ class NextPose(Record):
             if angle
         ]
         tilt = " and ".join(tilts) or "facing the camera"
+        place += f" ({self.x:.0%} across, {self.y:.0%} down)"
         return f"hold the board at {place}, {tilt}, {self.fill:.0%} of the frame wide"
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.board import Board
+from calibrary.calib.board import Board, Pattern
 from calibrary.calib.detectors.refinement import reduced
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason, Remark
@@ -31,7 +31,7 @@ def find_circles(gray: Gray, board: Board) -> Found | NotFound:
 
     Args:
         gray: (H, W).
-        board: a grid of discs in rows and columns.
+        board: a grid of discs in rows and columns, or with every second row staggered.
 
     Returns:
         Points in px as OpenCV counts them.
@@ -40,7 +40,9 @@ def find_circles(gray: Gray, board: Board) -> Found | NotFound:
 
     missing = NotFound(reason=Reason.NO_BOARD, text=f"no grid of {board.columns}×{board.rows} discs")
     small, scale = reduced(gray)
-    for flags in (cv2.CALIB_CB_SYMMETRIC_GRID, cv2.CALIB_CB_SYMMETRIC_GRID | cv2.CALIB_CB_CLUSTERING):
+    staggered = board.pattern is Pattern.ASYMMETRIC_CIRCLES
+    grid = cv2.CALIB_CB_ASYMMETRIC_GRID if staggered else cv2.CALIB_CB_SYMMETRIC_GRID
+    for flags in (grid, grid | cv2.CALIB_CB_CLUSTERING):
         found, centres = cv2.findCirclesGrid(small, (board.columns, board.rows), flags=flags)
         if found and centres is not None:
             break
@@ -50,10 +52,13 @@ def find_circles(gray: Gray, board: Board) -> Found | NotFound:
     if not is_even(rough):
         return NotFound(reason=Reason.UNEVEN, text="what looks like the grid is folded or torn")
     spacing = smallest_spacing(rough)
-    lattice = upright(_centroids(gray, rough, WINDOW_SHARE * spacing), None)
+    lattice = _centroids(gray, rough, WINDOW_SHARE * spacing)
+    if not staggered:
+        # A staggered grid has one beginning only, which OpenCV has found.
+        lattice = upright(lattice, None)
     if not np.isfinite(lattice).all() or not is_even(lattice):
         return missing
-    if direction := _goes_on(gray, lattice):
+    if not staggered and (direction := _goes_on(gray, lattice)):
         text = f"the grid has more {direction} than {board.columns}×{board.rows} discs; count them again"
         return NotFound(reason=Reason.LARGER_BOARD, text=text)
     bias = _perspective_bias(board, lattice)

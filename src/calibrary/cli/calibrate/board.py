@@ -13,7 +13,8 @@ DESCRIPTION = """\
 Write a calibration board as PDF or SVG, true to the millimetre, with a ruler to check the print.
 
 A board is PATTERN:COLUMNSxROWS, counted in inner corners: checkerboard:11x8 has 12×9 squares. Further patterns
-are charuco:COLUMNSxROWS[:DICTIONARY], aprilgrid:COLUMNSxROWS (tags, as Kalibr lays them) and circles.
+are charuco:COLUMNSxROWS[:DICTIONARY], aprilgrid:COLUMNSxROWS (tags, as Kalibr lays them), circles, and acircles:
+staggered circles as OpenCV counts them, such as acircles:4x11, whose rows are --square-mm apart.
 """
 EXAMPLES = """\
 examples:
