@@ -16,7 +16,7 @@ ROOM = Path(parsers.__file__).resolve().parent
 PYTHON = re.compile(r"\b(?:options=|image_size\b|max_error_px\b|max_bytes\b|format=)")
 FLAG = re.compile(r"(?<![\w-])--[a-z][a-z_-]+")
 OF_OTHER_PROGRAMS = {"--output-type", "--output_type", "--cameras"}
-OF_CONVERT = {"--max-error-px", "--allow-prior", "--force"}
+OF_CONVERT = {"--to", "--max-error-px", "--allow-prior", "--force"}
 OF_OURS = {"--image-size", "--size-from-centre", "--format", "--set", "--max-size", *OF_CONVERT}
 
 
@@ -65,6 +65,7 @@ def test_the_flags_exist(flag: str) -> None:
         "--set": "a=b",
         "--max-size": "100",
         "--max-error-px": "1",
+        "--to": "kalibr",
     }
     command = ["convert", "in.yml", "out.xml"] if flag in OF_CONVERT else ["inspect", "in.yml"]
     value = [values[flag]] if flag in values else []
