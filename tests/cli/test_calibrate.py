@@ -622,7 +622,10 @@ def test_what_makes_no_sense_exits_with_2(calibrated: Run, argv: tuple[str, ...]
 
 def test_a_set_of_sights_too_few_to_compute_says_so(calibrated: Run, tmp_path: Path) -> None:
     kept = corners(tmp_path / "kept.json", how=Session(views=2))
-    code, _, err = calibrated("--from", kept, "--report", "r.html")
+    code, _, err = calibrated("--from", kept, "--report", "r.html", "--corners", "again.json")
     assert code == 1
     assert "expected at least 3" in err
+    # What was seen is measured, whether a camera comes of it or not.
+    assert "kept in again.json" in err
+    assert len(read_corners(tmp_path / "again.json").views) == 2
     assert not (tmp_path / "r.html").exists()

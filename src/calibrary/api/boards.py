@@ -14,13 +14,14 @@ from calibrary.atomic import write_files
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.collect import Collected, NamedRemark
 from calibrary.calib.control_points import read_control_points
+from calibrary.calib.corners_file import write_corners
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.printing import Page, lay_out, page_size, to_pdf, to_svg
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.conventions import Origin
-from calibrary.errors import InputError
+from calibrary.errors import CalibrationError, InputError
 from calibrary.extras import CALIBRATE, require
 from calibrary.jobs.calibrate_board.corners_in import corners_of_file
 from calibrary.jobs.calibrate_board.entry import camera_named, entry_of, require_key
@@ -125,7 +126,7 @@ def calibrate(
     operator: str | None = None,
     focus: str | None = None,
     camera: CameraLike | None = None,
-    corners_name: str | None = None,
+    keep_corners: str | Path | None = None,
     for_registry: bool = False,
     skip_other_sizes: bool = False,
     workers: int = 0,
@@ -154,7 +155,8 @@ def calibrate(
         operator: who made it.
         focus: how the lens was focused: "locked at infinity".
         camera: what the frames do not say of the camera, or say wrong; None fields leave it to them.
-        corners_name: of the file that keeps the corners, for the provenance; ``corners`` when not given.
+        keep_corners: the file that keeps the corners, whose name the provenance states (``corners`` when not given); it
+            is written here where they determine no camera, else by :meth:`CalibrateResult.write`.
         for_registry: refuse a camera without make and model before the frames are searched.
         skip_other_sizes: leave out frames of another size than most, which are an error otherwise.
         workers: processes that look for the board; 0 decides by itself.
@@ -213,10 +215,16 @@ def calibrate(
         guess=read_seed(Path(seed_k), size) if seed_k is not None else None,
         date=date,
         operator=operator,
-        corners_name=corners_name or (Path(corners).name if corners is not None else None),
+        corners_name=Path(kept).name if (kept := keep_corners or corners) is not None else None,
     )
     with stage(f"solved {len(collected.observations.views)} views with lens model {lens_model}"):
-        result = calibrate_from(collected, request)
+        try:
+            result = calibrate_from(collected, request)
+        except CalibrationError as error:
+            if keep_corners is None:
+                raise
+            write_corners(collected.observations, Path(keep_corners))
+            raise CalibrationError(f"{error}; the corners are kept in {Path(keep_corners).name}") from None
     return CalibrateResult(result, collected, request)
 
 

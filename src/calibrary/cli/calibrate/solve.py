@@ -214,7 +214,7 @@ def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> Calibrate
             operator=given.operator,
             focus=given.focus,
             camera=_camera(arguments, fleet),
-            corners_name=given.corners.name if given.corners is not None else None,
+            keep_corners=given.corners,
             for_registry=fleet is not None,
             skip_other_sizes=given.skip_other_sizes,
             workers=given.workers,
