@@ -179,6 +179,16 @@ class Snapshot:
         """The index of the commit; for a registry in git."""
         return index_at(*self.require_git("has no index"))
 
+    def waiting(self, paths: Iterable[str]) -> str | None:
+        """A sentence on those of some entries for which another K is proposed and not approved; None without any."""
+        ids = [
+            id_of(path) for path in paths if not is_proposal(path) and proposal_path(path) in self.proposed
+        ]
+        if not ids:
+            return None
+        named = ", ".join(ids[:3]) + (f" and {len(ids) - 3} more" if len(ids) > 3 else "")
+        return f"another K is proposed and not approved, so not used: {named} ('calibrary registry show proposals/…')"
+
     def require_git(self, why: str) -> tuple[Repository, str]:
         """The repository and the commit.
 

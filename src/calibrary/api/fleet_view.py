@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
@@ -85,6 +85,10 @@ class FleetView:
     def commit(self) -> str | None:
         """Which state, 40 hexadecimal digits; None for a plain folder."""
         return self.snapshot.commit
+
+    def waiting(self, paths: Iterable[str]) -> str | None:
+        """A sentence on those of some entries for which another K waits for approval; None without any."""
+        return self.snapshot.waiting(paths)
 
     @property
     def cut(self) -> str | None:

@@ -15,7 +15,7 @@ from calibrary.records import replace
 from calibrary.registry.entry import Status
 from calibrary.registry.locking import LOCK_FILE, read_lock
 from tests.cli.registry.direct import put, put_bytes
-from tests.cli.registry.fleets import P4R, printed, run
+from tests.cli.registry.fleets import P4R, add, printed, run, xml
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
@@ -205,3 +205,18 @@ def test_the_pinned_entry_is_the_one_that_extract_takes(
     [pin] = read_lock(Path("calibrary.lock")).pins
     assert pin.path.endswith(f"{P4R}.yaml")
     assert extracted(capsys, "--registry", fleet, "--locked")[:2] == (0, 3661.25)
+
+
+def test_what_is_proposed_beside_it_is_mentioned_by_lock_export_and_extract(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, ENTRY)
+    add(xml(tmp_path / "new.xml", f=3663.0))
+    for words in (("lock",), ("export", "--format", "csv", "--out", "all.csv")):
+        code, _, told = run(capsys, *words)
+        assert (code, f"proposed and not approved, so not used: {P4R}" in " ".join(told.split())) == (
+            0,
+            True,
+        ), words
+    code, fx, told = extracted(capsys, "--registry", fleet)
+    assert (code, fx, f"so not used: {P4R}" in told) == (0, 3661.25, True)

@@ -17,6 +17,7 @@ from calibrary.registry.entry import Alias, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.schemas import require
+from calibrary.validation import Severity
 from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import P4R, add, printed, run, xml
 from tests.jobs.extract.fleet import gate, picture
@@ -180,6 +181,18 @@ class TestTheDayOfTheImage:
             if state.known.calibration is not None
         }
         assert found == {("a.jpg", "b.jpg"): 3650.0, ("c.jpg",): 3660.0}
+
+    def test_a_flight_over_two_periods_is_not_of_two_units(self, fleet: Path, tmp_path: Path) -> None:
+        for fx, validity in ((3600.0, SPRING), (3670.0, AUTUMN)):
+            put(fleet, an_entry(focal_mm=None, fx=fx, validity=validity))
+        for name, taken in (("a", "2026:08:31"), ("b", "2026:09:01")):
+            tags = {**TAGS, "focal_mm": (88, 10), "date_time": f"{taken} 12:00:00"}
+            picture(tmp_path / f"flight/{name}.jpg", **tags)
+        [camera] = gate(tmp_path / "flight", registry=fleet).cameras
+        report = camera.camera.report
+        assert report is not None
+        failed = [one.rule for one in report.findings if one.severity is Severity.ERROR]
+        assert "one-k-per-camera" not in failed
 
     def test_a_retired_entry_answers_for_no_day(
         self, periods: Path, capsys: pytest.CaptureFixture[str]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_registry_flag, note_waiting, opened
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
@@ -54,12 +54,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import out
 
-    done = opened(arguments, arguments.at).export(
+    registry = opened(arguments, arguments.at)
+    done = registry.export(
         arguments.format,
         arguments.out,
         statuses=arguments.status or ("approved", "held"),
         max_error_px=arguments.max_error_px,
     )
+    note_waiting(arguments, registry, [f"cameras/{one.entry}.yaml" for one in done.export.written])
     if arguments.json:
         print_json(done.to_dict())
     else:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from calibrary.cli.output import add_json_flag, print_json
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_registry_flag, note_waiting, opened
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -42,9 +42,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note, out, plain
 
-    found = opened(arguments, arguments.at).lock(arguments.what, recursive=arguments.recursive)
+    registry = opened(arguments, arguments.at)
+    found = registry.lock(arguments.what, recursive=arguments.recursive)
     for sentence in found.unanswered:
         note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
+    note_waiting(arguments, registry, [pin.path for pin in found.lock.pins])
     found.write(arguments.out)
     lock = found.lock
     count = len(lock.pins)

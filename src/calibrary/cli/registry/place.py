@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from calibrary.api.fleet import Fleet
 
-__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "opened"]
+__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "note_waiting", "opened"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +48,14 @@ def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:
 
     if registry.cut is not None:
         note(arguments).say(plain(registry.cut))
+
+
+def note_waiting(arguments: argparse.Namespace, registry: Fleet, paths: Iterable[str]) -> None:
+    """Say on standard error for which of some entries another K waits for approval."""
+    from calibrary.cli.console import note, plain
+
+    if (sentence := registry.waiting(paths)) is not None:
+        note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
 
 
 def opened(arguments: argparse.Namespace, at: str | None = None) -> Fleet:

@@ -17,6 +17,7 @@ from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 from calibrary.registry.locking import locked
+from calibrary.registry.paths import in_use_path
 from calibrary.registry.published.fetch import is_address
 from calibrary.registry.registry import open_snapshot, uncommitted
 from calibrary.registry.resolution import RejectedEntry, Resolution
@@ -157,11 +158,16 @@ def _warnings(layers: Layers) -> tuple[str, ...]:
 
 def _not_used(snapshot: Snapshot) -> tuple[str, ...]:
     """A person who edits a file and sees nothing come of it should not have to guess why."""
+    waiting = snapshot.waiting(
+        in_use_path(path) for path in snapshot.proposed if in_use_path(path) in snapshot.paths
+    )
+    pending = () if waiting is None else (waiting,)
     edited = uncommitted(snapshot.repo) if snapshot.repo is not None else ()
     if not edited:
-        return ()
+        return pending
     more = f" and {len(edited) - 1} more" if len(edited) > 1 else ""
     return (
         f"the registry is used as committed; {edited[0]}{more} differs in its work tree and is not committed "
         "('calibrary registry add FILE' does that)",
+        *pending,
     )
