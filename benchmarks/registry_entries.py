@@ -59,6 +59,7 @@ class Sizes:
 
     entries: tuple[int, ...]
     repeats: int
+    revisions: int = 5000
 
 
 def key_of(number: int) -> CameraKey:
@@ -196,6 +197,71 @@ def check(snapshot: Snapshot, entries: int) -> None:
     row("entries a second, one process", f"{entries / seconds:.0f} /s", entries / seconds, at_least=500.0)
 
 
+def commands(snapshot: Snapshot, entries: int, repeats: int) -> None:
+    """Whole commands, each a process of its own, in seconds of processor time, that of the git they start included."""
+    folder, number = str(snapshot.place), entries // 2
+    before = snapshot.commit
+    changed = replace(entry(number), tolerance=0.01)
+    assert snapshot.repo is not None
+    blob = snapshot.repo.read(before or "", changed.path)
+    change = Change(path=changed.path, data=entry_yaml(changed), base=blob.oid if blob is not None else None)
+    write(snapshot.repo, [change], "Change one\n")
+    asked = {
+        "list WORD": (["list", f"{number:06d}"], 1.0),
+        "show KEY": (["show", f"model-{number:06d}"], 1.0),
+        "resolve": (
+            ["resolve", "--make", str(key_of(number).make), "--model", str(key_of(number).model)],
+            1.0,
+        ),
+        "check BASE..HEAD, one change": (["check", f"{before}..HEAD"], None),
+    }
+    if entries <= CHECKED_UP_TO:
+        asked["list"] = (["list"], 2.0)
+        asked["check"] = (["check"], None)
+        asked["lock"] = (["lock", "--out", str(snapshot.place.parent / "all.lock")], None)
+    print("\nCommands, the index known from before: seconds of processor time")
+    for name, (words, goal) in asked.items():
+        command = [sys.executable, "-m", "calibrary", "registry", *words, "--registry", folder]
+        seconds = [cpu_s(command) for _ in range(repeats + 1)][1:]
+        row(name, f"{median(seconds):.2f} s", median(seconds), at_most=goal)
+
+
+def revisions(folder: Path, count: int, repeats: int) -> None:
+    """The log of one entry that was changed very often."""
+    repo = create(folder, bare=True, durable=False)
+    base = None
+    write(repo, [Change(path="registry.yaml", data=configuration_yaml())], "Begin\n")
+    for number in range(count):
+        data = entry_yaml(replace(entry(0), tolerance=(number + 1) / (count + 1)))
+        base = write(repo, [Change(path=entry(0).path, data=data, base=base)], f"Change {number}\n").paths[
+            entry(0).path
+        ]
+    maintain(repo)
+    repo.close()
+    command = [
+        sys.executable,
+        "-m",
+        "calibrary",
+        "registry",
+        "log",
+        "model-000000",
+        "--registry",
+        str(folder),
+    ]
+    first, *again = (cpu_s(command) for _ in range(repeats + 1))
+    print(f"\nLog of an entry with {count} revisions: seconds of processor time")
+    row("for the first time", f"{first:.2f} s")
+    row("again", f"{median(again):.2f} s")
+
+
+def cpu_s(command: list[str]) -> float:
+    """Seconds of processor time of a process and of what it starts."""
+    before = os.times()
+    subprocess.run(command, check=True, capture_output=True)
+    after = os.times()
+    return after.children_user + after.children_system - before.children_user - before.children_system
+
+
 def each_ms(seconds: list[float]) -> str:
     """The median."""
     return f"{median(seconds) * 1e3:.0f} ms"
@@ -217,8 +283,11 @@ def measure(sizes: Sizes) -> None:
             cold(snapshot, entries, sizes.repeats)
             if entries <= CHECKED_UP_TO:
                 check(snapshot, entries)
+            commands(snapshot, entries, sizes.repeats)
             assert snapshot.repo is not None
             snapshot.repo.close()
+    with tempfile.TemporaryDirectory(prefix="calibrary-bench-") as name:
+        revisions(Path(name, "registry"), sizes.revisions, sizes.repeats)
     if len(again) > 1:
         growth = again[-1] / again[0]
         print(f"\nResolve, warm, from {sizes.entries[0]} to {sizes.entries[-1]} entries")
@@ -239,7 +308,7 @@ def main() -> None:
     )
     if arguments.quick:
         print("A quick run, to see that everything runs: too small for the goals.")
-        sizes = Sizes(entries=(200,), repeats=1)
+        sizes = Sizes(entries=(200,), repeats=1, revisions=20)
     # Nobody's taste of git, and nobody's cache.
     with tempfile.TemporaryDirectory() as home:
         config = Path(home, ".gitconfig")
