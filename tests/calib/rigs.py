@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
+from calibrary.calib.collect import Collected
 from calibrary.calib.rig.lens import Place
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.synthesis import Pose, observe, poses
 from calibrary.calib.synthesis.cameras import example_camera
 from calibrary.calibration import Calibration
+from calibrary.jobs.calibrate_rig.run import RigCollected, corner_files
 from calibrary.records import replace
 from calibrary.rig import RigPose
 from calibrary.rotations import rotation_matrix, rotation_vector
@@ -103,3 +106,23 @@ def off(pose: RigPose, place: Place) -> tuple[float, float, FloatArray]:
     std = np.array([*(pose.rotation_std_deg or ()), *(pose.translation_std_mm or ())])
     along = abs(pose.baseline_mm / float(np.linalg.norm(place.translation)) - 1)
     return float(np.linalg.norm(turn)), along, np.concatenate([turn, shift]) / std
+
+
+def write_rig_corners(folder: Path) -> None:
+    """The corners of a small rig, as a run keeps them."""
+    seen = seen_by(true_rig(3, shots=12), 3)
+    collected = RigCollected(
+        cameras={name: Collected(observations=one) for name, one in seen.cameras.items()},
+        shots={
+            shot: {
+                name: one.views[view].name
+                for (name, one), view in zip(seen.cameras.items(), row, strict=True)
+                if view >= 0
+            }
+            for shot, row in zip(seen.shots, seen.rows.tolist(), strict=True)
+        },
+        how="by simulation",
+    )
+    folder.mkdir()
+    for name, data in corner_files(collected).items():
+        (folder / name).write_bytes(data)

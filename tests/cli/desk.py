@@ -12,6 +12,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.registry.registry import Registry
+from tests.calib.rigs import write_rig_corners
 from tests.cli.registry.fleets import xml
 from tests.jobs.calibrate_board.boards import corners
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, picture
@@ -33,6 +34,10 @@ COMMANDS: dict[str, tuple[int, str]] = {
         "PASS lens.yml",
     ),
     "calibrate --from corners.json --correlations": (0, "PASS correlations coverage"),
+    "calibrate rig --from rig/rig.json --lens-model k1k2p1p2 --out new/c/camchain.yaml": (
+        1,
+        "PROVISIONAL cam1 translation camchain.yaml",
+    ),
     "calibrate board checkerboard:11x8 --square-mm 40 --out new/b/board.pdf": (0, "board.pdf"),
     "registry init new/fleet --yes": (0, "registry.yaml"),
     f"registry add camera.xml {KEY} --reason first --yes": (0, "dji/fc6310r/5472x3648 intrinsics.fx"),
@@ -112,6 +117,7 @@ def furnish(folder: Path) -> None:
     (folder / "lab").mkdir()
     xml(folder / "lab/lab.xml", 2300.0, (4000, 3000))
     corners(folder / "corners.json")
+    write_rig_corners(folder / "rig")
     (folder / "payload").mkdir()
     survey(folder / "payload")
 
