@@ -89,7 +89,12 @@ def test_results_are_on_standard_output_and_not_on_standard_error(
 
 
 def test_every_command_is_in_the_table() -> None:
-    serving = {"calibrary registry serve", "calibrary demo", "calibrary calibrate synth"}
+    serving = {
+        "calibrary registry serve",
+        "calibrary demo",
+        "calibrary calibrate synth",
+        "calibrary calibrate watch",
+    }
     """Started, and looked at, by tests of their own."""
     names = {leaf.prog for leaf in leaves(build_parser())} - serving
     assert {
