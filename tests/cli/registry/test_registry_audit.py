@@ -73,6 +73,19 @@ def flight(tmp_path: Path) -> Path:
     return tmp_path / "flight"
 
 
+def test_a_k_that_waits_beside_the_one_in_use_is_noted(
+    fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    add(xml(tmp_path / "b.xml", 3661.0), "--date", TODAY)
+    document = audited(capsys, flight)
+    (finding,) = (one for one in document["findings"] if one["rule"] == "another K proposed")
+    assert (finding["severity"], finding["place"]) == ("note", P4R)
+    shown = f"proposals/{P4R}"
+    assert finding["remedy"] == f"calibrary registry show {shown}, then calibrary registry approve {P4R}"
+    assert run(capsys, "show", shown)[0] == 0
+
+
 def test_a_fleet_in_order_ends_with_0(
     fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,4 +26,5 @@ class Rule(StrEnum):
     UNDATED = "calibration date unknown"
     FUTURE = "calibration date in the future"
     TAGS = "tags disagree"
+    WAITING = "another K proposed"
     NOT_FLOWN = "not flown"

@@ -20,7 +20,7 @@ from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import id_of, match_key
+from calibrary.registry.paths import id_of, match_key, proposal_path
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
@@ -160,6 +160,19 @@ def _of_entries(
             continue
         if entry.is_usable:
             yield from _stale(id_of(path), entry, request, has_flown=path in flew)
+            if proposal_path(path) in request.snapshot.proposed:
+                yield _waiting(path)
+
+
+def _waiting(path: str) -> Finding:
+    id_ = id_of(path)
+    return Finding(
+        rule=Rule.WAITING,
+        severity=Severity.NOTE,
+        place=id_,
+        message="another K is proposed in its place, and is not used before it is approved",
+        remedy=f"calibrary registry show proposals/{id_}, then calibrary registry approve {id_}",
+    )
 
 
 def _stale(id_: str, entry: Entry, request: Request, *, has_flown: bool) -> Iterator[Finding]:
