@@ -127,6 +127,12 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
         UnsupportedModelError: none does; the message says by how much the best one misses.
     """
     K, distortion = _held(calibration.intrinsics, capacity), calibration.distortion
+    if distortion is None and not capacity.unknown_lens:
+        names = ", ".join(model.model for model in capacity.models)
+        raise UnsupportedModelError(
+            f"the distortion is unknown, and a file of this format always states one ({names}); expected a calibration "
+            "that has it"
+        )
     of_k = compare(calibration, replace(calibration, intrinsics=K))
     holds_k = calibration.intrinsics == K or of_k.max_px <= min(max_error_px, DEFAULT_MAX_ERROR_PX)
     if distortion is None or not capacity.models:

@@ -231,6 +231,8 @@ class Capacity:
         two_focals: fx may differ from fy.
         off_centre: the principal point may lie off the image's middle.
         several_cameras: more than one calibration in a file.
+        unknown_lens: a camera whose distortion nobody knows can be written, if only as having none; not where a
+            file without coefficients is a fisheye's.
     """
 
     models: tuple[type[Distortion], ...]
@@ -238,6 +240,7 @@ class Capacity:
     two_focals: bool = True
     off_centre: bool = True
     several_cameras: bool = False
+    unknown_lens: bool = True
 
 
 Read: TypeAlias = Callable[[bytes, ReadContext], list[Calibration]]

@@ -9,13 +9,17 @@ In the format's own words::
 
 K is OpenCV's, in pixels of ``calib_dimension``, and the coefficients are ``cv2.fisheye``'s. Profiles of one model
 and mode differ by several percent, for a video's frame is cropped and stabilised in ways the profile does not
-say: so this is a start for a camera of the kind and never the calibration of one, and it cannot be written on.
-A ``distortion_model`` of another kind and a ``digital_lens`` have no counterpart here.
+say: so what is read is a start for a camera of the kind and never the calibration of one. A ``distortion_model`` of
+another kind and a ``digital_lens`` have no counterpart here. Without ``distortion_coeffs`` a profile would be an
+equidistant fisheye's, so that a camera whose distortion is unknown is not written.
 
-Source: Gyroflow, ``src/core/lens_profile.rs``.
+Source: Gyroflow, ``src/core/lens_profile.rs``, whose fields all have defaults.
 """
 
 from __future__ import annotations
+
+import json
+from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Quality
 from calibrary.distortion import KannalaBrandt
@@ -24,7 +28,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.document import Node
-from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._json_text import loaded
 
 __all__ = ["FORMAT"]
@@ -36,6 +40,7 @@ CONVENTION = Convention(
     remarks=("a profile of a kind of camera: never more than a prior",),
 )
 FISHEYE = "opencv_fisheye"
+TOOL = "Gyroflow "
 STRETCHES = ("input_horizontal_stretch", "input_vertical_stretch")
 NOTE = "a profile of this kind of camera and mode, not of one camera; such profiles differ by several percent"
 
@@ -81,12 +86,48 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             ),
             provenance=context.provenance(
                 date=_text(document, "date"),
-                tool=f"Gyroflow {version}" if (version := _text(document, "calibrator_version")) else None,
+                tool=_tool(_text(document, "calibrator_version")),
                 operator=_text(document, "calibrated_by"),
             ),
             notes=(NOTE,),
         )
     ]
+
+
+def _tool(version: str | None) -> str | None:
+    """The program: a bare version is Gyroflow's own."""
+    return f"{TOOL}{version}" if version and version[0].isdigit() else version
+
+
+def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
+    """One profile, in the order of Gyroflow's own fields; what is not known is left out."""
+    [calibration] = calibrations
+    K, camera = calibration.intrinsics, calibration.camera
+    native, quality, provenance = CONVENTION.native(K), calibration.quality, calibration.provenance
+    size = dict(zip(("w", "h"), K.image_size, strict=True))
+    lens = calibration.distortion
+    known: dict[str, object] = {
+        "camera_brand": camera.make,
+        "camera_model": camera.model,
+        "lens_model": camera.lens,
+        "camera_setting": camera.capture_mode,
+        "calib_dimension": size,
+        "orig_dimension": size,
+        "input_horizontal_stretch": 1.0,
+        "input_vertical_stretch": 1.0,
+        "num_images": quality.views if quality is not None else None,
+        "calibrated_by": provenance.operator,
+        "calibrator_version": provenance.tool.removeprefix(TOOL) if provenance.tool else None,
+        "date": provenance.date,
+    }
+    params: dict[str, object] = {
+        "RMS_error": quality.rms_px if quality is not None else None,
+        "camera_matrix": [[native.fx, native.skew, native.cx], [0.0, native.fy, native.cy], [0.0, 0.0, 1.0]],
+        "distortion_coeffs": list(lens.coefficients.values()) if lens is not None else [],
+    }
+    kept = {key: value for key, value in known.items() if value is not None}
+    kept["fisheye_params"] = {key: value for key, value in params.items() if value is not None}
+    return (json.dumps(kept, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def _refuse(document: Node) -> None:
@@ -124,5 +165,7 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
+    write=write,
+    capacity=Capacity(models=(KannalaBrandt,), skew=True, unknown_lens=False),
     states=("date", "tool", "operator"),
 )

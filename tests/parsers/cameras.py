@@ -82,5 +82,6 @@ def calibrations(draw: st.DrawFn, capacity: Capacity) -> Calibration:
         image_size=(width, height),
     )
     known = distortions(capacity.models) if capacity.models else st.none()
-    lens = draw(st.one_of(known, st.just(NoDistortion()), st.none())) if capacity.models else None
+    plain = (st.just(NoDistortion()), st.none()) if capacity.unknown_lens else ()
+    lens = draw(st.one_of(known, *plain)) if capacity.models else None
     return replace(camera(lens), camera=CameraKey(image_size=intrinsics.image_size), intrinsics=intrinsics)

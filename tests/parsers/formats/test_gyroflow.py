@@ -12,7 +12,7 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
-from tests.parsers.samples import Sample
+from calibrary.records import replace
 
 Profile = dict[str, Any]  # JSON as Gyroflow writes it
 
@@ -36,9 +36,6 @@ def params(**changes: object) -> Profile:
     return {"fisheye_params": {**PROFILE["fisheye_params"], **changes}}
 
 
-SAMPLES = {"gyroflow": Sample(json.dumps(PROFILE).encode())}
-
-
 def test_it_projects_as_opencvs_fisheye_does() -> None:
     u, v = np.meshgrid(np.linspace(-0.7, 0.7, 25), np.linspace(-0.4, 0.4, 25))
     points = np.column_stack([u.ravel(), v.ravel(), np.ones(u.size)])
@@ -55,6 +52,29 @@ def test_it_is_a_prior_and_cannot_be_written_on() -> None:
     assert "not of one camera" in item.notes[0]
     with pytest.raises(InputError, match="guess"):
         parsers.encode([item], "opencv_storage")
+
+
+def test_a_measured_fisheye_is_written_with_the_programs_own_keys() -> None:
+    item = replace(read(), grade=Grade.CALIBRATED)
+    data, verdict = parsers.encode([item], "gyroflow")
+    written = json.loads(data)
+    assert written["orig_dimension"] == {"w": 3840, "h": 2160}
+    assert written["calibrator_version"] == "1.5.2"
+    kept = {key: value for key, value in PROFILE.items() if value is not None}
+    assert {key: written[key] for key in kept} == kept
+    assert verdict.dropped == ("grade calibrated (the file reads as prior)",)
+
+
+def test_another_program_is_named_whole() -> None:
+    item = replace(read(), grade=Grade.CALIBRATED)
+    origin = replace(item.provenance, tool="calibrary 0.1.0")
+    [copy] = parsers.decode(parsers.encode([replace(item, provenance=origin)], "gyroflow")[0], name="a.json")
+    assert copy.provenance.tool == "calibrary 0.1.0"
+
+
+def test_a_camera_whose_distortion_is_unknown_is_not_made_an_equidistant_fisheye() -> None:
+    with pytest.raises(UnsupportedModelError, match="the distortion is unknown, and a file of this format"):
+        parsers.encode([replace(read(), grade=Grade.DERIVED, distortion=None)], "gyroflow")
 
 
 def test_it_says_which_kind_of_camera_it_is_of() -> None:
