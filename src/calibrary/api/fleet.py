@@ -293,6 +293,7 @@ class Fleet(FleetView):
         stated: Stated | None = None,
         reason: str | None = None,
         approve: bool = False,
+        force: str | None = None,
         progress: Progress | None = None,
     ) -> ImportResult:
         """Every calibration file below a folder, as it would be written; arguments as of :meth:`propose`.
@@ -303,7 +304,9 @@ class Fleet(FleetView):
         from calibrary.api.exchange import AddRequest, ImportResult, Reading, Stated
         from calibrary.jobs.exchange.import_ import import_folder
 
-        request = AddRequest(key=overlay(camera), stated=stated or Stated(), reason=reason, approve=approve)
+        request = AddRequest(
+            key=overlay(camera), stated=stated or Stated(), reason=reason, approve=approve, force=force
+        )
         told = labelled(progress, "files")
         found = import_folder(self.registry, Path(folder), reading or Reading(), request, progress=told)
         return ImportResult(self.registry, found)

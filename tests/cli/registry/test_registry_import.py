@@ -146,6 +146,23 @@ class TestFolder:
         assert git(fleet, "rev-list", "--count", f"{before}..HEAD") == "1"
         assert held(fleet).entry.status is Status.DRAFT
 
+    def test_a_k_that_contradicts_the_catalogue_takes_force_and_a_reason(
+        self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """Ten times the focal length of that camera: a slip that one word had let into use."""
+        (tmp_path / "lab").mkdir()
+        xml(tmp_path / "lab/a.xml", 36605.0)
+        command = ["import", str(tmp_path / "lab"), *CAMERA, "--status", "approved", "--yes"]
+        commit = commit_of(fleet)
+        code, out, _ = run(capsys, *command)
+        assert (code, commit_of(fleet)) == (3, commit)
+        assert "failed  a.xml" in out
+        with pytest.raises(SystemExit, match="2"):
+            run(capsys, *command, "--force")
+        assert run(capsys, *command, "--force", "--reason", "a lens of ten times the length")[0] == 0
+        assert held(fleet).entry.calibration.intrinsics.fx == 36605.0
+        assert "a lens of ten times the length" in run(capsys, "check")[1]
+
     def test_the_same_files_again_change_nothing(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:

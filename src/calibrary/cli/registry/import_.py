@@ -11,6 +11,7 @@ from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
 from calibrary.cli.reading import add_reading_flags, reading_of
 from calibrary.cli.registry.asking import add_yes_flag, agreed, deciding_screen
+from calibrary.cli.registry.deciding import add_force_flag, force_of
 from calibrary.cli.registry.place import add_registry_flag, opened
 from calibrary.cli.stated_flags import add_stated_flags, stated_of
 
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of the new entries (default: draft); the catalogue's are always drafts",
     )
     parser.add_argument("--reason", metavar="TEXT", help="why, for the history")
+    add_force_flag(parser)
     add_stated_flags(parser)
     add_camera_flags(parser, with_image_size=False)
     add_reading_flags(parser)
@@ -98,6 +100,8 @@ def _found(arguments: argparse.Namespace, remarks: Screen) -> ImportResult:
             arguments.parser.error(
                 "the catalogue says where each entry is from; leave out --date and the like"
             )
+        if arguments.force:
+            arguments.parser.error("the catalogue's entries contradict nothing; leave out --force")
         return registry.import_catalogue()
     with Bar(remarks, "reading") as bar:
         return registry.import_folder(
@@ -107,6 +111,7 @@ def _found(arguments: argparse.Namespace, remarks: Screen) -> ImportResult:
             stated=stated,
             reason=arguments.reason,
             approve=arguments.status == "approved",
+            force=force_of(arguments),
             progress=bar,
         )
 
