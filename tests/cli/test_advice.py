@@ -22,7 +22,7 @@ SOURCES = sorted(
 )
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 PROGS = {leaf.prog: leaf for leaf in leaves(build_parser())}
-GROUPING = {"calibrary", "calibrary registry"}
+GROUPING = {"calibrary", "calibrary registry", "calibrary registry units"}
 QUOTED = re.compile(r"'(calibrary [a-z][^'\n]*)'|``?(calibrary [a-z][^`\n]*?)``?")
 UNQUOTED = re.compile(
     r"\b(calibrary(?: registry)? [a-z]+)(?= [A-Z<{\-]|:? calibrary)|: (calibrary(?: registry)? [a-z]+)\b"
@@ -59,11 +59,15 @@ def advised() -> list[tuple[str, str]]:
 
 def problem(command: str) -> str | None:
     """What is wrong with a command that somebody is told to type, None if nothing is."""
+    # The one command that is also written as a flag.
+    command = command.replace("calibrary calibrate --rig", "calibrary calibrate rig")
     try:
         words = shlex.split(command.replace("…", " ").replace("'", " "))
     except ValueError:
         words = command.split()
-    prog = next((" ".join(words[:n]) for n in (3, 2) if " ".join(words[:n]) in PROGS), None)
+    prog = next((" ".join(words[:n]) for n in (4, 3, 2) if " ".join(words[:n]) in PROGS), None)
+    if len(words) > 2 and " ".join(words[:3]) in GROUPING:
+        return None if prog is not None or len(words) == 3 else "no such command"
     if (
         prog is None
         and words[:2] == ["calibrary", "registry"]

@@ -54,7 +54,7 @@ def test_a_flag_is_completed(script: Path) -> None:
 
 
 def test_choices_are_offered(script: Path) -> None:
-    assert offered(script, "undistort", "--keep", "") == {"same", "all", "valid"}
+    assert offered(script, "undistort", "--keep", "") == {"auto", "same", "all", "valid"}
 
 
 def test_formats_are_offered_by_their_names(script: Path) -> None:
