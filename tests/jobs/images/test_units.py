@@ -86,8 +86,9 @@ def test_a_run_that_was_interrupted_reads_only_what_is_missing(
 def test_what_is_damaged_or_asks_less_is_read_again(flight: Path, tmp_path: Path) -> None:
     kept, whole = tmp_path / "kept", report(flight)
     assert report(flight, partials=kept) == whole
-    [path] = kept.iterdir()
-    path.write_bytes(path.read_bytes()[:100])
+    # Where the folder lies decides how many shards there are.
+    for path in kept.iterdir():
+        path.write_bytes(path.read_bytes()[:100])
     assert report(flight, partials=kept) == whole
     images = [Image(one.name, str(one)) for one in sorted(flight.iterdir())]
     found = read_images(images, Question(list_all=False), engine=here(1, known=61), partials=kept)
