@@ -18,7 +18,7 @@ __all__ = ["DICTIONARIES", "Board", "Pattern", "parse_board"]
 
 
 LARGEST = 200
-"""Corners along a side; nobody prints more, and a typing error must not ask for a million."""
+"""Largest number of corners along a side; printed boards have fewer, and a typing error must not ask for a million."""
 Side: TypeAlias = Annotated[int, Meta(ge=2, le=LARGEST)]
 Length: TypeAlias = Annotated[float, Meta(gt=0)]
 

@@ -1,7 +1,7 @@
 """Whether an image shows a calibration board: a look at a small copy, for folders in which boards and flights mix.
 
 It costs a tenth of a second an image. What it says is no measurement; :func:`calibrary.calib.collect.collect` finds
-the board anew, at full resolution, and says why where it does not.
+the board again, at full resolution, and says why where it does not.
 """
 
 from __future__ import annotations

@@ -201,7 +201,7 @@ def projection_difference(
 def projection_uncertainty(
     calibration: Calibration, covariance: Covariance, *, shape: tuple[int, int] = GRID
 ) -> Uncertainty:
-    """Standard deviation in px over the frame, with the rotation that nobody notices taken out.
+    """Standard deviation in px over the frame, with the rotation removed that a free camera pose absorbs.
 
     Args:
         calibration: around which the covariance is propagated.

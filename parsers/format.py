@@ -7,7 +7,7 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
     terms). :meth:`Convention.intrinsics` and :meth:`Convention.native` do the counting; a format never adds
     half a pixel.
 3.  ``sniff(content) -> Sniff | None`` looks at the shared views of
-    :class:`~calibrary.parsers.content.Content` and parses nothing itself. ``MAGIC``: a signature nobody else
+    :class:`~calibrary.parsers.content.Content` and parses nothing itself. ``MAGIC``: a signature that no other format
     has. ``SHAPE``: keys or columns another format might share. ``WEAK``: nothing in the file says so; counts
     only when no other format claims it.
 4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens nothing: a file that belongs to it
@@ -231,7 +231,7 @@ class Capacity:
         two_focals: fx may differ from fy.
         off_centre: the principal point may lie off the image's middle.
         several_cameras: more than one calibration in a file.
-        unknown_lens: a camera whose distortion nobody knows can be written, if only as having none; not where a
+        unknown_lens: a camera of unknown distortion can be written, if only as having none; not where a
             file without coefficients is a fisheye's.
     """
 

@@ -1,8 +1,8 @@
 """An entry as it may be given to others: of its model, with the evidence behind it, and without what is private.
 
-What is written is made anew from the fields that are named here, so that a field that is added to entries later stays
+What is written is made from the fields that are named here, so that a field that is added to entries later stays
 private until it is named too. One unit's K is evidence for its model, not a calibration of it: its grade becomes
-``derived``, and what was measured goes into ``x-evidence``, where nobody takes it for the uncertainty of other units.
+``derived``, and what was measured goes into ``x-evidence``, not to be taken for other units' uncertainty.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Changes of what an entry says beside its calibration: its label, tags, notes and days, of many entries at once.
 
 A label, tags and notes decide nothing about which K is used, and are written where the entry is, approved or not. Days
-decide it: where they change, the entry is proposed anew and waits for approval, as after ``calibrary registry add``.
+decide it: where they change, the entry is proposed again and waits for approval, as after ``calibrary registry add``.
 Nothing of K is changed here.
 """
 

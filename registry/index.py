@@ -44,7 +44,7 @@ __all__ = [
 ]
 
 VERSION: Final = f"1 {' '.join(Entry.__struct_fields__)}"
-"""Of what is kept; another one is written anew."""
+"""Version of the stored form; an index of another version is rebuilt."""
 BLOCK: Final = 500
 
 LINE_OF_LABEL: Final = re.compile(rb"^label:.*$", re.MULTILINE)

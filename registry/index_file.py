@@ -68,7 +68,7 @@ class IndexFile:
             return self._meta(db).get("commit") if db is not None else None
 
     def replace(self, commit: str, files: Mapping[str, str], mentions: Sequence[Mention]) -> None:
-        """Write it anew, as far as it can be written."""
+        """Rewrite the file if it can be written."""
         with self._opened(writes=True) as db:
             if db is None:
                 return

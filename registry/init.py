@@ -365,7 +365,7 @@ def example_entry() -> Entry:
 
 
 def _requirement() -> str:
-    """The version that began this registry: what is good does not change with a release that nobody looked at."""
+    """The version that began this registry: what is good does not change with an unreviewed release."""
     try:
         return f"=={version('calibrary')}"
     except PackageNotFoundError:

@@ -45,7 +45,7 @@ __all__ = ["Registry", "open_snapshot"]
 
 KEPT_SNAPSHOTS: Final = 4
 PATCHED_FROM: Final = 1000
-"""Entries from which a new state is found by what differs from the last one, not listed anew."""
+"""Entries from which a new state is found by what differs from the last one, not listed again."""
 
 
 class Registry:
@@ -329,7 +329,7 @@ class Registry:
 
         Args:
             keys: of the entries, without a revision.
-            status: that they shall have.
+            status: their new status.
             reason: why.
             branch: the branch on which they are proposed; None for the current ones.
             successor: KEY of the entry that takes the place of a retired one, and will say so.

@@ -236,8 +236,8 @@ class _Import:
                 continue
             if before is None or before[name] != now[name]:
                 raise InputError(
-                    f"{name} is {now[name]!r:.60} in the registry since the export, and {said!r:.60} here; export it "
-                    "anew"
+                    f"{name} is {now[name]!r:.60} in the registry since the export, and {said!r:.60} here; "
+                    "export it again"
                 )
             self._assign(stored, name, said, line)
         for name in now:

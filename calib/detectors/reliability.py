@@ -102,7 +102,7 @@ def _displaced(
 ) -> tuple[FloatArray, float, BoolArray, FloatArray | None]:
     """How far each point lies beside the others, how far a typical one, which are too far, and where they should be.
 
-    The worst is set aside and the plane fitted anew until none stands out, for one bad point bends the fit for all.
+    The worst point is removed and the plane fitted again until no outlier is left: one bad point bends the whole fit.
     """
     trusted = np.ones(len(points), dtype=np.bool_)
     while True:

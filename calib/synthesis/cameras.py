@@ -1,4 +1,4 @@
-"""Cameras to photograph with: a unit of a known model that nobody owns, and what it writes into its frames."""
+"""Cameras to photograph with: a simulated unit of a known model, and what it writes into its frames."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def head(calibration: Calibration, known: KnownCamera | None, number: int) -> He
         "LensModel": key.lens,
     }
     if key.make == EXAMPLE.make:
-        # No real model here writes it; of the made-up one nobody would know the pitch otherwise.
+        # No real model here writes it; the pitch of the made-up one would be unknown otherwise.
         exif |= {
             "FocalPlaneXResolution": _PITCH,
             "FocalPlaneYResolution": _PITCH,

@@ -161,7 +161,7 @@ def brown(c: Mapping[str, float], context: ReadContext, *, place: str) -> Distor
     """RealityCapture's lens of k1 to k4, t1 and t2.
 
     Raises:
-        UnsupportedModelError: t1 and t2 are not zero, and nobody said which is which.
+        UnsupportedModelError: t1 and t2 are not zero, and their order was not stated.
     """
     if not any(c.values()):
         return NoDistortion()

@@ -1,6 +1,6 @@
 """How the lens was focused, as far as EXIF says it: CIPA DC-008, SubjectDistance and SubjectDistanceRange.
 
-Whether a person locked it stands in no standard tag; two frames that differ here were focused anew in between.
+Whether a person locked it stands in no standard tag; two frames that differ here were focused again in between.
 """
 
 from __future__ import annotations

@@ -91,7 +91,9 @@ class Source:
     def _fetch(self, offset: int, size: int) -> bytes:
         if self.bytes_read + size > READ_BUDGET:
             limit = f"{READ_BUDGET // 2**20} MiB"
-            raise self.broken(f"its head takes more than {limit} to read; save it anew with an image program")
+            raise self.broken(
+                f"its head takes more than {limit} to read; save it again with an image program"
+            )
         try:
             self._file.seek(offset)
             data = self._file.read(size)

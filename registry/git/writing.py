@@ -49,7 +49,7 @@ ANY: Final = Base.ANY
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """What shall become of one file.
+    """The change to one file.
 
     Attributes:
         data: its new content; ``None`` removes it.

@@ -1,4 +1,4 @@
-"""One file over HTTP: bounded in size and time, verified by nobody yet, and never from another scheme."""
+"""One file over HTTP: bounded in size and time, not yet verified, and never from another scheme."""
 
 from __future__ import annotations
 

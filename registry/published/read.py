@@ -1,6 +1,6 @@
 """A published registry as a reader sees it: the entries of a camera, each file verified from the root down.
 
-One root is one state. Files that do not fit it mean that the registry was published anew in between: the root is then
+One root is one state. Files that do not fit it mean that the registry was published again in between: the root is then
 read again, and with it whatever was asked. Where the server cannot be reached, the last root and the files in the cache
 answer, and a warning says how old they are.
 """
@@ -202,7 +202,7 @@ class Published:
         except _StaleError as error:
             raise RegistryError(
                 f"{error}; it was damaged on the server or on the way, or is being published at this moment: try "
-                "again, or publish it anew"
+                "again, or publish it again"
             ) from None
         finally:
             self._is_retry = False
@@ -250,7 +250,7 @@ class Published:
             reason = _reason_against(found, self._signers)
             if reason is None:
                 break
-            # The root and its signature are two files: between the two it may have been published anew.
+            # The root and its signature are two files: between the two it may have been published again.
             if is_last:
                 raise RegistryError(f"{self.url}: {reason}")
             self._is_retry = True

@@ -105,7 +105,7 @@ def publish(
     """Write the entries of a state that are approved, held or retired; the same bytes for the same commit.
 
     The root is replaced last, so that a reader finds the whole former state, the whole new one, or in between a digest
-    that does not fit, upon which it asks again.
+    that does not fit; the reader then asks again.
 
     Args:
         snapshot: of a registry in git.
@@ -352,7 +352,7 @@ def _write_entry(path: str, entry: Entry, repo: Repository, commit: str, out: Pa
 
 
 def _put_entry(entry: Entry, output: _Output) -> str:
-    # What a keeper calls a unit, and files it under, is nobody else's business.
+    # A unit's label and the folder it is kept in are internal to the team.
     data = document_bytes(to_json(replace(entry, label=None, tags=())))
     digest = sha256(data)
     output.put(entry_path(digest), data)

@@ -33,7 +33,7 @@ def watch(
         board: which one, such as "checkerboard:11x8".
         square_mm: side of a square, which K does not depend on.
         lens_model: "auto", or the name of one.
-        page: an .html file that is written anew after each frame, and that a browser reads again by itself.
+        page: an .html file that is rewritten after each frame and reloads itself in the browser.
         once: look at what is there, and end.
         every_s: seconds between two looks into the folder.
 

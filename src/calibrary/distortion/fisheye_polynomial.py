@@ -24,7 +24,7 @@ class FisheyePolynomial(RadialFisheye):
         x' = θd·X / R        y' = θd·Y / R
 
     Pix4D counts the angle in right angles, ρ = p0 + p1·t + p2·t² + p3·t³ with t = 2θ/π and p0 = 0, p1 = 1:
-    hence k_i = p_i·(2/π)^(i−1), and the focal length is 2/π of its affine matrix.
+    so k_i = p_i·(2/π)^(i−1), and the focal length is 2/π of its affine matrix.
 
     Source: Pix4D, "Camera internals for fisheye lens".
     """

@@ -3,7 +3,7 @@
 On the circle of radius r, with A = r·N/D, q = (p2, p1) and S = r²(s1, s3) + r⁴(s2, s4), the point r·e (e a unit
 vector) is seen at ``(A + 2r² q·e) e + r² q + S``. So a circle's image is a limaçon, shifted: a simple curve
 while A > 2r²|q|, and at the first radius where that fails its tangent vanishes, and the Jacobian determinant
-with it. A map that is locally one-to-one on a disc and one-to-one on its rim is one-to-one on the disc. Hence,
+with it. A map that is locally one-to-one on a disc and one-to-one on its rim is one-to-one on the disc. So,
 for this family, **the determinant is positive on a disc if and only if the map is one-to-one there**, and the
 limit is the first radius at which, in some direction, the determinant
 

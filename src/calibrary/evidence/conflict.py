@@ -97,7 +97,7 @@ def _cause(scene: Scene, chosen: SourceEstimate, other: SourceEstimate) -> Cause
 def _is_wide_crop(scene: Scene, ratio: float) -> bool:
     """Whether a 35 mm equivalent differs as 16:9 does that was cut out of 4:3 or 3:2.
 
-    It counts by the native diagonal, which of an unknown camera nobody tells.
+    It counts by the native diagonal, which is not known for an unknown camera.
     """
     width, height = files_frame(scene.metadata)
     if scene.native_size is not None or width / height < WIDE_ASPECT:

@@ -137,7 +137,7 @@ class SourceEstimate(Record):
     def rank(self) -> tuple[int, int]:
         """Sorts estimates best first.
 
-        A maker's design value is focal length ÷ pitch as well, only with nobody to check its pitch, so it does
+        A maker's design value is focal length ÷ pitch as well, but its pitch cannot be checked, so it does
         not stand above the derived ones: between those the source decides.
         """
         grade = Grade.DESIGN if self.grade is Grade.DERIVED else self.grade

@@ -2,7 +2,7 @@
 
 Every element and attribute is one of those listed here or dropped, so a drawing can neither run a script nor
 fetch anything. Styles become attributes, which a strict Content-Security-Policy lets pass, and the palette's
-colours become classes, which follow the reader's theme. Names are numbered anew, for a page holds many drawings.
+colours become classes, which follow the reader's theme. Names are renumbered because a page holds many drawings.
 """
 
 from __future__ import annotations

@@ -163,7 +163,7 @@ def test_a_registry_that_moves_on_is_shown_anew(
             time.sleep(0.05)
         server.stop()
         thread.join()
-    assert told[0].startswith("built anew at ")
+    assert told[0].startswith("rebuilt at ")
 
 
 def test_a_client_that_hangs_up_is_no_event(server: Server, capfd: pytest.CaptureFixture[str]) -> None:

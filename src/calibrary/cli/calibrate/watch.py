@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--page",
         type=Path,
         metavar="FILE",
-        help="an .html page that is written after each frame and reads itself anew",
+        help="an .html page that is rewritten after each frame and reloads itself",
     )
     parser.add_argument("--once", action="store_true", help="look at what is there, and end")
     parser.add_argument(

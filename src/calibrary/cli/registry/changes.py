@@ -52,7 +52,7 @@ EDITED = (
 
 
 def show_edits(screen: Screen, proposals: Iterable[Proposal]) -> None:
-    """What many entries say anew, a row a field."""
+    """Changed fields of many entries, one row each."""
     from calibrary.cli.console import plain
 
     proposals = [*proposals]

@@ -56,7 +56,7 @@ def age_finding(entry: Entry, today: date, stale_months: int, *, has_flown: bool
         severity=severity,
         place=id_,
         message=f"it was calibrated on {made}, {months} months ago, expected less than {stale_months}{unflown}",
-        remedy=f"calibrate it anew: calibrary calibrate FRAMES --as {id_}" if has_flown else None,
+        remedy=f"calibrate it again: calibrary calibrate FRAMES --as {id_}" if has_flown else None,
     )
 
 

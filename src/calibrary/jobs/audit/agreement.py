@@ -87,7 +87,7 @@ def disagreements(answer: Answer, policy: Policy) -> Iterator[Finding]:
 def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
     flown = answer.flown
     made_with, now = entry.calibration.provenance.firmware, flown.key.firmware
-    # A range that somebody stated holds the camera's, or another entry would have answered.
+    # A stated firmware range includes the camera's, or another entry would have answered.
     if made_with is None or now is None or entry.firmware is not None or _may_be_same(made_with, now):
         return
     yield Finding(
@@ -105,7 +105,7 @@ def _may_be_same(one: str, other: str) -> bool:
     try:
         return compare_versions(one, other) == 0
     except InputError:
-        # An editor or a gallery writes its own name where the camera's firmware stood: that tells nothing of it.
+        # An editor or a gallery replaces the camera's firmware by its own name: the firmware is unknown.
         return True
 
 

@@ -128,11 +128,11 @@ def _unusable(flown: Flown, use: Use, found: Resolution) -> Finding:
         remedy = f"calibrary registry show {id_}, then calibrary registry approve {id_}"
     elif use is Use.RETIRED:
         rule, text = Rule.RETIRED, f"and its entry is retired{why}"
-        remedy = f"calibrate the camera anew and add that: calibrary onboard {flown.example.parent}"
+        remedy = f"calibrate the camera again and add that: calibrary onboard {flown.example.parent}"
     else:
         day = f" on {flown.last}" if flown.last is not None else ""
         rule, text = Rule.EXPIRED, f"and its entry is valid {entry.validity}{why}, not{day or ' today'}"
-        remedy = f"calibrate it anew, or extend 'valid' in {found.path} and add that file again"
+        remedy = f"calibrate it again, or extend 'valid' in {found.path} and add that file again"
     return Finding(
         rule=rule,
         severity=Severity.ERROR,

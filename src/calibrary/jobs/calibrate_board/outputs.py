@@ -37,7 +37,7 @@ class Files:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Places:
-    """Where things shall go; None for what is not wanted.
+    """Paths of the outputs; None for those that are not wanted.
 
     Attributes:
         report: the page, .html.

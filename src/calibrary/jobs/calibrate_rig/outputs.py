@@ -22,7 +22,7 @@ __all__ = ["RigPlaces"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigPlaces:
-    """Where things shall go; None for what is not wanted.
+    """Paths of the outputs; None for those that are not wanted.
 
     Attributes:
         report: the page, .html.

@@ -1,6 +1,6 @@
 """A folder in which frames of a board arrive: each is looked at, and the camera solved again from all of them.
 
-The frames are all the state there is: who stops and starts again reads them anew, and goes on where it was.
+The frames are the only state: after a restart they are read again and the work continues where it was.
 """
 
 from __future__ import annotations

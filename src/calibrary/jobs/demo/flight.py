@@ -236,7 +236,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
     stretched = DemoImage(
         name="video/DJI_0104_4k.jpg",
         camera="Phantom 4 Pro",
-        story="a 3:2 frame forced into 4K's 16:9: fx ≠ fy, or cut by nobody knows how much",
+        story="a 3:2 frame forced into 4K's 16:9: fx ≠ fy, or cropped by an unknown amount",
         outcome=Expectation.REJECTED,
         reason="EXIF's frame leads to the file's neither by a scale nor by a crop",
     )

@@ -79,7 +79,7 @@ def comparison_page(comparison: Comparison, labels: tuple[str, str], altitude_m:
 def comparison_sections(
     comparison: Comparison, labels: tuple[str, str], altitude_m: float
 ) -> tuple[Section, ...]:
-    """The parts of a comparison, in the order in which somebody who has to decide wants them."""
+    """The parts of a comparison, in the order in which a decision needs them."""
     numbers = comparison.numbers
     sections = [Section(title=f"Which K to use: {comparison.use.value}", blocks=tuple(_verdict(comparison)))]
     if numbers is not None:

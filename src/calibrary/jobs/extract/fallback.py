@@ -269,7 +269,7 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
 def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
     """An approved calibration of the registry in the place of a valid K that was only derived and agrees with it.
 
-    The images' K then only confirms it: its principal point and distortion are defaults, and nobody should hand
+    The images' K then only confirms it: its principal point and distortion are defaults, and nothing should hand
     those to a solver while measured ones are there. ``source`` keeps the order of the source document.
     """
     own = camera.calibration

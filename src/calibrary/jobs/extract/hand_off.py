@@ -292,7 +292,7 @@ def _odm(calibration: Calibration) -> dict[str, str | int | float]:
 def _named(
     cameras: Sequence[Candidate], models: Mapping[str, Mapping[str, object]], solver: Solver
 ) -> dict[str, Mapping[str, object]]:
-    """Each model under every name the solver may give that camera; a name that is nobody's does no harm.
+    """Each model under every name the solver may give that camera; a name that no camera has does no harm.
 
     Raises:
         UnsupportedModelError: a camera shares a name with another one, whose images would get its K.

@@ -176,10 +176,10 @@ def check_place(matrix_path: Path) -> None:
 
 
 def _check_replaceable(path: Path) -> None:
-    """Refuse to put a file in the place of one that somebody has protected.
+    """Refuse to put a file in the place of a protected one.
 
     Raises:
-        InputError: a link, or a file that nobody may write to, is there.
+        InputError: a link, or a read-only file, is there.
     """
     try:
         found = path.lstat()

@@ -25,7 +25,7 @@ AT_ONCE = 32
 """Requests of one process that are under way together: at 20 ms each, as many answers as it has time to read."""
 WORTH_A_POOL = 400
 """Below this many images starting workers costs more than it saves."""
-KILLED = "not read: the process that read it was killed, and again when it was tried anew"
+KILLED = "not read: the process that read it was killed, and again on the second try"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +47,7 @@ class Done:
 
     Attributes:
         count: how many images they are.
-        part: what they say; None where the process that read them was killed, and again when it was tried anew.
+        part: what they say; None where the process that read them was killed, and again on the second try.
         unit: the piece, if it is one.
     """
 
@@ -67,8 +67,8 @@ class Reading:
 
     Attributes:
         images: what they say.
-        lost: how many of them were not read because the process that did was killed, and again when it was tried
-            anew; they are among those that cannot be read.
+        lost: how many of them were not read because the process that did was killed, also on
+            the second try; they are among those that cannot be read.
     """
 
     images: Accumulator

@@ -35,7 +35,7 @@ class Place:
 
         Args:
             path: in the registry.
-            proper: whether it is where its camera belongs; any other path may be what somebody wished to
+            proper: whether it is where its camera belongs; any other path may be what its author wished to
                 write outside the site, or over another's page, and gets a number instead.
             published: whether the files that programs read are beside the site.
         """

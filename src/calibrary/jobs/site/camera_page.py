@@ -223,7 +223,7 @@ def _uncertainty(calibration: Calibration) -> Iterator[Block]:
         items = tuple((name, form.format(value)) for name, value, form in stated if value is not None)
         if items:
             yield KeyValues(items)
-    # What a lens is worth by its grade takes longer to find than all the rest of the page, and nobody asks here.
+    # What a lens is worth by its grade takes longer to find than all the rest of the page, and is not shown here.
     spread = spread_of(calibration) if stds_of(calibration) else None
     if spread is None or not spread.is_measured:
         prior, K = PRIORS[calibration.grade], calibration.intrinsics

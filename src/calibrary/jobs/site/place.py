@@ -1,4 +1,4 @@
-"""Where a site is put: built beside its place, then moved there whole, and never over what somebody else made."""
+"""Where a site is put: built beside its place, then moved there whole, and never over another program's files."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def replaced(out: Path) -> Iterator[Path]:
     try:
         building.mkdir()
         yield building
-        # Somebody may have put something there while the pages were made.
+        # Another process may have written there while the pages were made.
         check_out(place)
         _swap(building, place, former)
     finally:

@@ -1,4 +1,4 @@
-"""A site shown on this machine to this machine alone, and built anew when the registry moves on.
+"""A site shown on this machine to this machine alone, and rebuilt when the registry moves on.
 
 It listens on 127.0.0.1. A page of the web could still have a browser ask there under a name of its own choosing
 (DNS rebinding), so a request has to name the very host and port that the server was announced by. Nothing is
@@ -69,7 +69,7 @@ class Server:
             port: 0 for any that is free.
             workers: processes that build it.
             progress: told how far the first build is.
-            told: what happens later: that it was built anew, or why not.
+            told: what happens later: that it was rebuilt, or why not.
 
         Raises:
             InputError: the port is taken.
@@ -112,7 +112,7 @@ class Server:
         self._http.shutdown()
 
     def look(self) -> bool:
-        """Build the site anew if the registry has moved on; whether it has.
+        """Rebuild the site if the registry has moved on; whether it has.
 
         Raises:
             RegistryError: it cannot be read; the site stays as it was.
@@ -139,11 +139,11 @@ class Server:
             try:
                 if self.look():
                     said = ""
-                    self._told(f"built anew at {self._site.commit[:12]}")
+                    self._told(f"rebuilt at {self._site.commit[:12]}")
             except CalibraryError as error:
                 if str(error) != said:
                     said = str(error)
-                    self._told(f"not built anew: {said}")
+                    self._told(f"not rebuilt: {said}")
 
     def _file(self, address: str) -> Path | None:
         """The site's file at an address; None where there is none, or it would lie outside."""

@@ -24,7 +24,7 @@ Label, tags and notes may be edited and imported again; the other columns are fo
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("file", type=Path, metavar="FILE.csv", help="written anew")
+    parser.add_argument("file", type=Path, metavar="FILE.csv", help="the table to write")
     add_where_flag(parser)
     parser.add_argument(
         "--excel",
