@@ -14,7 +14,7 @@ from importlib.util import find_spec
 
 from calibrary.errors import MissingExtraError
 
-__all__ = ["CALIBRATE", "LIBRARIES", "PAGES", "Library", "missing", "require"]
+__all__ = ["CALIBRATE", "LIBRARIES", "PAGES", "SFM", "Library", "missing", "require"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,11 +40,13 @@ LIBRARIES = {
     "jinja2": Library(name="Jinja2", extras=("pages",)),
     "matplotlib": Library(name="Matplotlib", extras=("pages",)),
     "obstore": Library(name="obstore", extras=("remote",)),
+    "pycolmap": Library(name="pycolmap", extras=("sfm",), floor=(4, 0)),
 }
 """By the name they are imported by."""
 
 CALIBRATE = ("cv2", "PIL")
 PAGES = ("jinja2", "matplotlib")
+SFM = ("pycolmap",)
 
 
 def require(modules: Sequence[str], job: str) -> None:

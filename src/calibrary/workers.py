@@ -18,7 +18,7 @@ from typing import TypeVar
 
 from calibrary.interrupts import held
 
-__all__ = ["end_with_parent", "mapped", "mapped_on"]
+__all__ = ["deaf_to_ctrl_c", "end_with_parent", "mapped", "mapped_on"]
 
 AHEAD = 4
 """Items that are handed out for each process, so that none waits for the next."""
@@ -67,7 +67,7 @@ def mapped(
     """
     with _pool(min(workers, len(items)), preload, begin) as pool:
         # Interrupted on its way, a process would begin after all, when what it shares with us has gone.
-        with held(), _deaf_to_ctrl_c():
+        with held(), deaf_to_ctrl_c():
             results = pool.map(work, items)
         yield from results
 
@@ -121,7 +121,7 @@ def _alone(
 
 
 def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], item: Item) -> Future[Result]:
-    with held(), _deaf_to_ctrl_c():
+    with held(), deaf_to_ctrl_c():
         return pool.submit(work, item)
 
 
@@ -145,7 +145,7 @@ def _pool(workers: int, preload: Sequence[str], begin: Callable[[], None]) -> It
 
 
 @contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
+def deaf_to_ctrl_c() -> Iterator[None]:
     """Processes started here never hear a terminal's Ctrl-C, which is for the command that started them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield

@@ -1,0 +1,309 @@
+"""Images in, features and verified matches out: COLMAP's, on the CPU, from images at reduced size.
+
+What is verified is that a fundamental matrix or a homography explains a pair's matches, never that K does: a wrong K
+costs no match.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibrary.arrays import FloatArray, IntArray
+from calibrary.calibration import ImageSize, Intrinsics
+from calibrary.errors import InputError
+from calibrary.extras import SFM, require
+from calibrary.progress import Progress
+from calibrary.sfm.apart import run_apart
+
+__all__ = ["DATABASE", "FlightImage", "MatchedFlight", "Matches", "match", "read_keypoints", "read_matches"]
+
+DATABASE = "database.db"
+"""Its name in the folder of a :class:`MatchedFlight`."""
+
+IMAGES = "images"
+"""The folder beside it with a link to each image."""
+
+MAX_SIDE = 1600
+"""Px: longer side of what features are looked for in. Twice as much costs four times the time and the memory."""
+
+FEATURES = 3000
+"""Of an image at most; those of the largest scale are kept."""
+
+MEMORY_PER_THREAD = 530 * 2**20
+"""Bytes, measured, that looking for features in an image of MAX_SIDE takes: its first octave has twice the size."""
+
+MEMORY = 1600 * 2**20
+"""Bytes for all threads together; the process itself and decoded images come on top of it, and stay below 2 GB."""
+
+MATCH_ERROR = 4.0
+"""Px at reduced size from the epipolar line: a lens's distortion, which F does not know, stays within it."""
+
+LOOK_AGAIN_S = 0.25
+"""How often the database is asked how many images are done."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightImage:
+    """An image of a flight.
+
+    Attributes:
+        path: the file.
+        name: of the image in reports, unique in the flight.
+        size: (width, height) px as stored.
+        centre_m: (east, north, up) m of the camera in a local frame; it never leaves the job.
+        centre_std_m: its standard deviations, m.
+    """
+
+    path: Path
+    name: str
+    size: ImageSize
+    centre_m: tuple[float, float, float] | None = None
+    centre_std_m: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MatchedFlight:
+    """Features and matches of a flight, in a COLMAP database.
+
+    Attributes:
+        folder: the caller's; it contains database.db and images/. Image i of ``images`` has the image_id i + 1 there.
+        images: in the order that they were given.
+    """
+
+    folder: Path
+    images: tuple[FlightImage, ...]
+
+    @property
+    def database(self) -> Path:
+        """One camera (OPENCV, without a prior focal length), keypoints in px of the full image, two-view geometries."""
+        return self.folder / DATABASE
+
+    @property
+    def image_folder(self) -> Path:
+        """Where COLMAP finds the images by their names in the database."""
+        return self.folder / IMAGES
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Matches:
+    """Points that two images share.
+
+    Attributes:
+        first, second: which images, by their place in the flight.
+        pixels_first, pixels_second: (N, 2) px, canonical, of the full image.
+        points_first, points_second: (N,) which keypoints those are.
+        by_homography: whether one homography explains them: a flat scene, a rotation, or one image twice.
+    """
+
+    first: int
+    second: int
+    pixels_first: FloatArray
+    pixels_second: FloatArray
+    points_first: IntArray
+    points_second: IntArray
+    by_homography: bool
+
+
+def match(
+    images: Sequence[FlightImage],
+    *,
+    folder: Path,
+    start: Intrinsics,
+    pairs: Sequence[tuple[int, int]] | None = None,
+    max_side: int = MAX_SIDE,
+    features: int = FEATURES,
+    progress: Progress | None = None,
+) -> MatchedFlight:
+    """Extract features and match pairs of images, in a process of its own.
+
+    Args:
+        images: of one camera and size.
+        folder: an empty one, such as a temporary one; what is left in it when the work is interrupted has no use.
+        start: K that the database's camera begins with; no match depends on it.
+        pairs: places in ``images``; None for all pairs.
+        max_side: px, longer side of what features are looked for in.
+        features: of an image at most.
+        progress: called with (images done, images in all, "images"), then with "pairs".
+
+    Raises:
+        MissingExtraError: pycolmap is not installed.
+        InputError: the images are fewer than two, or differ in size.
+        CalibrationError: COLMAP cannot read the images.
+    """
+    require(SFM, "Matching images")
+    images = tuple(images)
+    if len(images) < 2:
+        raise InputError(f"{len(images)} image cannot be matched, expected at least two")
+    odd = next((image for image in images if image.size != start.image_size), None)
+    if odd is not None:
+        (w, h), (w0, h0) = odd.size, start.image_size
+        raise InputError(f"is {w}×{h} px, expected {w0}×{h0} like its camera's K", source=odd.name)
+    matched = MatchedFlight(folder=folder, images=images)
+    names = [f"{place:05d}{image.path.suffix.lower()}" for place, image in enumerate(images)]
+    matched.image_folder.mkdir()
+    for name, image in zip(names, images, strict=True):
+        _link(image.path, matched.image_folder / name)
+    wanted = [*combinations(range(len(images)), 2)] if pairs is None else sorted({_ordered(p) for p in pairs})
+    run_apart(_match, progress, matched, names, wanted, start, max_side, features)
+    return matched
+
+
+def read_keypoints(matched: MatchedFlight) -> list[FloatArray]:
+    """Where the features of each image are, (N, 2) px, canonical, of the full image."""
+    with closing(sqlite3.connect(matched.database)) as database:
+        found = {
+            number - 1: np.frombuffer(data, np.float32).reshape(rows, columns)[:, :2].astype(np.float64)
+            for number, rows, columns, data in database.execute(
+                "SELECT image_id, rows, cols, data FROM keypoints"
+            )
+            if rows
+        }
+    return [found.get(place, np.empty((0, 2))) for place in range(len(matched.images))]
+
+
+def read_matches(matched: MatchedFlight, *, least: int = 15) -> list[Matches]:
+    """The verified matches of each pair that has at least ``least`` of them."""
+    keypoints = read_keypoints(matched)
+    with closing(sqlite3.connect(matched.database)) as database:
+        found = database.execute(
+            "SELECT pair_id, rows, data, config FROM two_view_geometries WHERE rows >= ? ORDER BY pair_id",
+            (max(least, 1),),
+        ).fetchall()
+    return [_matches(keypoints, *row) for row in found]
+
+
+PAIR_BASE = 2147483647
+"""COLMAP's pair_id is smaller image_id × this + larger image_id; ``scene/database.h``, kMaxNumImages."""
+
+PLANAR_OR_PANORAMIC = frozenset({4, 5, 6})
+"""``geometry/two_view_geometry.h``: PLANAR, PANORAMIC, PLANAR_OR_PANORAMIC."""
+
+
+def _matches(keypoints: list[FloatArray], pair: int, rows: int, data: bytes, config: int) -> Matches:
+    first, second = pair // PAIR_BASE - 1, pair % PAIR_BASE - 1
+    points = np.frombuffer(data, np.uint32).reshape(rows, 2).astype(np.int64)
+    return Matches(
+        first=first,
+        second=second,
+        pixels_first=keypoints[first][points[:, 0]],
+        pixels_second=keypoints[second][points[:, 1]],
+        points_first=points[:, 0],
+        points_second=points[:, 1],
+        by_homography=config in PLANAR_OR_PANORAMIC,
+    )
+
+
+def _ordered(pair: tuple[int, int]) -> tuple[int, int]:
+    return min(pair), max(pair)
+
+
+def _link(path: Path, name: Path) -> None:
+    """The image under a name that COLMAP's lists can hold, which spaces would break; copied where it has to be."""
+    for make in (os.symlink, os.link):
+        try:
+            make(path.resolve(), name)
+        except OSError:  # Windows asks for a privilege, a FAT disk knows no links
+            continue
+        return
+    shutil.copyfile(path, name)
+
+
+def _match(
+    report: Progress,
+    matched: MatchedFlight,
+    names: list[str],
+    pairs: list[tuple[int, int]],
+    start: Intrinsics,
+    max_side: int,
+    features: int,
+) -> None:
+    """All of it, in the process of its own."""
+    import pycolmap
+
+    pycolmap.set_random_seed(0)
+    _begin_database(pycolmap, matched, names, start)
+    threads = _threads(max_side)
+    extraction = pycolmap.FeatureExtractionOptions()
+    extraction.max_image_size, extraction.num_threads = max_side, threads
+    extraction.sift.max_num_features = features
+    with _counted(matched.database, "keypoints", len(names), report, "images"):
+        pycolmap.extract_features(
+            matched.database, matched.image_folder, image_names=names, extraction_options=extraction,
+            device=pycolmap.Device.cpu,
+        )  # fmt: skip
+    matching, verification, pairing = (
+        pycolmap.FeatureMatchingOptions(),
+        pycolmap.TwoViewGeometryOptions(),
+        pycolmap.ImportedPairingOptions(),
+    )
+    matching.num_threads = threads
+    verification.ransac.max_error = MATCH_ERROR * max(1.0, max(start.image_size) / max_side)
+    verification.ransac.random_seed = 0
+    pairing.match_list_path = matched.folder / "pairs.txt"
+    lines = "".join(f"{names[first]} {names[second]}\n" for first, second in pairs)
+    (matched.folder / "pairs.txt").write_text(lines, encoding="utf-8")
+    with _counted(matched.database, "two_view_geometries", len(pairs), report, "pairs"):
+        pycolmap.match_image_pairs(
+            matched.database, matching, pairing, verification, device=pycolmap.Device.cpu
+        )
+
+
+def _begin_database(pycolmap: Any, matched: MatchedFlight, names: list[str], start: Intrinsics) -> None:
+    """One camera, and the images in their order: image_id is the place and one."""
+    with pycolmap.Database.open(matched.database):
+        pass  # which makes its tables
+    reader = pycolmap.ImageReaderOptions()
+    reader.camera_model = "OPENCV"
+    reader.camera_params = ",".join(map(repr, (start.fx, start.fy, start.cx, start.cy, 0.0, 0.0, 0.0, 0.0)))
+    pycolmap.import_images(
+        matched.database, matched.image_folder, pycolmap.CameraMode.SINGLE, image_names=names, options=reader
+    )
+    with closing(sqlite3.connect(matched.database)) as database:
+        # With a prior COLMAP verifies by K, and drops the matches that a wrong one does not explain.
+        database.execute("UPDATE cameras SET prior_focal_length = 0")
+        database.commit()
+        numbers = [number for (number,) in database.execute("SELECT image_id FROM images ORDER BY name")]
+    if numbers != [*range(1, len(names) + 1)]:
+        unread = ", ".join(matched.images[n].name for n in range(len(names)) if n + 1 not in numbers)
+        raise InputError(f"COLMAP cannot read {unread or 'the images'}")
+
+
+def _threads(max_side: int) -> int:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min(cores, int(MEMORY / (MEMORY_PER_THREAD * (max_side / MAX_SIDE) ** 2))))
+
+
+@contextmanager
+def _counted(database: Path, table: str, total: int, report: Progress, what: str) -> Iterator[None]:
+    """Report how many rows COLMAP has written while it writes them."""
+    over = threading.Event()
+
+    def count() -> int:
+        with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=5.0)) as reader:
+            (rows,) = reader.execute(f"SELECT COUNT(*) FROM {table}").fetchone()  # noqa: S608  two names of ours
+        return int(rows)
+
+    def watch() -> None:
+        while not over.wait(LOOK_AGAIN_S):
+            report(min(count(), total), total, what)
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    report(0, total, what)
+    watcher.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watcher.join()
+    report(total, total, what)
