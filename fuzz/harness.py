@@ -4,7 +4,8 @@
 
 It does not stop at what it finds. The smallest input for every place that raises, and the slowest one past two
 seconds, are kept in FINDINGS; ``run.py`` starts this for every reader and judges them by ``replay.py``, without
-the instrumentation that makes everything slower here.
+the instrumentation that makes everything slower here. The CPU time spent since the first input and the number of
+inputs are in FINDINGS.tally, renewed about once a second, because libFuzzer may end the process at any moment.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ class Watched:
         self.findings = findings
         self.smallest: dict[str, int] = {}
         self.slowest = MAX_SECONDS
+        self.runs = 0
+        self.began = self.tallied = time.process_time()
 
     def __call__(self, data: bytes) -> None:
         """Feed the target once."""
@@ -39,10 +42,14 @@ class Watched:
             self.target(data)
         except Exception as error:  # noqa: BLE001  to see all of them is what this is for
             self.keep(_place(error), data)
-        seconds = time.process_time() - start
-        if seconds > self.slowest:
-            self.slowest = seconds
+        now = time.process_time()
+        if now - start > self.slowest:
+            self.slowest = now - start
             (self.findings / "slow").write_bytes(data)
+        self.runs += 1
+        if now - self.tallied > 1:
+            self.tallied = now
+            self.findings.with_suffix(".tally").write_text(f"{now - self.began:.1f} {self.runs}")
 
     def keep(self, place: str, data: bytes) -> None:
         """Write down the input, if it is the smallest one that fails there."""

@@ -6,7 +6,7 @@ import hashlib
 import re
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from fuzz.target import IDENTIFY, IMAGE
 from tests.parsers.cameras import calibrations
 from tests.parsers.samples import FOLDER, exported
 
-__all__ = ["write_dictionary", "write_seeds"]
+__all__ = ["write_dictionary", "write_samples", "write_seeds"]
 
 CAMERAS = 12
 """For every writer and every suffix; the fuzzer changes them soon enough."""
@@ -51,9 +51,25 @@ def seeds() -> Mapping[str, list[bytes]]:
 def write_seeds(folder: Path) -> None:
     """One folder of small files for every target; files already there stay."""
     for name, items in seeds().items():
-        (folder / name).mkdir(parents=True, exist_ok=True)
-        for data in items:
-            (folder / name / hashlib.sha1(data, usedforsecurity=False).hexdigest()).write_bytes(data)
+        _write(items, folder / name)
+
+
+def write_samples(samples: Path, folder: Path) -> None:
+    """The small files below a folder, each for every reader that takes it for its own."""
+    for path in sorted(samples.rglob("*")):
+        if path.is_file() and path.stat().st_size <= LONGEST_SEED:
+            data = path.read_bytes()
+            content = Content(data, path.name)
+            for record in parsers.formats():
+                if record.sniff(content) is not None:
+                    _write([data], folder / record.name)
+
+
+def _write(items: Iterable[bytes], folder: Path) -> None:
+    """Files named by what is in them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for data in items:
+        (folder / hashlib.sha1(data, usedforsecurity=False).hexdigest()).write_bytes(data)
 
 
 def write_dictionary(corpus: Path, path: Path) -> None:
