@@ -24,7 +24,7 @@ import re
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -68,7 +68,7 @@ class File:
     data: bytes
     options: Mapping[str, str]
 
-    def read(self, *, named: bool = False) -> list[Calibration]:
+    def read(self, *, named: bool = False) -> Sequence[Calibration]:
         """Recognise the file, unless its format is named, and read it."""
         return parsers.decode(
             self.data,
@@ -249,7 +249,7 @@ def many_cameras(count: int) -> None:
     print(f"\ncolmap_binary with {count} cameras: {time.process_time() - start:.2f} s of the processor")
 
 
-def read(path: Path, file: File) -> list[Calibration]:
+def read(path: Path, file: File) -> Sequence[Calibration]:
     """As a caller reads a file of which nothing is known but what the file cannot say."""
     size = SIZE if file.record.needs_image_size else None
     return parsers.read(path, image_size=size, options=file.options)

@@ -101,7 +101,7 @@ def read(
     size_from_centre: bool = False,
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
-) -> list[Calibration]:
+) -> Sequence[Calibration]:
     """Every camera in a calibration file, in the file's order, in the canonical form.
 
     An image file (JPEG, TIFF, DNG, HEIF, PNG) gives the calibration that its metadata yields, as the ingest
@@ -205,7 +205,7 @@ def decode(
     options: Mapping[str, str] | None = None,
     companion: Callable[[str], bytes | None] | None = None,
     max_bytes: int = MAX_BYTES,
-) -> list[Calibration]:
+) -> Sequence[Calibration]:
     """Every camera in bytes that are already in memory; see :func:`read`.
 
     Args:
@@ -315,7 +315,7 @@ class _File:
             max_bytes,
         )
 
-    def read(self, image_size: ImageSize | None, *, size_is_tried: bool = False) -> list[Calibration]:
+    def read(self, image_size: ImageSize | None, *, size_is_tried: bool = False) -> Sequence[Calibration]:
         return read_content(
             self.content,
             record=self.format,
@@ -326,7 +326,7 @@ class _File:
             max_bytes=self.max_bytes,
         )
 
-    def read_trying(self, size: ImageSize) -> list[Calibration]:
+    def read_trying(self, size: ImageSize) -> Sequence[Calibration]:
         return self.read(size, size_is_tried=True)
 
 

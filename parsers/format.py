@@ -243,8 +243,8 @@ class Capacity:
     unknown_lens: bool = True
 
 
-Read: TypeAlias = Callable[[bytes, ReadContext], list[Calibration]]
-ReadInPlace: TypeAlias = Callable[[Path, ReadContext], list[Calibration]]
+Read: TypeAlias = Callable[[bytes, ReadContext], Sequence[Calibration]]
+ReadInPlace: TypeAlias = Callable[[Path, ReadContext], Sequence[Calibration]]
 Write: TypeAlias = Callable[[Sequence[Calibration], WriteContext], bytes]
 
 

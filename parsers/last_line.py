@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, MissingTagError, ParseError
@@ -33,7 +33,7 @@ _TAIL_BYTES = 2000
 _UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
 
-def read_to_the_end(read: Callable[[bytes], list[Calibration]], data: bytes) -> list[Calibration]:
+def read_to_the_end(read: Callable[[bytes], Sequence[Calibration]], data: bytes) -> Sequence[Calibration]:
     """What a reader gives of a text, whose last line it always sees ended.
 
     What the file states beyond the camera and may be cut short is left out, with a note.
@@ -78,7 +78,7 @@ def read_to_the_end(read: Callable[[bytes], list[Calibration]], data: bytes) -> 
 
 
 def _fails_without_its_last_line(
-    read: Callable[[bytes], list[Calibration]], data: bytes, newline: bytes, error: InputError
+    read: Callable[[bytes], Sequence[Calibration]], data: bytes, newline: bytes, error: InputError
 ) -> bool:
     """Whether the same is wrong with the file up to its last line, so that its end is not to blame."""
     kept, found, _ = data.rpartition(newline)

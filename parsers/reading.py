@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,15 +21,12 @@ from calibrary.parsers.discovery import known_formats
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_companion
 from calibrary.parsers.last_line import read_to_the_end
+from calibrary.parsers.on_demand import REACH, CamerasOnDemand
 from calibrary.parsers.text import shown
 from calibrary.records import replace
 from calibrary.strictjson import parse_json
 
 __all__ = ["Identity", "identified", "identified_by_head", "read_content", "read_in_place"]
-
-
-REACH = 1e6
-"""How many times longer or shorter than the image a length may be; the longest telescope's is a thousand."""
 
 
 LISTED_KEYS = 8
@@ -84,7 +81,7 @@ def read_content(
     options: Mapping[str, str] | None = None,
     companion: Callable[[str], bytes | None] = no_companion,
     max_bytes: int = MAX_BYTES,
-) -> list[Calibration]:
+) -> Sequence[Calibration]:
     """Every camera in the bytes.
 
     Args:
@@ -117,10 +114,10 @@ def read_content(
         json=content.parsed_json,
     )
 
-    def read_bytes(data: bytes) -> list[Calibration]:
+    def read_bytes(data: bytes) -> Sequence[Calibration]:
         return read(data, context)
 
-    def read_whole() -> list[Calibration]:
+    def read_whole() -> Sequence[Calibration]:
         if content.text is None:
             return read_bytes(content.data)
         return read_to_the_end(read_bytes, content.data)
@@ -154,7 +151,7 @@ def read_in_place(
     options: Mapping[str, str] | None,
     companion: Callable[[str], bytes | None],
     max_bytes: int,
-) -> list[Calibration]:
+) -> Sequence[Calibration]:
     """Every camera in a file too long to take in; its provenance has no digest.
 
     Raises:
@@ -171,10 +168,11 @@ def read_in_place(
     return _taken(lambda: read(path, context), record, name)
 
 
-def _taken(read: Callable[[], list[Calibration]], record: Format, name: str) -> list[Calibration]:
+def _taken(read: Callable[[], Sequence[Calibration]], record: Format, name: str) -> Sequence[Calibration]:
     """What a reader gives, its complaints about numbers that make no K or no lens laid to the file."""
     try:
         calibrations = read()
+        made = calibrations.made_at_once() if isinstance(calibrations, CamerasOnDemand) else calibrations
     except InputError as error:
         if error.source is not None:
             raise
@@ -182,9 +180,9 @@ def _taken(read: Callable[[], list[Calibration]], record: Format, name: str) -> 
         raise kind(error.message, source=name, place=error.place) from None
     if not calibrations:
         raise ParseError(f"this {record.title} file contains no camera", source=name)
-    for item in calibrations:
+    for item in made:
         _refuse_beyond_reach(item, name)
-    return [_dated(item) for item in calibrations]
+    return [_dated(item) for item in calibrations] if "date" in record.states else calibrations
 
 
 def _dated(item: Calibration) -> Calibration:

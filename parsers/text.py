@@ -7,16 +7,21 @@ import math
 import re
 from collections.abc import Sequence
 
+import numpy as np
+
+from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 
-__all__ = ["check_count", "decode", "image_size", "lines", "number", "numbers", "shown", "whole"]
+__all__ = ["check_count", "decode", "image_size", "lines", "number", "numbers", "shown", "table", "whole"]
 
 LONGEST_SIDE_PX = 1_000_000
 LONGEST_NUMBER = 1000
 """The longest decimal that is a double exactly has 767 digits."""
 
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_DECIMAL = r"[+-]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?\d++)?+"
+_NUMBER = re.compile(_DECIMAL, re.ASCII)
+_NUMBERS = re.compile(rf"\s*+(?:{_DECIMAL}(?:\s++|\Z))*+", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?\.?(?:nan|inf|infinity|1\.#\w+)(?:\(\w*\))?", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 _MARKS = (
@@ -94,7 +99,42 @@ def numbers(
     """
     parts = text.split()
     check_count(len(parts), count, source=source, place=place)
-    return tuple(number(part, source=source, place=place) for part in parts)
+    values = _plain_numbers(text, parts)
+    if values is None:
+        return tuple(number(part, source=source, place=place) for part in parts)
+    return tuple(values)
+
+
+def table(rows: Sequence[str], columns: int, *, first_line: int, source: str | None = None) -> FloatArray:
+    """Lines of so many numbers each, (N, columns): the same as :func:`numbers` of each of them, but at once.
+
+    Args:
+        rows: the lines.
+        columns: how many numbers each has.
+        first_line: the first one's place in the file, from 1, for messages.
+        source: the file's name, for messages.
+
+    Raises:
+        ParseError: a word is not a finite number, or a line has too many or too few.
+    """
+    text = "\n".join(rows)
+    parts = text.split()
+    values = _plain_numbers(text, parts) if all(len(row.split()) == columns for row in rows) else None
+    if values is None:
+        values = [
+            value
+            for index, row in enumerate(rows, start=first_line)
+            for value in numbers(row, count=columns, source=source, place=f"line {index}")
+        ]
+    return np.array(values).reshape(len(rows), columns)
+
+
+def _plain_numbers(text: str, parts: list[str]) -> list[float] | None:
+    """All of a text's words as numbers; None where one is not, so that it has to be found."""
+    if not _NUMBERS.fullmatch(text) or max(map(len, parts), default=0) > LONGEST_NUMBER:
+        return None
+    values = list(map(float, parts))
+    return values if all(map(math.isfinite, values)) else None
 
 
 def check_count(

@@ -5,7 +5,7 @@ A reader is run with two sizes that are not the file's; what comes out the same 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
@@ -23,7 +23,7 @@ __all__ = [
     "read_without_size",
 ]
 
-ReadAtSize: TypeAlias = Callable[[ImageSize], list[Calibration]]
+ReadAtSize: TypeAlias = Callable[[ImageSize], Sequence[Calibration]]
 """A file's cameras, where the size is used for those of which the file states none."""
 
 TRIED: tuple[ImageSize, ImageSize] = ((2000, 1500), (3200, 2400))
@@ -79,7 +79,7 @@ def read_without_size(read: ReadAtSize) -> list[Calibration | UnsizedCalibration
     return [one if _is_sized(one, two) else _without_size(one, two) for one, two in pairs]
 
 
-def read_sized_by_centre(read: ReadAtSize) -> list[Calibration]:
+def read_sized_by_centre(read: ReadAtSize) -> Sequence[Calibration]:
     """Every camera, its image taken to be twice as wide and high as the principal point is far from the corner.
 
     Raises:
@@ -104,7 +104,7 @@ def read_sized_by_centre(read: ReadAtSize) -> list[Calibration]:
     return found
 
 
-def read_sized_as_beside(read: ReadAtSize, path: Path) -> list[Calibration] | None:
+def read_sized_as_beside(read: ReadAtSize, path: Path) -> Sequence[Calibration] | None:
     """Every camera at the size of the images in the file's folder, if they have one size and K's centre fits it.
 
     Returns:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
+import numpy as np
+
+from calibrary.arrays import BoolArray
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
 from calibrary.conventions import Origin
 from calibrary.distortion import (
@@ -13,9 +17,18 @@ from calibrary.distortion import (
     FieldOfView,
 )
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
-from calibrary.interop.colmap import COLMAP_LENSES, ColmapCamera, ColmapModel, default_model, lens_from
+from calibrary.interop.colmap import (
+    COLMAP_LENSES,
+    ColmapCamera,
+    ColmapModel,
+    default_model,
+    lens_from,
+    model_named,
+)
+from calibrary.parsers import text as strict
 from calibrary.parsers.convention import Convention
 from calibrary.parsers.format import Capacity, ReadContext
+from calibrary.parsers.on_demand import CamerasOnDemand, make_a_camera
 from calibrary.records import replace
 
 __all__ = ["CAPACITY", "CONVENTION", "MAX_CAMERAS", "StoredCamera", "cameras", "records"]
@@ -30,52 +43,80 @@ CONVENTION: Final = Convention(
 CAPACITY: Final = Capacity(models=COLMAP_LENSES, several_cameras=True)
 
 MAX_CAMERAS = 1_000_000
-"""A camera for every image of the largest collections; each takes some 30 µs and 2 kB."""
+"""A camera for every image of the largest collections."""
 
 CAMERA_ID = "colmap/camera_id"
 MODEL = "colmap/model"
 SERIES_BELOW = 0.01
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredCamera:
+class StoredCamera(NamedTuple):
     """One camera as COLMAP stores it.
 
     Attributes:
         number: its id.
         model: its model, or the name of one that has no K.
-        image_size: (width, height) px.
+        width, height: px.
         parameters: in COLMAP's order.
         place: where it stands, for messages.
     """
 
     number: int
     model: ColmapModel | str
-    image_size: ImageSize
+    width: int
+    height: int
     parameters: tuple[float, ...]
     place: str
 
 
-def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade) -> list[Calibration]:
+def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade) -> Sequence[Calibration]:
     """Every camera that has a K, in order; the others are named in a note.
 
     Raises:
         ParseError: two share an id, or the numbers of one make no camera.
         UnsupportedModelError: none has a K.
     """
-    twice = _repeated(camera.number for camera in found)
-    if twice is not None:
+    if len({item.number for item in found}) < len(found):
+        [(twice, _), *_] = Counter(item.number for item in found).most_common(1)
         raise ParseError(f"there are two cameras {twice}")
     without = [f"camera {item.number} is {item.model}" for item in found if isinstance(item.model, str)]
     if without and len(without) == len(found):
         raise UnsupportedModelError(f"{without[0]}, which has no K; cut perspective views from its images")
     left_out = (f"left out, for want of a K: {', '.join(without[:20])}",) if without else ()
     several = len(found) > 1
-    return [
-        _calibration(item, item.model, context, several=several, grade=grade, notes=left_out)
-        for item in found
-        if not isinstance(item.model, str)
-    ]
+    with_k = [item for item in found if not isinstance(item.model, str)]
+
+    def make(place: int) -> Calibration:
+        return _calibration(with_k[place], context, several=several, grade=grade, notes=left_out)
+
+    # A size that the caller gives may contradict the file's.
+    sure = _sure(with_k) if context.image_size is None else np.zeros(len(with_k), dtype=bool)
+    return CamerasOnDemand(sure, make)
+
+
+def _sure(found: Sequence[StoredCamera]) -> BoolArray:
+    """Which cameras need not be made to know that they can be, (N,)."""
+    sure = np.zeros(len(found), dtype=bool)
+    by_name: dict[str, list[int]] = defaultdict(list)
+    for place, item in enumerate(found):
+        by_name[_name(item)].append(place)
+    for name, places in by_name.items():
+        model = model_named(name)
+        if model is None or model.lens.__post_init__ is not Distortion.__post_init__:
+            continue
+        if {len(found[place].parameters) for place in places} != {model.count}:
+            continue
+        numbers = np.array([found[place].parameters for place in places])
+        sizes = np.array([(found[place].width, found[place].height) for place in places], dtype=np.float64)
+        good = make_a_camera(
+            numbers[:, : model.focals],
+            numbers[:, model.focals : model.focals + 2],
+            numbers,
+            sizes.max(axis=1),
+        )
+        good &= (sizes >= 1).all(axis=1) & (sizes <= strict.LONGEST_SIDE_PX).all(axis=1)
+        sure[places] = good
+    return sure
 
 
 def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, ColmapCamera]]:
@@ -86,16 +127,16 @@ def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, ColmapCa
         yield int(kept[index]) if keep else index + 1, item.to_colmap(dict(item.extras).get(MODEL))
 
 
+def _name(item: StoredCamera) -> str:
+    return item.model if isinstance(item.model, str) else item.model.name
+
+
 def _calibration(
-    item: StoredCamera,
-    model: ColmapModel,
-    context: ReadContext,
-    *,
-    several: bool,
-    grade: Grade,
-    notes: tuple[str, ...],
+    item: StoredCamera, context: ReadContext, *, several: bool, grade: Grade, notes: tuple[str, ...]
 ) -> Calibration:
-    size = context.size(item.image_size)
+    model = item.model
+    assert isinstance(model, ColmapModel)  # noqa: S101  the others are left out
+    size = context.size(strict.image_size(item.width, item.height, place=item.place))
     try:
         intrinsics, distortion = _k_and_lens(model, item.parameters, size)
     except InputError as error:
@@ -121,14 +162,16 @@ def _k_and_lens(
 
     Args:
         model: what they are parameters of.
-        parameters: finite numbers, as many as the model has, in COLMAP's order.
+        parameters: as many as the model has, in COLMAP's order.
         size: (width, height) px.
 
     Raises:
-        InputError: there are too many or too few, or they make no K or no lens.
+        InputError: there are too many or too few, one is not finite, or they make no K or no lens.
     """
     if len(parameters) != model.count:
         raise InputError(f"{model.name} with {len(parameters)} parameters, expected {model.count}")
+    if not all(map(math.isfinite, parameters)):
+        raise InputError("a parameter is not finite")
     fx, fy = parameters[0], parameters[model.focals - 1]
     cx, cy = parameters[model.focals : model.focals + 2]
     intrinsics = Intrinsics(fx=fx, fy=fy, cx=cx, cy=cy, image_size=size)
@@ -142,12 +185,3 @@ def _series(distortion: Distortion) -> tuple[str, ...]:
             "COLMAP evaluates FOV by a series below |omega| = 0.01, which is off by up to 0.1 px; this is not",
         )
     return ()
-
-
-def _repeated(numbers: Iterator[int]) -> int | None:
-    seen: set[int] = set()
-    for number in numbers:
-        if number in seen:
-            return number
-        seen.add(number)
-    return None

@@ -22,23 +22,28 @@ from __future__ import annotations
 
 import codecs
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
+from itertools import islice
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Quality
+import numpy as np
+
+from calibrary.arrays import FloatArray
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential, YAxis
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.on_demand import CamerasOnDemand, make_a_camera
 
 __all__ = ["FORMAT"]
 
 MARK = b"# Bundle file v"
 VERSIONS = ("0.3", "0.4")
 LIST = "list.txt"
-ROWS = (3, 3, 3, 3, 3)
-"""How many numbers stand on a camera's lines."""
+LINES = 5
+"""Of each camera: its lens, three of rotation and one of translation, with three numbers each."""
 LONGEST_LINE = 10_000
 MAX_IMAGES = 1_000_000
 CONVENTION = Convention(
@@ -57,28 +62,35 @@ def sniff(content: Content) -> Sniff | None:
     return None
 
 
-def read(data: bytes, context: ReadContext) -> list[Calibration]:
+def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
     """Every camera that differs, in the order of the images; its name is that of its first image."""
-    images: dict[tuple[float, ...], list[int]] = {}
-    count = 0
-    for index, numbers in enumerate(_images(data, context.name)):
-        count += 1
-        if numbers[0]:
-            images.setdefault(numbers, []).append(index)
+    numbers = _images(data, context.name)
+    images: dict[tuple[float, float, float], list[int]] = {}
+    for index, (f, k1, k2) in enumerate(numbers.tolist()):
+        if f:
+            images.setdefault((f, k1, k2), []).append(index)
     if not images:
         raise ParseError("no image of it was placed, so it contains no camera", source=context.name)
-    names = _names(context, count)
-    several = len(images) > 1
-    return [
-        _calibration(numbers, [names[i] for i in members], context, several=several)
-        for numbers, members in images.items()
-    ]
+    names = _names(context, len(numbers))
+    size = context.size(None)
+    found = list(images.items())
+
+    def make(place: int) -> Calibration:
+        lens, members = found[place]
+        return _calibration(lens, [names[index] for index in members], size, context, several=len(found) > 1)
+
+    lenses = np.array(list(images))
+    return CamerasOnDemand(make_a_camera(lenses[:, :1], max(size) / 2, lenses, max(size)), make)
 
 
 def _calibration(
-    numbers: tuple[float, ...], names: list[str], context: ReadContext, *, several: bool
+    numbers: tuple[float, float, float],
+    names: list[str],
+    size: ImageSize,
+    context: ReadContext,
+    *,
+    several: bool,
 ) -> Calibration:
-    size = context.size(None)
     f, k1, k2 = numbers
     distortion: Distortion = NoDistortion()
     if k1 or k2:
@@ -95,10 +107,10 @@ def _calibration(
     )
 
 
-def _images(data: bytes, source: str) -> Iterator[tuple[float, ...]]:
-    """f, k1 and k2 of every image; what follows them, the points, is not looked at."""
-    rows = enumerate(io.BytesIO(data.removeprefix(codecs.BOM_UTF8)), start=1)
-    _, first = next(rows, (0, b""))
+def _images(data: bytes, source: str) -> FloatArray:
+    """f, k1 and k2 of every image, (N, 3); what follows them, the points, is not looked at."""
+    rows = io.BytesIO(data.removeprefix(codecs.BOM_UTF8))
+    first = rows.readline()
     version = first.removeprefix(MARK).strip().decode("ascii", "replace")
     if not first.startswith(MARK) or version not in VERSIONS:
         raise ParseError(
@@ -106,24 +118,25 @@ def _images(data: bytes, source: str) -> Iterator[tuple[float, ...]]:
             f"'{MARK.decode()}' and one of {', '.join(VERSIONS)}",
             source=source,
         )
-    cameras, _points = _row(rows, 2, source)
+    [[cameras, _points]] = _table(rows, 1, 2, first_line=2, source=source).tolist()
     if not (cameras == int(cameras) and 0 < cameras <= MAX_IMAGES):
         raise ParseError(f"{cameras:g} cameras, expected 1 to {MAX_IMAGES}", source=source, place="line 2")
-    for _ in range(int(cameras)):
-        numbers, *_pose = [_row(rows, count, source) for count in ROWS]
-        if numbers[0] < 0:
-            raise ParseError(f"a focal length is {numbers[0]:g}, expected at least 0", source=source)
-        yield numbers
+    numbers = _table(rows, LINES * int(cameras), 3, first_line=3, source=source)[::LINES]
+    if (shortest := numbers[:, 0].min()) < 0:
+        raise ParseError(f"a focal length is {shortest:g}, expected at least 0", source=source)
+    return numbers
 
 
-def _row(rows: Iterator[tuple[int, bytes]], count: int, source: str) -> tuple[float, ...]:
-    index, row = next(rows, (0, b""))
-    if not row.endswith(b"\n"):
+def _table(rows: Iterable[bytes], count: int, columns: int, *, first_line: int, source: str) -> FloatArray:
+    """The next lines, with so many numbers each."""
+    taken = list(islice(rows, count))
+    if len(taken) < count or not taken[-1].endswith(b"\n"):
         raise ParseError("the file ends before its last camera does", source=source)
-    if len(row) > LONGEST_LINE:
-        raise ParseError(f"a line of {len(row)} bytes", source=source, place=f"line {index}")
-    text = strict.decode(row, source=source)
-    return strict.numbers(text, count=count, source=source, place=f"line {index}")
+    for index, row in enumerate(taken, start=first_line):
+        if len(row) > LONGEST_LINE:
+            raise ParseError(f"a line of {len(row)} bytes", source=source, place=f"line {index}")
+    text = strict.decode(b"".join(taken), source=source)
+    return strict.table(strict.lines(text), columns, first_line=first_line, source=source)
 
 
 def _names(context: ReadContext, count: int) -> list[str]:

@@ -17,14 +17,14 @@ Source: COLMAP, ``WriteCamerasBinary`` and ``scripts/python/read_write_model.py`
 
 from __future__ import annotations
 
-import math
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Final
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
-from calibrary.interop.colmap import PANORAMAS, model_named, model_numbered
-from calibrary.parsers import text as strict
+from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS, ColmapModel, model_named
 from calibrary.parsers.content import Content
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._colmap import (
@@ -41,6 +41,15 @@ __all__ = ["FORMAT"]
 COUNT = struct.Struct("<Q")
 HEAD = struct.Struct("<IiQQ")
 LONGEST_SIDE_PX = 1_000_000
+MODELS: Final[Mapping[int, ColmapModel | str]] = MappingProxyType(
+    {model.number: model for model in COLMAP_MODELS}
+    | {number: name for number, (name, _) in PANORAMAS.items()}
+)
+PARAMETERS: Final = MappingProxyType(
+    {model.number: struct.Struct(f"<{model.count}d") for model in COLMAP_MODELS}
+    | {number: struct.Struct(f"<{count}d") for number, (_, count) in PANORAMAS.items()}
+)
+"""Those of each model, by its number."""
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -51,21 +60,20 @@ def sniff(content: Content) -> Sniff | None:
     [count] = COUNT.unpack_from(data)
     if not 0 < count <= (len(data) - COUNT.size) // HEAD.size:
         return None
-    at = COUNT.size
+    at, last = COUNT.size, len(data) - HEAD.size
     for _ in range(count):
-        if at + HEAD.size > len(data):
+        if at > last:
             return None
         _number, model, width, height = HEAD.unpack_from(data, at)
-        parameters = _parameters(model)
-        if parameters is None or not (0 < width <= LONGEST_SIDE_PX and 0 < height <= LONGEST_SIDE_PX):
+        if model not in PARAMETERS or not (0 < width <= LONGEST_SIDE_PX and 0 < height <= LONGEST_SIDE_PX):
             return None
-        at += HEAD.size + 8 * parameters
+        at += HEAD.size + PARAMETERS[model].size
     if at != len(data):
         return None
     return Sniff(Sure.SHAPE, f"{count} cameras of known models fill it to the last byte")
 
 
-def read(data: bytes, context: ReadContext) -> list[Calibration]:
+def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
     """Every camera, in order."""
     return cameras(list(_cameras(data)), context, grade=Grade.ADJUSTED)
 
@@ -90,11 +98,12 @@ def _cameras(data: bytes) -> Iterator[StoredCamera]:
     if count > MAX_CAMERAS:
         raise ParseError(f"it states {count} cameras; at most {MAX_CAMERAS} are read")
     at = COUNT.size
-    for index in range(count):
-        place = f"camera {index + 1} of {count}"
-        _check(data, at + HEAD.size, place=place)
+    for index in range(1, count + 1):
+        place = f"camera {index} of {count}"
+        if at + HEAD.size > len(data):
+            raise ParseError("the file ends inside it", place=place)
         number, model, width, height = HEAD.unpack_from(data, at)
-        parameters = _parameters(model)
+        parameters = PARAMETERS.get(model)
         if parameters is None:
             raise UnsupportedModelError(
                 f"COLMAP's model {model} is not known here, so the rest cannot be read; write the "
@@ -102,33 +111,13 @@ def _cameras(data: bytes) -> Iterator[StoredCamera]:
                 place=place,
             )
         at += HEAD.size
-        _check(data, at + 8 * parameters, place=place)
-        numbers = struct.unpack_from(f"<{parameters}d", data, at)
-        at += 8 * parameters
-        if not all(map(math.isfinite, numbers)):
-            raise ParseError("a parameter is not finite", place=place)
-        yield StoredCamera(
-            number=number,
-            model=model_numbered(model) or PANORAMAS[model][0],
-            image_size=strict.image_size(width, height, place=place),
-            parameters=numbers,
-            place=place,
-        )
+        if at + parameters.size > len(data):
+            raise ParseError("the file ends inside it", place=place)
+        numbers = parameters.unpack_from(data, at)
+        at += parameters.size
+        yield StoredCamera(number, MODELS[model], width, height, numbers, place)
     if at != len(data):
         raise ParseError(f"{len(data) - at} bytes follow the last camera")
-
-
-def _parameters(number: int) -> int | None:
-    """How many a model has, None when it is not known."""
-    model = model_numbered(number)
-    if model is not None:
-        return model.count
-    return PANORAMAS[number][1] if number in PANORAMAS else None
-
-
-def _check(data: bytes, end: int, *, place: str) -> None:
-    if end > len(data):
-        raise ParseError("the file ends inside it", place=place)
 
 
 FORMAT = Format(

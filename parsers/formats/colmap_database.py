@@ -141,7 +141,8 @@ def _camera(row: Row, source: str) -> StoredCamera:
     return StoredCamera(
         number=number,
         model=known or PANORAMAS[model][0],
-        image_size=strict.image_size(width, height, source=source, place=place),
+        width=width,
+        height=height,
         parameters=parameters,
         place=place,
     )

@@ -59,7 +59,7 @@ def sniff(content: Content) -> Sniff | None:
     return None
 
 
-def read(data: bytes, context: ReadContext) -> list[Calibration]:
+def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
     """Every camera, in the order of the lines."""
     if len(data) > MAX_BYTES:
         raise ParseError(f"{len(data)} bytes of cameras; at most {MAX_BYTES} are read")
@@ -116,7 +116,8 @@ def _camera(words: list[str], *, place: str) -> StoredCamera:
     return StoredCamera(
         number=number,
         model=model or name,
-        image_size=strict.image_size(width, height, place=place),
+        width=width,
+        height=height,
         parameters=tuple(strict.number(word, place=place) for word in words[4:]),
         place=place,
     )

@@ -127,13 +127,8 @@ def _stored(fields: Sequence[str], line: int) -> StoredCamera:
     model = model_named(fields[0]) if fields[0] in MODELS else None
     if model is None and fields[0] != WITHOUT_K:
         refuse_model(fields[0], MODELS, place=place)
-    return StoredCamera(
-        number=line,
-        model=model or WITHOUT_K,
-        image_size=strict.image_size(width, height, place=place),
-        parameters=tuple(rest),
-        place=place,
-    )
+    size = strict.image_size(width, height, place=place)
+    return StoredCamera(line, model or WITHOUT_K, *size, tuple(rest), place)
 
 
 def _counted(item: Calibration, *, from_centre: bool) -> Calibration:

@@ -24,16 +24,19 @@ Sources: C. Wu, "VisualSFM: A Visual Structure from Motion System", documentatio
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Quality
+import numpy as np
+
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.distortion import Distortion, InverseBrown, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
 from calibrary.parsers.convention import Convention, Direction, Native, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.on_demand import CamerasOnDemand, make_a_camera
 
 __all__ = ["FORMAT"]
 
@@ -66,15 +69,6 @@ class _Heading:
     fixed: Native | None = None
 
 
-@dataclass(slots=True)
-class _Camera:
-    """An image's numbers, and the names of those that share them."""
-
-    focal: float
-    radial: float
-    names: list[str] = field(default_factory=list)
-
-
 def sniff(content: Content) -> Sniff | None:
     """The word it begins with."""
     if content.first_line.split(" ")[0] in ROTATIONS:
@@ -82,32 +76,45 @@ def sniff(content: Content) -> Sniff | None:
     return None
 
 
-def read(data: bytes, context: ReadContext) -> list[Calibration]:
+def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
     """Every camera that differs, in the order of the images; its name is that of its first image."""
     rows = _rows(data)
     heading = _heading(*next(rows, ("", 1)))
-    cameras: dict[tuple[float, float], _Camera] = {}
+    images: dict[tuple[float, float], list[str]] = {}
     for name, focal, radial in _images(rows, heading):
         # With FixedK the image's own focal length is only a copy of it.
-        key = (0.0 if heading.fixed else focal, radial)
-        cameras.setdefault(key, _Camera(focal, radial)).names.append(name)
-    several = len(cameras) > 1
-    return [_calibration(camera, heading, context, several=several) for camera in cameras.values()]
-
-
-def _calibration(camera: _Camera, heading: _Heading, context: ReadContext, *, several: bool) -> Calibration:
+        images.setdefault((0.0 if heading.fixed else focal, radial), []).append(name)
     size = context.size(None)
-    f, r = camera.focal, camera.radial
+    found = list(images.items())
+
+    def make(place: int) -> Calibration:
+        lens, names = found[place]
+        return _calibration(lens, names, heading, size, context, several=len(found) > 1)
+
+    lenses = np.array(list(images))
+    return CamerasOnDemand(make_a_camera(lenses[:, :1], max(size) / 2, lenses, max(size)), make)
+
+
+def _calibration(
+    lens: tuple[float, float],
+    names: list[str],
+    heading: _Heading,
+    size: ImageSize,
+    context: ReadContext,
+    *,
+    several: bool,
+) -> Calibration:
+    f, r = lens
     convention = FIXED if heading.fixed else CONVENTION
     distortion: Distortion = InverseBrown(k1=r, k2=0.0, p1=0.0, p2=0.0) if r else NoDistortion()
     assumptions = () if heading.fixed else ("the principal point is in the middle of the image",)
     return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=camera.names[0] if several else None),
+        camera=CameraKey(image_size=size, sub_camera=names[0] if several else None),
         intrinsics=convention.intrinsics(heading.fixed or Native(fx=f, fy=f, cx=0.0, cy=0.0), size),
         distortion=distortion,
         grade=Grade.ADJUSTED,
-        quality=Quality(views=len(camera.names)),
-        provenance=context.provenance(tag=camera.names[0], assumptions=assumptions),
+        quality=Quality(views=len(names)),
+        provenance=context.provenance(tag=names[0], assumptions=assumptions),
         notes=(FIXED_NOTE,) if heading.fixed else (),
     )
 

@@ -16,7 +16,7 @@ def read() -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     camera: calibrary.Calibration = calibrary.read(
         "camera.xml", camera=1, format=None, image_size=(4000, 3000)
     )
-    cameras: list[calibrary.Calibration] = calibrary.read_all(b"...", options={"distortion": "fisheye"})
+    cameras: list[calibrary.Calibration] = list(calibrary.read_all(b"...", options={"distortion": "fisheye"}))
     with Path("camera.xml").open("rb") as file:
         cameras.append(calibrary.read(file))
     name: str = camera.to_colmap().model

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
 from functools import cache
@@ -97,7 +98,7 @@ def sample(record: Format, name: str) -> Sample:
     )
 
 
-def read_back(record: Format, name: str, data: bytes, size: tuple[int, int] = SIZE) -> list[Calibration]:
+def read_back(record: Format, name: str, data: bytes, size: tuple[int, int] = SIZE) -> Sequence[Calibration]:
     return parsers.decode(
         data,
         name=name,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import codecs
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from decimal import Decimal
 
 import pytest
@@ -38,7 +38,7 @@ def text_of(record: Format, name: str) -> str:
     return text.replace("\r\n", "\n").removeprefix("\ufeff")
 
 
-def numbers(cameras: list[Calibration]) -> list[tuple[object, ...]]:
+def numbers(cameras: Sequence[Calibration]) -> list[tuple[object, ...]]:
     return [(item.intrinsics, item.distortion, item.quality, item.grade) for item in cameras]
 
 

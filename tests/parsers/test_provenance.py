@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pytest
@@ -114,7 +115,7 @@ IDS = [pytest.param(case, id=name) for name, case in CASES.items()]
 DATED = [pytest.param(case, id=name) for name, case in CASES.items() if case.stated is not None]
 
 
-def read(file: str) -> list[Calibration]:
+def read(file: str) -> Sequence[Calibration]:
     record = identified(Content(file.encode(), "camera")).format
     size = SIZE if record.needs_image_size else None
     options = {"scan_um": "20"} if record.name == "usgs_report" else {}

@@ -111,7 +111,7 @@ def read_all(
     size_from_centre: bool = False,
     options: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
-) -> list[Calibration]:
+) -> Sequence[Calibration]:
     """Every camera in a calibration file, in the file's order.
 
     Args:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from calibrary import parsers
@@ -31,7 +33,7 @@ error = 0.633
 SAMPLES = {"anipose": Sample(FILE.encode())}
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="calibration.toml")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -48,7 +50,7 @@ END = "Maximum Observational Radial Distance Encountered:      7.9 mm\n"
 REPORT = HEADING + table() + END
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="report.txt")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -33,7 +34,7 @@ def block(*groups: str) -> bytes:
     ).encode()
 
 
-def read(data: bytes) -> list[Calibration]:
+def read(data: bytes) -> Sequence[Calibration]:
     return parsers.decode(data, name="block.xml")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ def bundle(*cameras: str, heading: str = "# Bundle file v0.3", count: int | None
     return f"{heading}\n{count} 1\n{lines}1 2 3\n255 255 255\n1 0 12 1.5 -2.5\n".encode()
 
 
-def decoded(data: bytes) -> list[Calibration]:
+def decoded(data: bytes) -> Sequence[Calibration]:
     return parsers.decode(data, name="bundle.out", image_size=SIZE)
 
 

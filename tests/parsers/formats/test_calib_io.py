@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -47,7 +48,7 @@ def camera(
     return {"model": model | ({"polymorphic_name": name} if name else {}), "transform": {}}
 
 
-def read(*cameras: Json, size: tuple[int, int] | None = None) -> list[Calibration]:
+def read(*cameras: Json, size: tuple[int, int] | None = None) -> Sequence[Calibration]:
     document = json.dumps({"Calibration": {"cameras": list(cameras)}}).encode()
     return parsers.decode(document, name="calibration.json", image_size=size)
 

@@ -81,7 +81,7 @@ def read_by_peer(folder: Path, name: str, data: bytes) -> dict[int, pycolmap.Cam
     return dict(reconstruction.cameras)
 
 
-def read(data: bytes, name: str = "cameras.txt", **more: str) -> list[Calibration]:
+def read(data: bytes, name: str = "cameras.txt", **more: str) -> Sequence[Calibration]:
     return parsers.decode(data, name=name, format=more.get("format"))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -29,7 +30,7 @@ def entry(D: list[float], **changes: Json) -> dict[str, Json]:
     return camera | changes
 
 
-def read(document: Json, size: tuple[int, int] | None = None) -> list[Calibration]:
+def read(document: Json, size: tuple[int, int] | None = None) -> Sequence[Calibration]:
     return parsers.decode(json.dumps(document).encode(), name="calib.json", image_size=size)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ v b0
 SAMPLES = {"hugin_pto": Sample(FILE.encode())}
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="pano.pto")
 
 

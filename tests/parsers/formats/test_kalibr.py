@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import pytest
@@ -41,7 +43,7 @@ def chain(model: str, intrinsics: str, kind: str, coefficients: str, name: str =
 RADTAN = chain("pinhole", FOCAL, "radtan", "-0.2131, 0.0447, -0.00037, 8.1e-04")
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="camchain.yaml")
 
 

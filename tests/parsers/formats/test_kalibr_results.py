@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from calibrary import parsers
@@ -43,7 +45,7 @@ CHAIN = """cam0:
 SAMPLES = {"kalibr_results": Sample(FILE.encode())}
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="results-cam.txt", image_size=SIZE)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pycolmap
 import pytest
@@ -22,7 +24,7 @@ phone, , camera, UNKNOWN_CAMERA, 640, 512
 """
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="sensors.txt")
 
 

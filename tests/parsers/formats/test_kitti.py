@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import pytest
@@ -35,7 +37,7 @@ Tr_velo_to_cam: 0 -1 0 0 0 0 -1 0 1 0 0 0
 """
 
 
-def read(text: str, size: tuple[int, int] | None = None, **options: str) -> list[Calibration]:
+def read(text: str, size: tuple[int, int] | None = None, **options: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="calib_cam_to_cam.txt", image_size=size, options=options)
 
 

@@ -6,6 +6,7 @@ import io
 import json
 import struct
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,7 @@ def camera_struct(fields: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def read(data: bytes, **named: Any) -> list[Calibration]:
+def read(data: bytes, **named: Any) -> Sequence[Calibration]:
     return parsers.decode(data, name="camera.mat", **named)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -48,7 +49,7 @@ def document(*sensors: str, version: str = "1.5.0") -> bytes:
     ).encode()
 
 
-def read(data: bytes, **options: str) -> list[Calibration]:
+def read(data: bytes, **options: str) -> Sequence[Calibration]:
     return parsers.decode(data, name="cameras.xml", options=options)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -36,7 +37,7 @@ SAMPLES = {
 }
 
 
-def read(document: object, **named: Any) -> list[Calibration]:
+def read(document: object, **named: Any) -> Sequence[Calibration]:
     return parsers.decode(json.dumps(document).encode(), name="calibration.json", **named)
 
 

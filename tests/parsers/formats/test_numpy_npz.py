@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import pickle
 import zipfile
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -28,7 +29,7 @@ def npz(save: Any = np.savez, **arrays: Any) -> bytes:
     return buffer.getvalue()
 
 
-def read(data: bytes, **options: str) -> list[Calibration]:
+def read(data: bytes, **options: str) -> Sequence[Calibration]:
     return parsers.decode(data, name="camera.npz", image_size=SIZE, options=options)
 
 

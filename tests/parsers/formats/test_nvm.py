@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -25,7 +27,7 @@ def image(name: str = "db/1.jpg", f: str = "1084.59", r: str = "0.0811") -> str:
     return f"{name} {f} {POSE} {r} 0"
 
 
-def decoded(data: bytes) -> list[Calibration]:
+def decoded(data: bytes) -> Sequence[Calibration]:
     return parsers.decode(data, name="a.nvm", image_size=SIZE)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from calibrary import parsers
@@ -38,7 +40,7 @@ imu_params:
 SAMPLES = {"okvis": Sample(FILE.encode())}
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="config.yaml")
 
 

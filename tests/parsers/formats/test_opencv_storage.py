@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -75,7 +76,7 @@ def by_opencv(suffix: str, **values: Any) -> bytes:
     return text.encode()
 
 
-def read(data: bytes | str, **arguments: Any) -> list[Calibration]:
+def read(data: bytes | str, **arguments: Any) -> Sequence[Calibration]:
     raw = data.encode() if isinstance(data, str) else data
     return parsers.decode(raw, name="file", **arguments)
 

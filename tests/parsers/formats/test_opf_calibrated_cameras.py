@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -50,7 +51,7 @@ def input_cameras(*sizes: tuple[int, int]) -> bytes:
     return json.dumps({"format": mark, "version": "1.0", "sensors": sensors, "captures": []}).encode()
 
 
-def read(data: bytes, size: tuple[int, int] | None = SIZE, **beside: bytes) -> list[Calibration]:
+def read(data: bytes, size: tuple[int, int] | None = SIZE, **beside: bytes) -> Sequence[Calibration]:
     files = {name.replace("__", "."): content for name, content in beside.items()}
     return parsers.decode(data, name="calibrated_cameras.json", image_size=size, companion=files.get)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -33,7 +34,7 @@ def document(*sensors: dict[str, Any], sources: tuple[str, ...] = ()) -> bytes:
     return json.dumps(fields).encode()
 
 
-def read(data: bytes) -> list[Calibration]:
+def read(data: bytes) -> Sequence[Calibration]:
     return parsers.decode(data, name="input_cameras.json")
 
 

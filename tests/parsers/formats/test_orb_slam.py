@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import pytest
@@ -76,7 +78,7 @@ LEFT.K: !!opencv-matrix
 """
 
 
-def read(text: str, size: tuple[int, int] | None = None) -> list[Calibration]:
+def read(text: str, size: tuple[int, int] | None = None) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="EuRoC.yaml", image_size=size)
 
 

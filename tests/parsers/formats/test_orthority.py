@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from calibrary import parsers
@@ -29,7 +31,7 @@ OPENCV = (4.33 * 752 / 7.52, 4.33 * 480 / 4.80, 375.5 + 7.52, 239.5 - 15.04)
 SAMPLES = {"orthority": Sample(FILE.encode())}
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="int_param.yaml")
 
 

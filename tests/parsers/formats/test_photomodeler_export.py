@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,7 @@ def photo(number: int, name: str, focal: str = "8.760") -> str:
 POINTS = " 1001   1   0.5  0.25  0.0\n 1001   2   0.5  0.25  0.0\n"
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="export.txt")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -49,7 +51,7 @@ def report(*blocks: str) -> str:
     )
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="report.txt", image_size=SIZE)
 
 

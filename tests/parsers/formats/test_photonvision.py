@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -26,7 +27,7 @@ OPENCV = (433.2, 432.9, 371.6, 238.3)
 SAMPLES = {"photonvision": Sample(json.dumps(FILE).encode())}
 
 
-def read(document: object) -> list[Calibration]:
+def read(document: object) -> Sequence[Calibration]:
     return parsers.decode(json.dumps(document).encode(), name="camera.json")
 
 

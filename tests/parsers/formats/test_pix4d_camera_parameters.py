@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import pytest
@@ -40,7 +42,7 @@ def image(name: str = "DJI_0001.JPG", f: str = "3650.1") -> str:
     return IMAGE.format(name=name, f=f)
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="p_calibrated_camera_parameters.txt")
 
 

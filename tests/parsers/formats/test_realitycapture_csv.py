@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from calibrary import parsers
@@ -20,7 +22,7 @@ c.jpg,44.6,138.8,6.8,170.3,85.1,-22.7,31.5,0,0,0,0,0,0,0,0
 SIZE = (3840, 2880)
 
 
-def read(text: str, **options: str) -> list[Calibration]:
+def read(text: str, **options: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="cameras.csv", image_size=SIZE, options=options)
 
 

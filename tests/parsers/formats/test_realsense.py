@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -40,7 +41,7 @@ D = (-0.055, 0.066, -0.0006, 0.0004, -0.021)
 K = np.array([[638.1, 0, 647.9], [0, 637.9, 351.9], [0, 0, 1]])
 
 
-def read(document: Json, size: tuple[int, int] | None = None, **options: str) -> list[Calibration]:
+def read(document: Json, size: tuple[int, int] | None = None, **options: str) -> Sequence[Calibration]:
     return parsers.decode(json.dumps(document).encode(), name="camera.json", image_size=size, options=options)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -94,7 +95,7 @@ SAMPLES = {
 }
 
 
-def read(document: object) -> list[Calibration]:
+def read(document: object) -> Sequence[Calibration]:
     text = document if isinstance(document, str) else json.dumps(document)
     return parsers.decode(text.encode(), name="rig")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import pytest
@@ -53,7 +55,7 @@ def text(D: str = BROWN5, name: str = "narrow_stereo/left") -> str:
     return IMAGE + CAMERA.format(D=D, name=name)
 
 
-def read(source: str, **options: str) -> list[Calibration]:
+def read(source: str, **options: str) -> Sequence[Calibration]:
     return parsers.decode(source.encode(), name="ost.txt", options=options)
 
 

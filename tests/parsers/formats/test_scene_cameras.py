@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,7 @@ SAMPLES = {
 CORNER = {"record3d", "pinhole_json", "nsvf_intrinsics"}
 
 
-def read(document: object, **named: Any) -> list[Calibration]:
+def read(document: object, **named: Any) -> Sequence[Calibration]:
     data = (
         document
         if isinstance(document, bytes)

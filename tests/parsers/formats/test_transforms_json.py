@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -31,7 +32,7 @@ ONE = {**CAMERA, "frames": FRAMES}
 ANGLES = {"camera_angle_x": 2 * math.atan(960 / 1375.52), "camera_angle_y": 2 * math.atan(540 / 1374.49)}
 
 
-def decoded(document: Document, image_size: tuple[int, int] | None = None) -> list[Calibration]:
+def decoded(document: Document, image_size: tuple[int, int] | None = None) -> Sequence[Calibration]:
     return parsers.decode(json.dumps(document).encode(), name="transforms.json", image_size=image_size)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import pytest
@@ -67,7 +69,7 @@ k6 = -0.002
 """
 
 
-def read(text: str, size: tuple[int, int] | None = None) -> list[Calibration]:
+def read(text: str, size: tuple[int, int] | None = None) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="SN1.conf", image_size=size)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -23,7 +25,7 @@ def block(name: str = "FC_8.8_5472x3648 (RGB)(1)", **changes: str) -> str:
     return f"begin camera_parameters {name}\n{body}end camera_parameters\n"
 
 
-def read(text: str) -> list[Calibration]:
+def read(text: str) -> Sequence[Calibration]:
     return parsers.decode(text.encode(), name="camera.ssk")
 
 

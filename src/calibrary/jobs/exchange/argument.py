@@ -60,7 +60,7 @@ class Reading:
     camera: int | None = None
     max_bytes: int = MAX_BYTES
 
-    def read(self, path: Path) -> list[Calibration]:
+    def read(self, path: Path) -> Sequence[Calibration]:
         """Every camera in a file, whichever is chosen.
 
         Raises:

@@ -209,7 +209,7 @@ def read_candidates(
         InputError: the file cannot be read.
     """
 
-    def read(size: ImageSize | None) -> list[Calibration]:
+    def read(size: ImageSize | None) -> Sequence[Calibration]:
         return parsers.read(path, format=form, image_size=size, options=options, max_bytes=max_bytes)
 
     try:

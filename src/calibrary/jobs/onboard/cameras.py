@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -201,7 +201,7 @@ def _hand_out_files(
             _hand_out(one, sorted_, said, from_images)
 
 
-def _read(path: Path, size: ImageSize | None) -> list[Calibration]:
+def _read(path: Path, size: ImageSize | None) -> Sequence[Calibration]:
     """A size that a file states itself counts; one that it lacks is the images'."""
     try:
         return parsers.read(path, max_bytes=LARGEST_CALIBRATION)

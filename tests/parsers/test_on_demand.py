@@ -1,0 +1,107 @@
+"""A file's cameras that are made on demand: a list in every respect but when they are made."""
+
+from __future__ import annotations
+
+import pickle
+import struct
+from collections.abc import Sequence
+
+import pytest
+
+from calibrary import parsers
+from calibrary.calibration import Calibration
+from calibrary.errors import ParseError
+from calibrary.parsers.formats import _colmap
+from calibrary.parsers.on_demand import CamerasOnDemand
+
+SIZE = (5472, 3648)
+NUMBERS = (3650.0, 3651.0, 2736.0, 1824.0, 0.01, 0.002, 1e-4, 2e-4)
+COUNT = 500
+
+
+def colmap(*changed: tuple[int, int, float]) -> bytes:
+    """cameras.bin of OPENCV cameras; (camera, parameter, value) are changed."""
+    table = [list(NUMBERS) for _ in range(COUNT)]
+    for camera, parameter, value in changed:
+        table[camera][parameter] = value
+    rows = (struct.pack("<IiQQ8d", number + 1, 4, *SIZE, *row) for number, row in enumerate(table))
+    return struct.pack("<Q", COUNT) + b"".join(rows)
+
+
+def bundle(*focals: float) -> bytes:
+    pose = "1 0 0\n0 1 0\n0 0 1\n0 0 0\n"
+    rows = "".join(f"{f} -0.01 0.02\n{pose}" for f in focals)
+    return f"# Bundle file v0.3\n{len(focals)} 0\n{rows}".encode()
+
+
+def nvm(*focals: float) -> bytes:
+    rows = "".join(f"{index}.jpg {f} 1 0 0 0 1 2 3 -0.01 0\n" for index, f in enumerate(focals))
+    return f"NVM_V3\n\n{len(focals)}\n{rows}\n0\n".encode()
+
+
+def many(name: str) -> Sequence[Calibration]:
+    if name == "cameras.bin":
+        return parsers.decode(colmap(), name=name)
+    data = (bundle if name == "bundle.out" else nvm)(*(3650.0 + index for index in range(COUNT)))
+    return parsers.decode(data, name=name, image_size=SIZE)
+
+
+def test_reading_makes_no_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+    original = _colmap._calibration
+
+    def counted(item: _colmap.StoredCamera, *rest: object, **named: object) -> Calibration:
+        made.append(item.place)
+        return original(item, *rest, **named)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(_colmap, "_calibration", counted)
+    cameras = parsers.decode(colmap(), name="cameras.bin")
+    assert len(cameras) == COUNT
+    assert not made
+    assert cameras[7].camera.sub_camera == "8"
+    assert made == [f"camera 8 of {COUNT}"]
+
+
+@pytest.mark.parametrize("name", ["cameras.bin", "bundle.out", "scene.nvm"])
+def test_they_are_a_list_of_cameras(name: str) -> None:
+    cameras = many(name)
+    assert isinstance(cameras, CamerasOnDemand)
+    whole = list(cameras)
+    assert len(cameras) == len(whole) == COUNT
+    assert cameras == whole
+    assert cameras != whole[:-1]
+    assert cameras != whole[::-1]
+    assert cameras[-1] == whole[-1]
+    assert cameras[3:9:2] == whole[3:9:2]
+    assert whole[5] in cameras
+    assert cameras.index(whole[5]) == 5
+    assert pickle.loads(pickle.dumps(cameras)) == whole  # noqa: S301  made two calls ago
+    with pytest.raises(IndexError):
+        cameras[COUNT]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ((3, 0, float("nan")), "camera 4 of 500: a parameter is not finite"),
+        ((3, 7, float("inf")), "camera 4 of 500: a parameter is not finite"),
+        ((3, 1, -3650.0), "camera 4 of 500: focal lengths are 3650 and -3650 px, expected positive ones"),
+        ((3, 2, 1e13), "camera 4: its K, with fx 3650"),
+        ((3, 0, 1e-9), "camera 4: its K, with fx 1e-09"),
+    ],
+)
+def test_one_that_cannot_be_made_refuses_the_file_when_it_is_read(
+    change: tuple[int, int, float], said: str
+) -> None:
+    with pytest.raises(ParseError) as caught:
+        parsers.decode(colmap(change), name="cameras.bin")
+    assert said in str(caught.value)
+
+
+def test_so_it_is_with_a_focal_length_alone() -> None:
+    for data, name in (
+        (bundle(3650.0, 1e14), "bundle.out"),
+        (nvm(3650.0, 1e14), "a.nvm"),
+    ):
+        with pytest.raises(ParseError, match=r"its K, with fx 1e\+14"):
+            parsers.decode(data, name=name, image_size=SIZE)
