@@ -47,15 +47,17 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
 from calibrary.validation import Finding, Severity
 
-__all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "programs"]
+__all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "notes_of", "programs"]
 
 
 MAP_SHAPE: Final = (17, 13)
+_PROGRAMS: Final = {"calibrary": "calibrary", "opencv": "OpenCV", "pycolmap": "pycolmap"}
+"""Those that a provenance names, as people write them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Joint:
-    """What a camera's uncertainty is when it was solved together with others.
+    """What a camera's uncertainty is when it was solved together with other cameras, or with the points of a scene.
 
     Attributes:
         covariance: of its lens.
@@ -78,7 +80,8 @@ class Solved:
         asked_warp: whether the board's warp was to be solved for.
         shape: of the board behind the solution; None for points on no board.
         flat_shape: the same, as the residuals of a flat board show it.
-        joint: where it was solved together with other cameras.
+        joint: where it was solved together with other cameras, or with the points that its views show.
+        versions: of the programs that took part; None for those that a board needs.
     """
 
     observations: Observations
@@ -89,6 +92,7 @@ class Solved:
     shape: BoardShape | None
     flat_shape: BoardShape | None
     joint: Joint | None = None
+    versions: Mapping[str, str] | None = None
 
 
 def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> CalibrationResult:
@@ -112,7 +116,8 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
         covariance = solved.joint.covariance
     else:
         covariance = _own_covariance(solved, halves, stretched[1] if stretched is not None else None, limits)
-    calibration = _calibration(observations, usable, adjusted, covariance, halves)
+    versions = solved.versions or programs()
+    calibration = _calibration(observations, usable, adjusted, covariance, halves, versions)
     uncertainty = _uncertainty(calibration)
     noise = corner_noise(usable)
     views = _views(observations, usable, solution, dropped)
@@ -157,7 +162,7 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
         # What was refused is worth no more than any other number to start a search from.
         calibration=replace(
             calibration,
-            notes=tuple(_notes(findings)),
+            notes=tuple(notes_of(findings)),
             grade=Grade.SEED if refused else Grade.CALIBRATED,
         ),
         findings=findings,
@@ -171,7 +176,7 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
         half_difference=_between_halves(calibration, adjusted.state.model, halves),
         uncertainty=uncertainty,
         observations=observations,
-        versions=programs(),
+        versions=versions,
     )
 
 
@@ -224,6 +229,7 @@ def _calibration(
     adjusted: Adjusted,
     covariance: Covariance,
     halves: SplitHalf | None,
+    versions: Mapping[str, str],
 ) -> Calibration:
     state, network = adjusted.state, adjusted.network
     values = dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
@@ -237,7 +243,7 @@ def _calibration(
         kappa2=halves.kappa2 if halves is not None else None,
         coverage=seen.coverage.fraction,
     )
-    versions, board = programs(), observations.board
+    board = observations.board
     provenance = Provenance(
         kind="board" if network.is_planar else "control-points",
         source=str(usable.board),
@@ -248,7 +254,7 @@ def _calibration(
             *((usable.source,) if usable.source is not None else ()),
             *(SourceFile(name=view.name, sha256=view.sha256) for view in usable.views if view.sha256),
         ),
-        tool=f"calibrary {versions['calibrary']}, OpenCV {versions['opencv']}",
+        tool=", ".join(f"{_PROGRAMS[name]} {text}" for name, text in versions.items() if name in _PROGRAMS),
         firmware=usable.firmware,
         focus=usable.focus,
     )
@@ -262,7 +268,7 @@ def _calibration(
     )
 
 
-def _notes(findings: Sequence[Finding]) -> Iterator[str]:
+def notes_of(findings: Sequence[Finding]) -> Iterator[str]:
     """What a user of the K should know."""
     verdict = BoardVerdict.of(findings)
     if verdict is not BoardVerdict.PASS:

@@ -23,6 +23,7 @@ from calibrary.errors import CalibrationError
 __all__ = [
     "MEANINGLESS",
     "Identifiability",
+    "condition",
     "identifiability",
     "lens_condition",
     "lens_covariance",
@@ -86,7 +87,11 @@ def parameter_covariance(adjusted: Adjusted[LensT]) -> FloatArray:
 
 def lens_condition(adjusted: Adjusted) -> float:
     """Ratio of the largest to the smallest eigenvalue of the scaled normal matrix; inf where it is singular."""
-    matrix = reduce(adjusted.linear, adjusted.free).matrix
+    return condition(reduce(adjusted.linear, adjusted.free).matrix)
+
+
+def condition(matrix: FloatArray) -> float:
+    """The same of any normal matrix."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     if not (np.isfinite(matrix).all() and (scale > MEANINGLESS).all()):
         return math.inf

@@ -21,7 +21,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError
 
-__all__ = ["missed_terms", "series_shift"]
+__all__ = ["HAVE_A_NEXT_TERM", "missed_terms", "next_term", "series_shift", "shift_of_term"]
 
 GRID: Final = (17, 13)
 PRIOR_OF_DISTORTION: Final = 0.05
@@ -46,33 +46,64 @@ def series_shift(adjusted: Adjusted, image_size: ImageSize, inflation: float = 1
         None for a model that has no next term here (those leaner than Brown are asked for by name), or where it cannot
         be told.
     """
-    state = adjusted.state
     found = _freed_term(adjusted)
+    try:
+        covariance = lens_covariance(adjusted).matrix
+    except CalibrationError:
+        return None
     if found is None:
         return None
-    (width, height), K = image_size, state.parameters
+    state = adjusted.state
+    return shift_of_term(
+        state.model, state.parameters, found, covariance, adjusted.variance, image_size, inflation
+    )
+
+
+def shift_of_term(
+    model: Solvable,
+    K: FloatArray,
+    found: Freed,
+    covariance: FloatArray,
+    variance: float,
+    image_size: ImageSize,
+    inflation: float,
+) -> FloatArray | None:
+    """The change of the model's parameters that bends the frame as what is left of its next term would.
+
+    Args:
+        model: of the lens.
+        K: (n,) its parameters.
+        found: with the term as the last of all parameters, those of the lens the first.
+        covariance: (n, n).
+        variance: px², of one coordinate.
+        image_size: (width, height) px.
+        inflation: of the variances.
+
+    Returns:
+        None where it cannot be told.
+    """
+    width, height = image_size
     x, y = (
         grid.ravel() for grid in np.meshgrid(np.linspace(0, width, GRID[0]), np.linspace(0, height, GRID[1]))
     )
-    values = dict(zip(state.model.parameters, K.tolist(), strict=True))
+    values = dict(zip(model.parameters, K.tolist(), strict=True))
     observed = np.column_stack([(x - K[2]) / K[0], (y - K[3]) / K[1]])
     try:
-        rays = state.model.distortion(values).undistort_to_rays(observed)
-        covariance = lens_covariance(adjusted).matrix
-    except (InputError, CalibrationError):
+        rays = model.distortion(values).undistort_to_rays(observed)
+    except InputError:
         return None
     has_ray = np.isfinite(rays).all(axis=1)
     rays, observed = rays[has_ray], observed[has_ray]
     size = len(K)
     if 2 * len(rays) < size + 3:
         return None
-    _, by_lens, by_point = state.model.project(K, rays)
+    _, by_lens, by_point = model.project(K, rays)
     by_lens = by_lens.reshape(-1, size)
-    term = _next_term(adjusted, rays)[:, 0]
+    term = next_term(model, K, rays)[:, 0]
     size_of_term = _remaining(
         found.step[-1],
-        found.inverse[-1, -1] * adjusted.variance * inflation,
-        _prior(state.model, rays, observed, term, K),
+        found.inverse[-1, -1] * variance * inflation,
+        _prior(model, rays, observed, term, K),
     )
     # Per unit of the term: the model's own parameters give way to it.
     given_way = found.inverse[:size, -1] / found.inverse[-1, -1]
@@ -100,20 +131,23 @@ def missed_terms(adjusted: Adjusted) -> float:
         r2 = x * x + y * y
         p1 = np.stack([2 * x * y * fx, (r2 + 2 * y * y) * fy], axis=1).reshape(-1, 1)
         p2 = np.stack([(r2 + 2 * x * x) * fx, 2 * x * y * fy], axis=1).reshape(-1, 1)
-        return np.concatenate([_next_term(adjusted, inside), p1, p2], axis=1)
+        return np.concatenate(
+            [next_term(adjusted.state.model, adjusted.state.parameters, inside), p1, p2], axis=1
+        )
 
     found = freed(adjusted, columns, 3)
     return 0.0 if found is None else found.gain / adjusted.variance
 
 
 def _freed_term(adjusted: Adjusted) -> Freed | None:
-    if adjusted.state.model not in _HAVE_A_NEXT_TERM:
+    state = adjusted.state
+    if state.model not in HAVE_A_NEXT_TERM:
         return None
-    found = freed(adjusted, lambda row: _next_term(adjusted, _inside(adjusted, row)), 1)
+    found = freed(adjusted, lambda row: next_term(state.model, state.parameters, _inside(adjusted, row)), 1)
     return found if found is not None and found.inverse[-1, -1] > 0 else None
 
 
-_HAVE_A_NEXT_TERM: Final = frozenset(Solvable) - {Solvable.K1K2, Solvable.K1K2K3, Solvable.K1K2P1P2}
+HAVE_A_NEXT_TERM: Final = frozenset(Solvable) - {Solvable.K1K2, Solvable.K1K2K3, Solvable.K1K2P1P2}
 
 
 def _prior(model: Solvable, rays: FloatArray, observed: FloatArray, term: FloatArray, K: FloatArray) -> float:
@@ -145,18 +179,17 @@ _NEXT_POWER: Final = {Solvable.FISHEYE: 11, Solvable.DOUBLE_SPHERE: 7, Solvable.
 """Of the angle. The sphere models are no series of it; one of as many numbers would end there."""
 
 
-def _next_term(adjusted: Adjusted, points: FloatArray) -> FloatArray:
+def next_term(model: Solvable, parameters: FloatArray, points: FloatArray) -> FloatArray:
     """(2N, 1) ∂px by the coefficient of r⁹ or of a power of θ for (N, 3) points before the camera."""
-    state = adjusted.state
-    fx, fy = state.parameters[:2]
+    fx, fy = parameters[:2]
     across = np.hypot(points[:, 0], points[:, 1])
-    if state.model.is_omnidirectional:
+    if model.is_omnidirectional:
         theta = np.arctan2(across, points[:, 2])
-        gain = theta ** _NEXT_POWER[state.model] / np.maximum(across, 1e-300)
+        gain = theta ** _NEXT_POWER[model] / np.maximum(across, 1e-300)
     else:
         r2 = (across / points[:, 2]) ** 2
         gain = r2**4 / points[:, 2]
-        if state.model is Solvable.RATIONAL:
-            k4, k5, k6 = state.parameters[-3:]
+        if model is Solvable.RATIONAL:
+            k4, k5, k6 = parameters[-3:]
             gain = gain / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     return np.asarray((points[:, :2] * gain[:, None] * (fx, fy)).reshape(-1, 1))

@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 
+from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust, reduce
 from calibrary.calib.covariance import MEANINGLESS, lens_condition
 from calibrary.calib.lens_change import as_model, widest_angle
@@ -29,7 +30,19 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.probability import f_tail
 from calibrary.records import Record, replace
 
-__all__ = ["CLEARLY", "Candidate", "WarpTest", "best_model", "f_test", "sound_share", "warp_test"]
+__all__ = [
+    "CLEARLY",
+    "FIRST_ORDER_SHARE",
+    "PENALTY",
+    "Candidate",
+    "WarpTest",
+    "best_model",
+    "f_test",
+    "promised_gain",
+    "sound_share",
+    "unfit",
+    "warp_test",
+]
 
 
 PENALTY: Final = 5.4
@@ -190,16 +203,19 @@ def sound_share(adjusted: Adjusted, image_size: ImageSize) -> tuple[float, float
 
     A lens is judged where corners were seen: outside, beyond a fisheye's image circle above all, it is extrapolated.
     """
-    state, (width, height) = adjusted.state, image_size
-    values = dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
+    state = adjusted.state
+    return _sound(state.model, state.parameters, adjusted.network.pixels[adjusted.network.seen], image_size)
+
+
+def _sound(model: Solvable, K: FloatArray, pixels: FloatArray, image_size: ImageSize) -> tuple[float, float]:
+    width, height = image_size
+    values = dict(zip(model.parameters, K.tolist(), strict=True))
     x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, width, 17), np.linspace(0, height, 13)))
-    K = state.parameters
-    pixels = adjusted.network.pixels[adjusted.network.seen]
     reach = float(np.hypot(pixels[:, 0] - K[2], pixels[:, 1] - K[3]).max(initial=0.0))
     covered = np.asarray(np.hypot(x - K[2], y - K[3]) <= reach, dtype=np.bool_)
     observed = np.column_stack([(x - K[2]) / K[0], (y - K[3]) / K[1]])
     try:
-        rays = state.model.distortion(values).undistort_to_rays(observed)
+        rays = model.distortion(values).undistort_to_rays(observed)
     except InputError:
         return 0.0, 0.0
     sound = np.asarray(np.isfinite(rays).all(axis=1), dtype=np.bool_)
@@ -216,32 +232,48 @@ def _pays(smaller: Adjusted, model: Solvable, *, warp: bool) -> bool:
     if linear is None:
         return False
     reduced = reduce(linear, np.arange(len(model.parameters) + (2 if warp else 0)))
-    scale = np.sqrt(np.maximum(np.diag(reduced.matrix), 0.0))
-    if not (np.isfinite(reduced.matrix).all() and (scale > MEANINGLESS).all()):
-        return False
-    values, vectors = np.linalg.eigh(reduced.matrix / np.outer(scale, scale))
-    sure = values > values[-1] / WORST_CONDITION
-    gain = float(((vectors.T @ (reduced.right / scale))[sure] ** 2 / values[sure]).sum())
-    left = max(smaller.rss - gain, 1e-3 * smaller.rss)
+    left = max(smaller.rss - promised_gain(reduced.matrix, reduced.right), 1e-3 * smaller.rss)
     return n * math.log(smaller.rss / left) > FIRST_ORDER_SHARE * more * PENALTY
+
+
+def promised_gain(matrix: FloatArray, right: FloatArray) -> float:
+    """px² by which normal equations promise to lower the sum of squares, along what they determine."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    if not (np.isfinite(matrix).all() and (scale > MEANINGLESS).all()):
+        return 0.0
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    sure = values > values[-1] / WORST_CONDITION
+    return float(((vectors.T @ (right / scale))[sure] ** 2 / values[sure]).sum())
 
 
 def _candidate(adjusted: Adjusted, image_size: ImageSize) -> Candidate:
     n, k = adjusted.network.scalars, len(adjusted.free)
     criterion = n * math.log(max(adjusted.rss, 1e-300) / max(n, 1)) + PENALTY * k
-    cond = lens_condition(adjusted)
-    refused = None
-    worst = WORST_RATIONAL if adjusted.state.model.trades_terms else WORST_CONDITION
-    if cond > worst:
-        refused = "these views do not determine its parameters"
-    elif (
-        adjusted.state.model.is_omnidirectional or adjusted.state.model is Solvable.RATIONAL
-    ) and sound_share(adjusted, image_size)[0] < 1:
-        refused = "its distortion is not monotonic where corners were seen"
+    cond, pixels = lens_condition(adjusted), adjusted.network.pixels[adjusted.network.seen]
     return Candidate(
         model=adjusted.state.model,
         rms_px=adjusted.rms_px,
         criterion=criterion,
         condition=cond if math.isfinite(cond) else None,
-        refused=refused,
+        refused=unfit(adjusted.state.model, adjusted.state.parameters, cond, pixels, image_size),
     )
+
+
+def unfit(
+    model: Solvable, parameters: FloatArray, cond: float, pixels: FloatArray, image_size: ImageSize
+) -> str | None:
+    """Why a lens may not be chosen; None where it may.
+
+    Args:
+        model: of the lens.
+        parameters: in its order.
+        cond: of their scaled normal matrix.
+        pixels: (N, 2) px where something was seen.
+        image_size: (width, height) px.
+    """
+    if cond > (WORST_RATIONAL if model.trades_terms else WORST_CONDITION):
+        return "these views do not determine its parameters"
+    bends = model.is_omnidirectional or model is Solvable.RATIONAL
+    if bends and _sound(model, parameters, pixels, image_size)[0] < 1:
+        return "its distortion is not monotonic where corners were seen"
+    return None

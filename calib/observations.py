@@ -25,13 +25,17 @@ class ControlPoints:
     """Points whose place in space is known: surveyed ground control, or the cloud of a reconstruction.
 
     Attributes:
-        points: (N, 3) mm in any right-handed frame; they need not lie in a plane.
+        points: (N, 3) in any right-handed frame; they need not lie in a plane.
+        name: what they are.
+        unit: that they are counted in.
 
     Raises:
         InputError: another shape, or a coordinate that is not finite.
     """
 
     points: FloatArray
+    name: str = "control points"
+    unit: str = "mm"
 
     def __post_init__(self) -> None:
         points = np.array(self.points, dtype=np.float64)
@@ -42,12 +46,7 @@ class ControlPoints:
         object.__setattr__(self, "points", points)
 
     def __str__(self) -> str:
-        return f"{len(self.points)} control points"
-
-    @property
-    def unit(self) -> str:
-        """What lengths are counted in."""
-        return "mm"
+        return f"{len(self.points)} {self.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

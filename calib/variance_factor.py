@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -28,8 +28,11 @@ from calibrary.calib.adjustment import Adjusted, reduce
 from calibrary.calib.network import LensT, Linear
 from calibrary.errors import CalibrationError
 
-__all__ = ["SplitHalf", "chi_square", "split_half"]
+__all__ = ["Half", "SplitHalf", "chi_square", "compared", "solved_half", "split_half"]
 
+
+Half: TypeAlias = tuple[FloatArray, FloatArray]
+"""(g,) where a half's solution lies from that of everything, and its (g, g) covariance."""
 
 SPLITS: Final = 101
 FEWEST_VIEWS: Final = 6
@@ -70,15 +73,31 @@ def split_half(
         return None
     views, random = [_view(adjusted, row) for row in rows.tolist()], np.random.default_rng(seed)
     size, of = len(adjusted.free), of or slice(len(adjusted.state.parameters))
-    found: list[tuple[float, FloatArray]] = []
+    found: list[tuple[Half, Half]] = []
     for _ in range(splits):
         dealt = random.permutation(len(rows))
         with suppress(CalibrationError):
-            a, C_a = _half([views[at] for at in dealt[::2]], size)
-            b, C_b = _half([views[at] for at in dealt[1::2]], size)
-            gap = (a - b)[of]
-            ratio = chi_square(gap, (C_a + C_b)[of, of]) / len(gap)
-            found.append((ratio, adjusted.state.parameters[of] + np.stack([a, b])[:, of]))
+            a, b = (_half([views[at] for at in dealt[first::2]], size) for first in (0, 1))
+            found.append(((a[0][of], a[1][of, of]), (b[0][of], b[1][of, of])))
+    return compared(found, adjusted.state.parameters[of], splits)
+
+
+def compared(pairs: Sequence[tuple[Half, Half]], parameters: FloatArray, splits: int) -> SplitHalf | None:
+    """Hold halves against one another.
+
+    Args:
+        pairs: of the splits whose halves could be solved.
+        parameters: (g,) the solution from everything.
+        splits: how many were dealt.
+
+    Returns:
+        None where half of them or more could not be solved.
+    """
+    found: list[tuple[float, FloatArray]] = []
+    for (a, C_a), (b, C_b) in pairs:
+        with suppress(CalibrationError):
+            ratio = chi_square(a - b, C_a + C_b) / len(a)
+            found.append((ratio, parameters + np.stack([a, b])))
     if 2 * len(found) <= splits:
         return None
     ratios = [ratio for ratio, _ in found]
@@ -132,10 +151,27 @@ def _view(adjusted: Adjusted[LensT], row: int) -> _View:
     )
 
 
-def _half(views: Sequence[_View], size: int) -> tuple[FloatArray, FloatArray]:
-    """(g,) where a half's solution lies from that of all views, and its (g, g) covariance."""
-    matrix = np.sum([view.matrix for view in views], axis=0)
-    right = np.sum([view.right for view in views], axis=0)
+def _half(views: Sequence[_View], size: int) -> Half:
+    return solved_half(
+        np.sum([view.matrix for view in views], axis=0),
+        np.sum([view.right for view in views], axis=0),
+        sum(view.rss for view in views),
+        sum(view.scalars for view in views) - 6 * len(views) - size,
+    )
+
+
+def solved_half(matrix: FloatArray, right: FloatArray, rss: float, dof: int) -> Half:
+    """Solve a half's normal equations, all but the lens eliminated.
+
+    Args:
+        matrix: (g, g).
+        right: (g,).
+        rss: px², before the step.
+        dof: of the half.
+
+    Raises:
+        CalibrationError: they do not determine every parameter.
+    """
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     if not (scale > 0).all():
         raise CalibrationError("a parameter has no influence on any corner of this half")
@@ -144,8 +180,7 @@ def _half(views: Sequence[_View], size: int) -> tuple[FloatArray, FloatArray]:
     except np.linalg.LinAlgError:
         raise CalibrationError("half of the views do not determine all parameters") from None
     step = inverse @ right
-    rss = sum(view.rss for view in views) - float(right @ step)
-    dof = sum(view.scalars for view in views) - 6 * len(views) - size
+    rss -= float(right @ step)
     if not (np.diag(inverse) > 0).all() or dof <= 0 or rss <= 0:
         raise CalibrationError("half of the views do not determine all parameters")
     return step, rss / dof * (inverse + inverse.T) / 2

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final
 
 from calibrary.calib.misfit import Cause
 from calibrary.calib.verdict import LIMITS, Evidence, Limits
+from calibrary.calibration import ImageSize
 from calibrary.validation import Finding, Severity
 
-__all__ = ["judge"]
+__all__ = ["graver_first", "judge", "size_share"]
 
 
 def judge(evidence: Evidence, limits: Limits = LIMITS) -> tuple[Finding, ...]:
     """Measure everything against its limit, the gravest finding first; none stops the others."""
-    findings = [finding for check in _CHECKS for finding in check(evidence, limits)]
+    return graver_first(finding for check in _CHECKS for finding in check(evidence, limits))
+
+
+def graver_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings by their severity, each severity's in their order."""
     order = list(Severity)
     return tuple(sorted(findings, key=lambda finding: -order.index(finding.severity)))
 
@@ -151,8 +156,13 @@ def _focal_length(e: Evidence, limits: Limits) -> Iterator[Finding]:
         )
 
 
+def size_share(image_size: ImageSize) -> float:
+    """What the limits of a residual, which are of 20 megapixels, are multiplied by."""
+    return max(max(image_size) / 5472, 0.5)
+
+
 def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    share = max(max(e.image_size) / 5472, 0.5)
+    share = size_share(e.image_size)
     wanted, needed, than = limits.rms_wanted_px * share, limits.rms_needed_px * share, "images of this size"
     noise = math.inf if e.noise_px is None else e.noise_px * math.sqrt(2)
     if limits.rms_wanted * noise < wanted:

@@ -1,0 +1,231 @@
+"""From tracks and a first reconstruction to a camera: outliers out, the positions weighted, the lens model chosen.
+
+Outliers are judged by the camera and the camera by what is left, as with boards: all observations are judged afresh
+every time, until nothing changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from calibrary.arrays import BoolArray
+from calibrary.calib.covariance import condition
+from calibrary.calib.lens_change import as_model
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.model_choice import (
+    FIRST_ORDER_SHARE,
+    FISHEYE_FROM_RAD,
+    PENALTY,
+    Candidate,
+    promised_gain,
+    unfit,
+)
+from calibrary.calib.network import State
+from calibrary.calib.rejection import RAYLEIGH_MEDIAN, Gate
+from calibrary.errors import CalibrationError
+from calibrary.records import replace
+from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, reduce
+from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, aligned
+
+__all__ = ["Adjustment", "adjust", "scene_of_model"]
+
+ROUNDS: Final = 6
+FEWEST_POINTS: Final = 60
+"""Fewer points are not worth an adjustment."""
+WORTHIER: Final = 0.5
+WORSE: Final = 10.0
+"""How far the standard deviations of positions may be from those that are stated: receivers state neither the lever arm
+of their antenna nor a drift."""
+GPS_FIRST_PX2: Final = 0.25
+"""Variance of a coordinate that positions are first weighted by."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Adjustment:
+    """The camera that was found.
+
+    Attributes:
+        bundle: the minimum; its tracks are those that count.
+        everything: all observations.
+        counts: (N,) which of them count.
+        candidates: the lens models that were compared.
+    """
+
+    bundle: Bundle
+    everything: Tracks
+    counts: BoolArray
+    candidates: tuple[Candidate, ...]
+
+
+def adjust(
+    tracks: Tracks, start: Scene, *, model: Solvable | None = None, held: Sequence[str] = ()
+) -> Adjustment:
+    """Find the camera.
+
+    Args:
+        tracks: what the images show.
+        start: near enough; its lens may be of any model.
+        model: of the lens; None to choose it by the images.
+        held: parameters of the lens that stay as the start has them.
+
+    Raises:
+        CalibrationError: there is too little to solve for, or no camera explains the images.
+    """
+    if tracks.positions is not None and int(tracks.positions.known.sum()) >= FEWEST_IMAGES:
+        start = aligned(start, tracks.positions)
+    else:
+        tracks = replace(tracks, positions=None)
+    bundle, counts = _screened(tracks, scene_of_model(start, model or Solvable.BROWN), held)
+    bundle, candidates = _best(bundle, model, held)
+    if bundle.scene.model is not Solvable.BROWN or model is None:
+        # What a model too simple had rejected may count by the one that was chosen.
+        tracks = replace(tracks, positions=bundle.tracks.positions)
+        bundle, counts = _screened(tracks, bundle.scene, held)
+    return Adjustment(bundle=bundle, everything=tracks, counts=counts, candidates=candidates)
+
+
+def scene_of_model(scene: Scene, model: Solvable) -> Scene:
+    """The same scene as a starting point for another lens model."""
+    if scene.model is model:
+        return scene
+    camera = State(
+        model=scene.model,
+        parameters=scene.parameters,
+        warp=np.zeros(2),
+        rotations=scene.rotations,
+        translations=scene.centres,
+    )
+    return replace(scene, model=model, parameters=as_model(camera, model).parameters)
+
+
+def _screened(tracks: Tracks, scene: Scene, held: Sequence[str]) -> tuple[Bundle, BoolArray]:
+    """The adjustment of what is no outlier, the positions weighted by how far they really are off."""
+    counts, variance = _within(tracks, scene), GPS_FIRST_PX2 if tracks.positions is not None else 0.0
+    bundle: Bundle | None = None
+    for _ in range(ROUNDS):
+        kept = tracks.only(counts)
+        if len(np.unique(kept.point)) < FEWEST_POINTS or int(kept.used.sum()) < FEWEST_IMAGES:
+            raise CalibrationError(
+                f"{len(np.unique(kept.point))} points in {int(kept.used.sum())} images fit one another, need "
+                f"{FEWEST_POINTS} points and {FEWEST_IMAGES} images"
+            )
+        bundle = adjust_bundle(kept, scene, held=held, place_variance=variance)
+        scene = bundle.scene
+        again = _within(tracks, scene)
+        if (again == counts).all():
+            break
+        counts = again
+        if tracks.positions is not None:
+            tracks = replace(tracks, positions=_reweighted(tracks.positions, bundle))
+            variance = 2.0 * bundle.linear.rss / max(2 * bundle.dof, 1)
+    assert bundle is not None  # noqa: S101  the loop runs at least once
+    return bundle, np.asarray(_mask_of(tracks, counts), dtype=np.bool_)
+
+
+def _mask_of(tracks: Tracks, counts: BoolArray) -> BoolArray:
+    """What :meth:`Tracks.only` leaves of a choice."""
+    seen = np.bincount(tracks.point[counts], minlength=int(tracks.point.max()) + 1)
+    return np.asarray(counts & (seen[tracks.point] >= 2), dtype=np.bool_)
+
+
+def _within(tracks: Tracks, scene: Scene) -> BoolArray:
+    """(N,) which observations are no further from where they are projected than noise of normal distribution is."""
+    gate = Gate()
+    inside = np.einsum(
+        "nij,nj->ni",
+        scene.rotations[tracks.image],
+        scene.points[tracks.point] - scene.centres[tracks.image],
+    )
+    before = scene.model.faces(scene.parameters, inside)
+    with np.errstate(all="ignore"):
+        pixels = scene.model.project(scene.parameters, inside)[0]
+    off = np.linalg.norm(tracks.pixels - pixels, axis=1)
+    usable = before & np.isfinite(off)
+    if not usable.any():
+        raise CalibrationError("the reconstruction puts every point behind the images that see it")
+    limit = gate.corner_sigmas * float(np.median(off[usable])) / RAYLEIGH_MEDIAN
+    return np.asarray(usable & (off <= max(limit, gate.corner_floor_px)), dtype=np.bool_)
+
+
+def _reweighted(positions: Positions, bundle: Bundle) -> Positions:
+    """Positions with the standard deviations that they show, across and up."""
+    rows = positions.known & bundle.tracks.used
+    off = positions.places[rows] - bundle.scene.centres[rows]
+    # Seven numbers of the world are fitted to them.
+    gain = math.sqrt(3 * len(off) / max(3 * len(off) - 7, 1))
+    std = positions.std.copy()
+    for columns in (slice(0, 2), slice(2, 3)):
+        ratio = gain * float(np.sqrt(np.mean((off[:, columns] / std[rows, columns]) ** 2)))
+        std[:, columns] *= min(max(ratio, WORTHIER), WORSE)
+    return replace(positions, std=std)
+
+
+def _best(
+    bundle: Bundle, model: Solvable | None, held: Sequence[str]
+) -> tuple[Bundle, tuple[Candidate, ...]]:
+    """The lens model of the lowest criterion, as boards choose it."""
+    if model is not None:
+        return bundle, (_candidate(bundle),)
+    others = [Solvable.RATIONAL] if _pays(bundle, Solvable.RATIONAL) else []
+    if _widest(bundle) > FISHEYE_FROM_RAD:
+        others.insert(0, Solvable.FISHEYE)
+    tried = [(_candidate(bundle), bundle)]
+    for other in others:
+        with suppress(CalibrationError):
+            found = adjust_bundle(
+                bundle.tracks,
+                scene_of_model(bundle.scene, other),
+                held=held,
+                place_variance=bundle.place_variance,
+            )
+            tried.append((_candidate(found), found))
+    allowed = [pair for pair in tried if pair[0].refused is None] or tried[:1]
+    return min(allowed, key=lambda pair: pair[0].criterion)[1], tuple(one for one, _ in tried)
+
+
+def _pays(smaller: Bundle, model: Solvable) -> bool:
+    """Whether a larger model can pay for its parameters, judged by the slope of the sum of squares."""
+    larger = scene_of_model(smaller.scene, model)
+    linear = linearise(smaller.tracks, larger, smaller.place_variance)
+    if linear is None:
+        return False
+    size = len(model.parameters)
+    with suppress(CalibrationError):
+        reduced = reduce(smaller.tracks, linear, np.arange(size))
+        gain = promised_gain(*lens_block(reduced, size)[:2])
+        more = size - len(smaller.scene.parameters)
+        n, rss = 2 * len(smaller.tracks.point), smaller.linear.rss
+        return n * math.log(rss / max(rss - gain, 1e-3 * rss)) > FIRST_ORDER_SHARE * more * PENALTY
+    return False
+
+
+def _candidate(bundle: Bundle) -> Candidate:
+    n, k = 2 * len(bundle.tracks.point), len(bundle.free)
+    cond = math.inf
+    with suppress(CalibrationError):
+        cond = condition(lens_block(reduce(bundle.tracks, bundle.linear, bundle.free), k)[0])
+    scene, tracks = bundle.scene, bundle.tracks
+    return Candidate(
+        model=scene.model,
+        rms_px=bundle.rms_px,
+        criterion=n * math.log(max(bundle.linear.rss, 1e-300) / max(n, 1)) + PENALTY * k,
+        condition=cond if math.isfinite(cond) else None,
+        refused=unfit(scene.model, scene.parameters, cond, tracks.pixels, tracks.image_size),
+    )
+
+
+def _widest(bundle: Bundle) -> float:
+    """Rad off the axis of the observation furthest from it."""
+    tracks, scene = bundle.tracks, bundle.scene
+    inside = np.einsum(
+        "nij,nj->ni",
+        scene.rotations[tracks.image],
+        scene.points[tracks.point] - scene.centres[tracks.image],
+    )
+    return float(np.arctan2(np.hypot(inside[:, 0], inside[:, 1]), inside[:, 2]).max())

@@ -1,0 +1,235 @@
+"""A camera from a flight as a calibration with its verdict: judged like a board's, and by how the flight was flown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from calibrary.arrays import BoolArray
+from calibrary.calib.adjustment import Adjusted
+from calibrary.calib.assessment import Joint, Solved, assess, notes_of
+from calibrary.calib.network import Network, State, linearise
+from calibrary.calib.observations import ControlPoints, Observations, View
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.solve import Solution
+from calibrary.calib.verdict import LIMITS, BoardVerdict
+from calibrary.calib.verdict_rules import graver_first, size_share
+from calibrary.calibration import CameraKey, Grade
+from calibrary.errors import CalibrationError
+from calibrary.records import replace
+from calibrary.sfm.adjust import Adjustment
+from calibrary.sfm.sigma import Geometry, Trust, trust
+from calibrary.validation import Finding, Severity
+
+__all__ = ["FLIGHT", "FlightResult", "flight_result"]
+
+FLIGHT: Final = "flight"
+"""The kind of provenance."""
+FEW_IMAGES: Final = 15
+FOCAL_BY_PX: Final = 1.0
+"""A tenth of a pixel of systematic error, which rolling shutters and moving leaves easily cause, moves fx by 10 %."""
+LEAST_WEIGHT: Final = 0.01
+HELD_WANTED: Final = 0.002
+"""Relative change of fx when the principal point is held in the middle, where the images leave that open."""
+SINGLE_HEIGHT: Final = 1.15
+NADIR_DEG: Final = 12.0
+ONE_HEADING_DEG: Final = 45.0
+FLAT: Final = 0.03
+RMS_WANTED_PX: Final = 1.4
+RMS_NEEDED_PX: Final = 3.0
+"""Of the size that points were looked for in: points that any surface shows are found half as well as corners."""
+MM: Final = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightResult:
+    """A calibration from a flight.
+
+    Attributes:
+        result: as a board's, the points of the reconstruction in the place of the board.
+        trust: what its uncertainty is made of.
+    """
+
+    result: CalibrationResult
+    trust: Trust
+
+
+def flight_result(
+    found: Adjustment,
+    *,
+    about: Observations | None = None,
+    scale: float = 1.0,
+    versions: Mapping[str, str] | None = None,
+    seed: int = 0,
+) -> FlightResult:
+    """The camera with its uncertainty and its verdict.
+
+    Args:
+        found: by the adjustment.
+        about: camera, focus, firmware and days as the images state them, and a view with the hash of each file; its
+            points are replaced.
+        scale: px of the images for a px of the size that points were looked for in.
+        versions: of the programs that took part.
+        seed: of dealing the images into halves.
+
+    Raises:
+        CalibrationError: the images do not determine a camera.
+    """
+    known = trust(found, seed=seed)
+    observations = _observations(found, known.geometry, about)
+    network = Network.of(observations)
+    bundle, scene = found.bundle, found.bundle.scene
+    images = np.flatnonzero(bundle.tracks.used)
+    turns = scene.rotations[images]
+    unit = _unit(known.geometry)
+    middle = observations.board.points.mean(axis=0)
+    places = np.einsum("vij,vj->vi", turns, middle - scene.centres[images] * unit)
+    state = State(
+        model=scene.model, parameters=scene.parameters, warp=np.zeros(2), rotations=turns, translations=places
+    )
+    seen = _seen(found, network)
+    linear = linearise(network.only(seen), state)
+    if linear is None:
+        raise CalibrationError("the reconstruction puts a point behind an image that sees it")
+    adjusted = Adjusted(
+        network=network.only(seen), state=state, linear=linear, free=np.arange(len(scene.parameters))
+    )
+    solved = Solved(
+        observations=observations,
+        usable=observations,
+        dropped={},
+        solution=Solution(
+            adjusted=adjusted, everything=network, repeats=(), warp=None, candidates=found.candidates
+        ),
+        asked_warp=False,
+        shape=None,
+        flat_shape=None,
+        joint=Joint(covariance=known.covariance, halves=known.halves),
+        versions=versions,
+    )
+    by = scale / size_share(observations.image_size)
+    limits = replace(LIMITS, rms_wanted_px=RMS_WANTED_PX * by, rms_needed_px=RMS_NEEDED_PX * by)
+    result = assess(solved, limits)
+    findings = graver_first((*result.findings, *_judged(known, len(images))))
+    refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
+    calibration = replace(
+        result.calibration,
+        grade=Grade.SEED if refused else Grade.ADJUSTED,
+        notes=tuple(notes_of(findings)),
+        provenance=replace(
+            result.calibration.provenance,
+            kind=FLIGHT,
+            source=None,
+            tag=f"{len(images)} images, {len(observations.board.points)} points",
+        ),
+    )
+    return FlightResult(result=replace(result, calibration=calibration, findings=findings), trust=known)
+
+
+def _unit(geometry: Geometry) -> float:
+    return MM if geometry.metres else 1.0
+
+
+def _observations(found: Adjustment, geometry: Geometry, about: Observations | None) -> Observations:
+    """The reconstruction's points in the place of control points, and where each image shows them, outliers too."""
+    bundle, tracks = found.bundle, found.everything
+    points = np.unique(bundle.tracks.point)
+    ids = np.full(int(tracks.point.max()) + 1, -1)
+    ids[points] = np.arange(len(points))
+    kept = ids[tracks.point] >= 0
+    sha256 = {view.name: view.sha256 for view in about.views} if about is not None else {}
+    views = []
+    for image in np.flatnonzero(bundle.tracks.used).tolist():
+        rows = np.flatnonzero(kept & (tracks.image == image))
+        name = tracks.names[image]
+        views.append(
+            View(
+                name=name,
+                sha256=sha256.get(name),
+                ids=ids[tracks.point[rows]],
+                image_points=tracks.pixels[rows],
+            )
+        )
+    cloud = ControlPoints(
+        points=bundle.scene.points[points] * _unit(geometry),
+        name="points of the ground",
+        unit="mm" if geometry.metres else "units",
+    )
+    if about is None:
+        return Observations(board=cloud, image_size=tracks.image_size, views=tuple(views), camera=CameraKey())
+    return replace(about, board=cloud, views=tuple(views))
+
+
+def _seen(found: Adjustment, network: Network) -> BoolArray:
+    """(V, M) which observations count, in the order of the views."""
+    seen = network.seen.copy()
+    tracks = found.everything
+    kept = np.isin(tracks.point, found.bundle.tracks.point)
+    for row, image in enumerate(np.flatnonzero(found.bundle.tracks.used).tolist()):
+        counts = found.counts[kept & (tracks.image == image)]
+        seen[row, : len(counts)] = counts
+    return seen
+
+
+def _judged(known: Trust, images: int) -> Iterator[Finding]:
+    """What speaks against a flight."""
+    geometry, C = known.geometry, known.covariance
+    inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
+    if images < FEW_IMAGES:
+        yield Finding(
+            rule="few-images",
+            severity=Severity.UNPROVEN,
+            measured=images,
+            limit=FEW_IMAGES,
+            message=f"{images} images were reconstructed, need {FEW_IMAGES}",
+            remedy="choose more images that overlap: --images",
+        )
+    if geometry.focal_by_px > FOCAL_BY_PX:
+        why = ", ".join(_shortcomings(geometry))
+        yield Finding(
+            rule="focal-length-or-height",
+            severity=Severity.UNPROVEN,
+            measured=geometry.focal_by_px,
+            limit=FOCAL_BY_PX,
+            message="focal length and flying height cannot be told apart"
+            + (f": {why}" if why else "")
+            + f". A tenth of a pixel of systematic error in the images may move fx by {geometry.focal_by_px / 10:.0%}",
+            remedy="fly cross strips at a second height (half as high again) or a few oblique images of 30°",
+        )
+    held = known.held
+    if held is not None:
+        free, bound = held.free_fx, float(held.parameters[0])
+        change = bound / free - 1
+        sure = 3 * float(np.sqrt(C.matrix[0, 0] * inflation)) / free
+        if held.weight > LEAST_WEIGHT and abs(change) > HELD_WANTED:
+            yield Finding(
+                rule="principal-point",
+                severity=Severity.UNPROVEN,
+                measured=abs(change),
+                limit=HELD_WANTED,
+                message=f"with the principal point held in the middle of the image fx is {bound:.1f} px, with it free "
+                f"{free:.1f} px ({change:+.2%}), and the images do not say which is right; what is certain is fx = "
+                f"{free:.0f} px within {sure:.1%}",
+                remedy="fly strips across the others, so that images of the same ground are turned by 90°",
+            )
+    if not geometry.metres:
+        yield Finding(
+            rule="no-positions",
+            severity=Severity.NOTE,
+            message="fewer than three images state where they were taken, so distances have no scale; K needs none",
+        )
+
+
+def _shortcomings(geometry: Geometry) -> Iterator[str]:
+    """What the adjusted flight lacks."""
+    if geometry.height_ratio < SINGLE_HEIGHT:
+        yield f"all images are from one height (highest ÷ lowest {geometry.height_ratio:.2f})"
+    if geometry.tilt_deg < NADIR_DEG:
+        yield f"all look straight down (nine of ten within {geometry.tilt_deg:.0f}°)"
+    if geometry.relief < FLAT:
+        yield f"the ground is flat ({geometry.relief:.1%} of the flying height)"
+    if geometry.headings_deg < ONE_HEADING_DEG:
+        yield "all strips run along one line"

@@ -1,0 +1,370 @@
+"""Bundle adjustment: one lens, the images' poses and the points they see at once, by Levenberg–Marquardt.
+
+Every point is tied to the images that see it only, so the points are eliminated one by one (Schur complement); what is
+left to solve has the size of the lens and the poses, some hundred numbers. Positions of the images, where they are
+stated, are observations like the points, weighted by their own standard deviation.
+
+Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, sections 3 and 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from calibrary.arrays import FloatArray, IntArray
+from calibrary.calib.network import turned
+from calibrary.errors import CalibrationError
+from calibrary.records import replace
+from calibrary.sfm.tracks import Scene, Tracks
+
+__all__ = ["Bundle", "Linear", "Reduced", "adjust_bundle", "lens_block", "linearise", "reduce"]
+
+MAX_STEPS: Final = 30
+SETTLED: Final = 1e-9
+"""Of the sum of squares: less gain than this, and there is no more."""
+FIRST_DAMPING: Final = 1e-4
+LARGEST_DAMPING: Final = 1e8
+LEAST_DAMPING: Final = 1e-10
+"""Keeps the seven numbers that no image determines (where the world is, how it is turned, how large it is) from making
+the equations singular. Nothing in the lens depends on them."""
+POINTS_AT_ONCE: Final = 1024
+
+Columns: TypeAlias = Callable[[FloatArray], FloatArray]
+"""(N, 2, k) derivatives of the pixels of (N, 3) points before the camera by further parameters of the lens."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Linear:
+    """The observations around a scene.
+
+    Attributes:
+        residuals: (N, 2) observed − projected px.
+        by_lens: (N, 2, g).
+        by_pose: (N, 2, 6) by a turn of the image (rad, camera axes) and by its place in the world.
+        by_point: (N, 2, 3).
+        by_place: (V, 3) px ÷ m, the weights of the stated positions; zero where none is stated.
+        off_place: (V, 3) m stated − solved.
+    """
+
+    residuals: FloatArray
+    by_lens: FloatArray
+    by_pose: FloatArray
+    by_point: FloatArray
+    by_place: FloatArray
+    off_place: FloatArray
+
+    @property
+    def rss(self) -> float:
+        """Sum of squared residuals of the pixels, px²."""
+        return float(np.vdot(self.residuals, self.residuals))
+
+    @property
+    def cost(self) -> float:
+        """px², with the weighted positions."""
+        return self.rss + float(((self.by_place * self.off_place) ** 2).sum())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reduced:
+    """The normal equations with the points eliminated: g numbers of the lens, then six of each image.
+
+    Attributes:
+        matrix: (D, D).
+        right: (D,).
+        from_points: px² by which the points alone can lower the cost.
+        point_inverse: (P, 3, 3).
+        point_right: (P, 3).
+        starts: (P,) the first observation of each point.
+    """
+
+    matrix: FloatArray
+    right: FloatArray
+    from_points: float
+    point_inverse: FloatArray
+    point_right: FloatArray
+    starts: IntArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Bundle:
+    """Where a search ended.
+
+    Attributes:
+        tracks: what was fitted to.
+        scene: the minimum.
+        linear: the residuals and derivatives there.
+        free: (g,) which of the lens's parameters were solved for.
+        place_variance: px² that a position's own variance counts as.
+    """
+
+    tracks: Tracks
+    scene: Scene
+    linear: Linear
+    free: IntArray
+    place_variance: float
+
+    @property
+    def dof(self) -> int:
+        """Measured numbers less parameters; the world's seven are none where positions are stated."""
+        stated = int((self.linear.by_place > 0).sum())
+        points = len(np.unique(self.tracks.point))
+        return (
+            2 * len(self.tracks.point)
+            + stated
+            - len(self.free)
+            - 6 * int(self.tracks.used.sum())
+            - 3 * points
+            + (0 if stated else 7)
+        )
+
+    @property
+    def variance(self) -> float:
+        """px², of one coordinate."""
+        return self.linear.cost / max(self.dof, 1)
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square length of the residuals."""
+        return float(np.sqrt(2.0 * self.linear.rss / max(2 * len(self.tracks.point), 1)))
+
+
+def adjust_bundle(
+    tracks: Tracks, start: Scene, *, held: Sequence[str] = (), place_variance: float = 0.0
+) -> Bundle:
+    """The nearest minimum.
+
+    Args:
+        tracks: the observations.
+        start: near enough; the model is its model, and its world that of the positions where these count.
+        held: parameters of the lens that stay as they are.
+        place_variance: px² of one coordinate, against which positions are weighted; zero leaves them out.
+
+    Raises:
+        CalibrationError: the start puts a point behind an image that sees it, or the equations have no solution.
+    """
+    free = np.array([at for at, name in enumerate(start.model.parameters) if name not in held], dtype=np.intp)
+    scene, linear = start, linearise(tracks, start, place_variance)
+    if linear is None:
+        raise CalibrationError("the reconstruction puts a point behind an image that sees it")
+    damping = 0.0
+    for _ in range(MAX_STEPS):
+        reduced = reduce(tracks, linear, free, damping)
+        step = _solved(reduced)
+        trial = _moved(tracks, scene, linear, reduced, free, step) if step is not None else None
+        found = linearise(tracks, trial, place_variance) if trial is not None else None
+        if trial is not None and found is not None and found.cost <= linear.cost:
+            gain, before = linear.cost - found.cost, linear.cost
+            scene, linear = trial, found
+            damping = 0.0 if damping <= FIRST_DAMPING else damping / 10
+            if gain <= SETTLED * before:
+                break
+        else:
+            damping = max(FIRST_DAMPING, damping * 10)
+            if damping > LARGEST_DAMPING:
+                break
+    return Bundle(tracks=tracks, scene=scene, linear=linear, free=free, place_variance=place_variance)
+
+
+def linearise(
+    tracks: Tracks, scene: Scene, place_variance: float, further: Columns | None = None
+) -> Linear | None:
+    """Residuals and derivatives; None where a point is behind a perspective camera or a number overflows.
+
+    Args:
+        tracks: the observations.
+        scene: where.
+        place_variance: as :func:`adjust_bundle` takes it.
+        further: derivatives by parameters that the lens model does not have, after its own.
+    """
+    turns = scene.rotations[tracks.image]
+    arms = np.einsum("nij,nj->ni", turns, scene.points[tracks.point] - scene.centres[tracks.image])
+    if not scene.model.faces(scene.parameters, arms).all():
+        return None
+    with np.errstate(all="ignore"):
+        pixels, by_lens, by_arm = scene.model.project(scene.parameters, arms)
+    if further is not None:
+        by_lens = np.concatenate([by_lens, further(arms)], axis=-1)
+    by_world = by_arm @ turns
+    by_pose = np.empty((len(arms), 2, 6))
+    for axis, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
+        # Column `axis` of −[arm]×, taken through ∂px/∂arm.
+        by_pose[..., axis] = by_arm[..., b] * arms[:, None, a] - by_arm[..., a] * arms[:, None, b]
+    by_pose[..., 3:] = -by_world
+    by_place, off_place = _places(tracks, scene, place_variance)
+    linear = Linear(
+        residuals=tracks.pixels - pixels,
+        by_lens=by_lens,
+        by_pose=by_pose,
+        by_point=by_world,
+        by_place=by_place,
+        off_place=off_place,
+    )
+    return linear if np.isfinite(linear.cost) and np.isfinite(by_lens.sum() + by_pose.sum()) else None
+
+
+def _places(tracks: Tracks, scene: Scene, variance: float) -> tuple[FloatArray, FloatArray]:
+    weights, off = np.zeros_like(scene.centres), np.zeros_like(scene.centres)
+    if tracks.positions is not None and variance > 0:
+        rows = tracks.positions.known & tracks.used
+        weights[rows] = np.sqrt(variance) / tracks.positions.std[rows]
+        off[rows] = tracks.positions.places[rows] - scene.centres[rows]
+    return weights, off
+
+
+def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0) -> Reduced:
+    """Eliminate the points.
+
+    Args:
+        tracks: the observations.
+        linear: the same around a scene.
+        free: which columns of the lens are solved for.
+        damping: Levenberg–Marquardt's, relative to the diagonal.
+    """
+    images, g = np.flatnonzero(tracks.used), len(free)
+    at_image = np.zeros(len(tracks.names), dtype=np.intp)
+    at_image[images] = g + 6 * np.arange(len(images))
+    by_lens, residuals = linear.by_lens[..., free], linear.residuals
+    size = g + 6 * len(images)
+    matrix, right = np.zeros((size, size)), np.zeros(size)
+    _own(tracks, linear, by_lens, at_image, matrix, right)
+    starts = np.flatnonzero(np.diff(tracks.point, prepend=-1))
+    point_own = np.add.reduceat(linear.by_point.transpose(0, 2, 1) @ linear.by_point, starts)
+    point_right = np.add.reduceat(np.einsum("nci,nc->ni", linear.by_point, residuals), starts)
+    at = np.arange(size)
+    matrix[at, at] *= 1.0 + damping
+    inverse = _inverses(point_own, damping)
+    with_lens = np.add.reduceat(by_lens.transpose(0, 2, 1) @ linear.by_point, starts)
+    with_pose = linear.by_pose.transpose(0, 2, 1) @ linear.by_point
+    roots = np.linalg.cholesky(inverse)
+    ends = np.append(starts[1:], len(tracks.point))
+    for first in range(0, len(starts), POINTS_AT_ONCE):
+        last = min(first + POINTS_AT_ONCE, len(starts))
+        rows = slice(starts[first], ends[last - 1])
+        coupling = np.zeros((size, last - first, 3))
+        coupling[:g] = with_lens[first:last].transpose(1, 0, 2)
+        local = np.repeat(np.arange(last - first), ends[first:last] - starts[first:last])
+        coupling[at_image[tracks.image[rows], None] + np.arange(6), local[:, None]] = with_pose[rows]
+        carried = (coupling[:, :, None, :] @ roots[first:last])[:, :, 0].reshape(size, -1)
+        matrix -= carried @ carried.T
+        right -= carried @ np.einsum("pij,pi->pj", roots[first:last], point_right[first:last]).reshape(-1)
+    return Reduced(
+        matrix=(matrix + matrix.T) / 2,
+        right=right,
+        from_points=float(np.einsum("pi,pij,pj->", point_right, inverse, point_right)),
+        point_inverse=inverse,
+        point_right=point_right,
+        starts=starts,
+    )
+
+
+def _own(
+    tracks: Tracks,
+    linear: Linear,
+    by_lens: FloatArray,
+    at_image: IntArray,
+    matrix: FloatArray,
+    right: FloatArray,
+) -> None:
+    """Fill in the blocks of the lens, of each image, and of both together."""
+    g, six = by_lens.shape[-1], np.arange(6)
+    flat = by_lens.reshape(-1, g)
+    matrix[:g, :g] = flat.T @ flat
+    right[:g] = flat.T @ linear.residuals.reshape(-1)
+    order = np.argsort(tracks.image, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(tracks.image[order])) + 1):
+        image = tracks.image[rows[0]]
+        at = at_image[image] + six
+        poses = linear.by_pose[rows].reshape(-1, 6)
+        matrix[np.ix_(at, at)] = poses.T @ poses
+        shared = by_lens[rows].reshape(-1, g).T @ poses
+        matrix[:g, at], matrix[at, :g] = shared, shared.T
+        right[at] = poses.T @ linear.residuals[rows].reshape(-1)
+        weight = linear.by_place[image] ** 2
+        matrix[at[3:], at[3:]] += weight
+        right[at[3:]] += weight * linear.off_place[image]
+
+
+def lens_block(reduced: Reduced, size: int) -> tuple[FloatArray, FloatArray, float]:
+    """(g, g) normal matrix of the lens and its (g,) right side, the poses eliminated too, and px² that those can gain.
+
+    Args:
+        reduced: the normal equations.
+        size: g.
+
+    Raises:
+        CalibrationError: the images do not determine their own poses.
+    """
+    scale = _scale(reduced.matrix)
+    unit = reduced.matrix / np.outer(scale, scale)
+    at = np.arange(size, len(unit))
+    unit[at, at] += LEAST_DAMPING
+    try:
+        carried = np.linalg.solve(
+            unit[size:, size:], np.column_stack([unit[size:, :size], (reduced.right / scale)[size:]])
+        )
+    except np.linalg.LinAlgError:
+        raise CalibrationError("the images do not determine their own poses") from None
+    both = (
+        np.column_stack([unit[:size, :size], (reduced.right / scale)[:size]]) - unit[:size, size:] @ carried
+    )
+    matrix = both[:, :size] * np.outer(scale[:size], scale[:size])
+    from_poses = float((reduced.right / scale)[size:] @ carried[:, size])
+    return (matrix + matrix.T) / 2, both[:, size] * scale[:size], from_poses
+
+
+def _scale(matrix: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    if not (scale > 0).all():
+        raise CalibrationError("a parameter has no influence on any point: the images do not determine it")
+    return np.asarray(scale)
+
+
+def _solved(reduced: Reduced) -> FloatArray | None:
+    try:
+        scale = _scale(reduced.matrix)
+        unit = reduced.matrix / np.outer(scale, scale)
+        unit[np.diag_indices(len(unit))] += LEAST_DAMPING
+        return np.asarray(np.linalg.solve(unit, reduced.right / scale) / scale)
+    except (CalibrationError, np.linalg.LinAlgError):
+        return None
+
+
+def _moved(
+    tracks: Tracks, scene: Scene, linear: Linear, reduced: Reduced, free: IntArray, step: FloatArray
+) -> Scene | None:
+    """The scene after a step of the lens and the poses, the points brought after."""
+    g, images = len(free), np.flatnonzero(tracks.used)
+    parameters = scene.parameters.copy()
+    parameters[free] += step[:g]
+    if not scene.model.is_possible(parameters):
+        return None
+    of_poses = np.zeros((len(tracks.names), 6))
+    of_poses[images] = step[g:].reshape(-1, 6)
+    moved = linear.by_lens[..., free] @ step[:g] + np.einsum(
+        "ncp,np->nc", linear.by_pose, of_poses[tracks.image]
+    )
+    left = reduced.point_right - np.add.reduceat(
+        np.einsum("nci,nc->ni", linear.by_point, moved), reduced.starts
+    )
+    points = scene.points.copy()
+    points[tracks.point[reduced.starts]] += np.einsum("pij,pj->pi", reduced.point_inverse, left)
+    return replace(
+        scene,
+        parameters=parameters,
+        rotations=turned(scene.rotations, of_poses[:, :3]),
+        centres=scene.centres + of_poses[:, 3:],
+        points=points,
+    )
+
+
+def _inverses(blocks: FloatArray, damping: float) -> FloatArray:
+    """Inverse of each point's block; a hair of damping keeps a point of parallel rays from stopping all the others."""
+    at = np.arange(3)
+    scale = np.sqrt(blocks[:, at, at])
+    unit = blocks / (scale[:, :, None] * scale[:, None, :])
+    unit[:, at, at] += damping + 1e-12
+    return np.asarray(np.linalg.inv(unit) / (scale[:, :, None] * scale[:, None, :]))

@@ -1,0 +1,265 @@
+"""How far to trust a camera from a flight: noise, halves of the images, the principal point held, the lens's next term.
+
+The covariance from the residuals knows noise that differs from point to point. What bends a whole image, such as a
+rolling shutter, and what the model does not have, it does not know. So, as with boards, halves of the images are solved
+by themselves and compared (:mod:`calibrary.calib.variance_factor`); and what the camera would be with the principal
+point held in the middle of the image, or with the lens's next radial term, is part of the stated variance as far as
+the images do not speak against it: the shift d adds w · d dᵀ (model averaging's variance between the models).
+
+How well a flight's geometry separates the focal length from the flying height does not depend on the number of points
+nor on their noise. It is stated as the error of the focal length by one pixel of systematic error in the images, at
+its worst: σ of fx for one observation's worth of noise, times √n.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from calibrary.arrays import FloatArray, IntArray
+from calibrary.calib.freed import Freed
+from calibrary.calib.lens_series import HAVE_A_NEXT_TERM, next_term, shift_of_term
+from calibrary.calib.variance_factor import Half, SplitHalf, compared, solved_half
+from calibrary.calibration import Covariance
+from calibrary.errors import CalibrationError
+from calibrary.records import replace
+from calibrary.sfm.adjust import Adjustment
+from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, reduce
+
+__all__ = ["Geometry", "Held", "Trust", "covariance", "flight_geometry", "halves", "trust"]
+
+SPLITS: Final = 15
+"""Each takes two reductions of half the flight."""
+FEWEST_IMAGES: Final = 8
+CENTRE: Final = ("cx", "cy")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Held:
+    """The camera with its principal point held in the middle of the image.
+
+    Attributes:
+        parameters: (n,) of the lens.
+        free_fx: px, with the principal point free.
+        weight: 1 where the images cannot tell, 0 where they speak against it.
+    """
+
+    parameters: FloatArray
+    free_fx: float
+    weight: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Geometry:
+    """How the flight was flown, as its adjustment shows it.
+
+    Attributes:
+        focal_by_px: relative change of fx by one pixel of systematic error, at its worst.
+        relief: standard deviation of the points' heights as a share of the flying height.
+        height_ratio: highest over lowest image above the points.
+        tilt_deg: nine of ten images look down within this angle.
+        headings_deg: largest angle between two images' headings, at most 90.
+        metres: whether lengths are metres.
+    """
+
+    focal_by_px: float
+    relief: float
+    height_ratio: float
+    tilt_deg: float
+    headings_deg: float
+    metres: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trust:
+    """All that is known of the camera's uncertainty.
+
+    Attributes:
+        covariance: of the lens; to be multiplied by the variance factor.
+        halves: None where there are too few images, or hardly any half can be solved.
+        held: None where the principal point was held to begin with, or that cannot be solved.
+        geometry: of the flight.
+    """
+
+    covariance: Covariance
+    halves: SplitHalf | None
+    held: Held | None
+    geometry: Geometry
+
+
+def trust(found: Adjustment, *, seed: int = 0) -> Trust:
+    """Everything that speaks of a camera's uncertainty.
+
+    Raises:
+        CalibrationError: the images do not determine the camera.
+    """
+    bundle = found.bundle
+    C = covariance(bundle)
+    geometry = flight_geometry(bundle, C)
+    split = halves(bundle, seed=seed)
+    inflation = max(1.0, split.kappa2) if split is not None else 1.0
+    held = _held(bundle, C * inflation)
+    between = np.zeros_like(C)
+    if held is not None:
+        shift = held.parameters - bundle.scene.parameters
+        between += held.weight * np.outer(shift, shift)
+    further = _next_term_shift(bundle, C, inflation)
+    if further is not None:
+        between += np.outer(further, further)
+    return Trust(
+        covariance=Covariance.from_matrix(bundle.scene.model.parameters, C + between / inflation),
+        halves=split,
+        held=held,
+        geometry=geometry,
+    )
+
+
+def covariance(bundle: Bundle) -> FloatArray:
+    """(n, n) of the lens by the residuals alone, poses and points marginalised; zero for what was held.
+
+    Raises:
+        CalibrationError: the images do not determine the camera.
+    """
+    size = len(bundle.free)
+    matrix = lens_block(reduce(bundle.tracks, bundle.linear, bundle.free), size)[0]
+    full = np.zeros((len(bundle.scene.parameters),) * 2)
+    full[np.ix_(bundle.free, bundle.free)] = bundle.variance * _inverse(matrix)
+    return full
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    if not (scale > 0).all():
+        raise CalibrationError("the images do not determine every parameter of the lens")
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    if not values[0] > 0:
+        raise CalibrationError("the images do not determine every parameter of the lens")
+    inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
+    return np.asarray((inverse + inverse.T) / 2)
+
+
+def halves(bundle: Bundle, *, seed: int = 0, splits: int = SPLITS) -> SplitHalf | None:
+    """Deal the images into halves and hold what the one says of the lens against what the other says.
+
+    Each half triangulates its own points; nothing but the lens is common to both. It is solved by one step of Gauss
+    and Newton from the solution of all images.
+    """
+    images = np.flatnonzero(bundle.tracks.used)
+    if len(images) < FEWEST_IMAGES:
+        return None
+    random, found = np.random.default_rng(seed), []
+    for _ in range(splits):
+        dealt = random.permutation(images)
+        with suppress(CalibrationError):
+            found.append((_half(bundle, dealt[::2]), _half(bundle, dealt[1::2])))
+    return compared(found, bundle.scene.parameters[bundle.free], splits)
+
+
+def _half(bundle: Bundle, images: IntArray) -> Half:
+    tracks, linear = bundle.tracks, bundle.linear
+    chosen = np.zeros(len(tracks.names), dtype=np.bool_)
+    chosen[images] = True
+    rows = np.flatnonzero(chosen[tracks.image])
+    counts = np.bincount(tracks.point[rows], minlength=int(tracks.point.max()) + 1)
+    rows = rows[counts[tracks.point[rows]] >= 2]
+    part = replace(tracks, image=tracks.image[rows], point=tracks.point[rows], pixels=tracks.pixels[rows])
+    if not (part.used == chosen).all():
+        raise CalibrationError("an image of this half shares no point with the others")
+    mine = replace(
+        linear,
+        residuals=linear.residuals[rows],
+        by_lens=linear.by_lens[rows],
+        by_pose=linear.by_pose[rows],
+        by_point=linear.by_point[rows],
+        by_place=linear.by_place * chosen[:, None],
+    )
+    reduced = reduce(part, mine, bundle.free)
+    matrix, right, from_poses = lens_block(reduced, len(bundle.free))
+    stated = int((mine.by_place > 0).sum())
+    points = len(reduced.starts)
+    dof = 2 * len(rows) + stated - 6 * len(images) - 3 * points - len(bundle.free) + (0 if stated else 7)
+    return solved_half(matrix, right, mine.cost - reduced.from_points - from_poses, dof)
+
+
+def _held(bundle: Bundle, C: FloatArray) -> Held | None:
+    """The camera with its principal point in the middle, and how far the images leave that open."""
+    at = [bundle.scene.model.parameters.index(name) for name in CENTRE]
+    if not set(at) <= set(bundle.free.tolist()):
+        return None
+    middle, scene = np.array(bundle.tracks.image_size) / 2, bundle.scene
+    off = middle - scene.parameters[at]
+    chi2 = float(off @ np.linalg.solve(C[np.ix_(at, at)], off))
+    parameters = scene.parameters + C[:, at] @ np.linalg.solve(C[np.ix_(at, at)], off)
+    weight = math.exp(-chi2 / 2)
+    if not scene.model.is_possible(parameters):
+        return None
+    parameters[at] = middle
+    with suppress(CalibrationError):
+        parameters = adjust_bundle(
+            bundle.tracks,
+            replace(scene, parameters=parameters),
+            held=CENTRE,
+            place_variance=bundle.place_variance,
+        ).scene.parameters
+    return Held(parameters=parameters, free_fx=float(scene.parameters[0]), weight=weight)
+
+
+def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatArray | None:
+    """(n,) what the lens's next radial term may still do to the parameters."""
+    scene, size = bundle.scene, len(bundle.scene.parameters)
+    if scene.model not in HAVE_A_NEXT_TERM or len(bundle.free) < size:
+        return None
+    linear = linearise(
+        bundle.tracks,
+        scene,
+        bundle.place_variance,
+        lambda inside: next_term(scene.model, scene.parameters, inside).reshape(-1, 2, 1),
+    )
+    if linear is None:
+        return None
+    with suppress(CalibrationError):
+        matrix, right, _ = lens_block(reduce(bundle.tracks, linear, np.arange(size + 1)), size + 1)
+        inverse = _inverse(matrix)
+        step = inverse @ right
+        found = Freed(step=step, inverse=inverse, gain=max(float(right @ step), 0.0))
+        return shift_of_term(
+            scene.model, scene.parameters, found, C, bundle.variance, bundle.tracks.image_size, inflation
+        )
+    return None
+
+
+def flight_geometry(bundle: Bundle, C: FloatArray) -> Geometry:
+    """Measure the adjusted flight.
+
+    Args:
+        bundle: the minimum.
+        C: (n, n) of the lens by the residuals alone.
+    """
+    tracks, scene = bundle.tracks, bundle.scene
+    turns, centres = scene.rotations[tracks.used], scene.centres[tracks.used]
+    points = scene.points[np.unique(tracks.point)]
+    # The ground's own plane says what is up, whether the world was turned by positions or not.
+    middle = np.median(points, axis=0)
+    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
+    up = axes[2] * (1.0 if float(np.median((centres - middle) @ axes[2])) > 0 else -1.0)
+    heights, ground = (centres - middle) @ up, (points - middle) @ up
+    typical = float(np.median(heights))
+    down = np.degrees(np.arccos(np.clip(-turns[:, 2] @ up, -1.0, 1.0)))
+    level = turns[:, 0] - np.outer(turns[:, 0] @ up, up)
+    level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
+    # Of lines, not of arrows: to fly a strip back is no other heading.
+    across = np.degrees(np.arccos(np.clip(np.abs(level @ level.T), 0.0, 1.0)))
+    size = 2 * len(tracks.point)
+    by_px = math.sqrt(C[0, 0] / bundle.variance * size) / scene.parameters[0]
+    return Geometry(
+        focal_by_px=by_px,
+        relief=float(np.subtract(*np.percentile(ground, (84.13, 15.87)))) / 2 / max(typical, 1e-12),
+        height_ratio=float(np.percentile(heights, 90) / max(np.percentile(heights, 10), 1e-12)),
+        tilt_deg=float(np.percentile(down, 90)),
+        headings_deg=float(across.max()),
+        metres=bool((bundle.linear.by_place > 0).any()),
+    )

@@ -1,0 +1,138 @@
+"""What the images of a flight share: points that were seen in several of them, and where the images were taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from calibrary.arrays import BoolArray, FloatArray, IntArray
+from calibrary.calib.lens_models import Solvable
+from calibrary.calibration import ImageSize
+from calibrary.errors import CalibrationError
+from calibrary.records import replace
+
+__all__ = ["FEWEST_IMAGES", "Positions", "Scene", "Tracks", "aligned", "thinned"]
+
+FEWEST_IMAGES: Final = 3
+"""Fewer leave nothing to check a focal length by."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Positions:
+    """Where the images were taken, as a satellite receiver says it.
+
+    Attributes:
+        places: (V, 3) m east, north and up of a point nearby; NaN where an image states none.
+        std: (V, 3) m.
+    """
+
+    places: FloatArray
+    std: FloatArray
+
+    @property
+    def known(self) -> BoolArray:
+        """(V,) which images state one."""
+        return np.asarray(np.isfinite(self.places).all(axis=1), dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tracks:
+    """Points by the images they were seen in.
+
+    Attributes:
+        names: of the V images.
+        image_size: (width, height) px, of every one.
+        image: (N,) which image.
+        point: (N,) which point, ascending.
+        pixels: (N, 2) px of the full image, from the outer corner of its first pixel.
+        positions: None where no image states any.
+    """
+
+    names: tuple[str, ...]
+    image_size: ImageSize
+    image: IntArray
+    point: IntArray
+    pixels: FloatArray
+    positions: Positions | None = None
+
+    def only(self, keep: BoolArray) -> Tracks:
+        """Some of the observations, without those of points that are left with fewer than two.
+
+        Args:
+            keep: (N,).
+        """
+        counts = np.bincount(self.point[keep], minlength=int(self.point.max(initial=-1)) + 1)
+        rows = keep & (counts[self.point] >= 2)
+        return replace(self, image=self.image[rows], point=self.point[rows], pixels=self.pixels[rows])
+
+    @property
+    def used(self) -> BoolArray:
+        """(V,) which images see anything."""
+        return np.asarray(np.bincount(self.image, minlength=len(self.names)) > 0, dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scene:
+    """What a bundle adjustment solves for.
+
+    Attributes:
+        model: of the lens.
+        parameters: (n,) in the model's order.
+        rotations: (V, 3, 3) world to camera.
+        centres: (V, 3) of projection, in the world.
+        points: (P, 3) in the world.
+    """
+
+    model: Solvable
+    parameters: FloatArray
+    rotations: FloatArray
+    centres: FloatArray
+    points: FloatArray
+
+
+def aligned(scene: Scene, positions: Positions) -> Scene:
+    """The same scene moved, turned and scaled so that its images are where they say.
+
+    Source: S. Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
+
+    Raises:
+        CalibrationError: fewer than three images say where they were taken.
+    """
+    known = positions.known
+    if int(known.sum()) < FEWEST_IMAGES:
+        raise CalibrationError(f"{int(known.sum())} images state a position, need {FEWEST_IMAGES}")
+    here, there = scene.centres[known], positions.places[known]
+    a, b = here - here.mean(axis=0), there - there.mean(axis=0)
+    U, values, Vt = np.linalg.svd(b.T @ a)
+    sign = np.array([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
+    turn = (U * sign) @ Vt
+    scale = float(values @ sign) / max(float((a**2).sum()), 1e-300)
+    if not scale > 0:
+        raise CalibrationError("the images' positions contradict what the images show")
+
+    def moved(places: FloatArray) -> FloatArray:
+        return np.asarray(scale * (places - here.mean(axis=0)) @ turn.T + there.mean(axis=0))
+
+    return replace(
+        scene,
+        rotations=scene.rotations @ turn.T,
+        centres=moved(scene.centres),
+        points=moved(scene.points),
+    )
+
+
+def thinned(tracks: Tracks, most: int, seed: int = 0) -> Tracks:
+    """At most so many points: those that most images see, and of these at random, so that no image is left without."""
+    counts = np.bincount(tracks.point)
+    points = np.flatnonzero(counts)
+    if len(points) <= most:
+        return tracks
+    random = np.random.default_rng(seed).random(len(counts))
+    # A long track ties many images; random numbers spread the choice among tracks of one length over the frame.
+    order = points[np.lexsort((random[points], -np.minimum(counts[points], 6)))]
+    chosen = np.zeros(len(counts), dtype=np.bool_)
+    chosen[order[: most // 2]] = True
+    chosen[np.random.default_rng(seed + 1).permutation(order[most // 2 :])[: most - most // 2]] = True
+    return tracks.only(chosen[tracks.point])
