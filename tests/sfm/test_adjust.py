@@ -1,0 +1,206 @@
+"""Cameras from simulated flights: found within what they state, and refused where the geometry determines none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.verdict import BoardVerdict
+from calibrary.calibration import Grade
+from calibrary.errors import CalibrationError
+from calibrary.records import replace
+from calibrary.sfm.adjust import Adjustment, adjust
+from calibrary.sfm.assessment import FLIGHT, FlightResult, flight_result
+from calibrary.sfm.bundle import adjust_bundle, lens_block, linearise, reduce
+from calibrary.sfm.sigma import covariance, halves
+from calibrary.sfm.tracks import Scene, Tracks, aligned, thinned
+from tests.sfm.flights import CAMERA, PLANS, Plan, fly
+
+SMALL = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=250, outliers=0.0)
+TRUTH = Solvable.BROWN.values(CAMERA.intrinsics, CAMERA.distortion)
+
+
+@cache
+def adjusted(name: str, seed: int = 3) -> Adjustment:
+    return adjust(*fly(PLANS[name], seed))
+
+
+@cache
+def judged(name: str, seed: int = 3) -> FlightResult:
+    return flight_result(adjusted(name, seed))
+
+
+def rules(of: FlightResult) -> set[str]:
+    return {finding.rule for finding in of.result.findings}
+
+
+def near(tracks: Tracks, scene: Scene) -> Scene:
+    """The start with the true lens, so that one step is small."""
+    return replace(aligned(scene, tracks.positions) if tracks.positions else scene, parameters=TRUTH)
+
+
+# Derivatives and elimination
+
+
+@pytest.mark.parametrize("what", ["lens", "turn", "place", "point"])
+def test_derivatives_are_those_of_the_projection(what: str) -> None:
+    tracks, scene = fly(SMALL, 1)
+    scene = near(tracks, scene)
+    linear = linearise(tracks, scene, 0.0)
+    assert linear is not None
+    step = 1e-6
+    move: dict[str, Callable[[Scene], Scene]] = {
+        "lens": lambda s: replace(s, parameters=s.parameters + step * np.eye(9)[1]),
+        "place": lambda s: replace(s, centres=s.centres + step * np.eye(3)[2]),
+        "point": lambda s: replace(s, points=s.points + step * np.eye(3)[0]),
+        "turn": lambda s: replace(s, rotations=_turned(s.rotations, step)),
+    }
+    moved = linearise(tracks, move[what](scene), 0.0)
+    assert moved is not None
+    expected = {
+        "lens": linear.by_lens[..., 1],
+        "place": linear.by_pose[..., 5],
+        "point": linear.by_point[..., 0],
+        "turn": linear.by_pose[..., 1],
+    }[what]
+    np.testing.assert_allclose((linear.residuals - moved.residuals) / step, expected, rtol=2e-4, atol=2e-3)
+
+
+def _turned(rotations: np.ndarray, angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.asarray(np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ rotations)
+
+
+def test_the_points_are_eliminated_as_a_dense_solution_would() -> None:
+    tracks, scene = fly(replace(SMALL, points=70), 2)
+    scene = near(tracks, scene)
+    linear = linearise(tracks, scene, 0.25)
+    assert linear is not None
+    n, views, points = len(tracks.point), len(tracks.names), np.unique(tracks.point, return_inverse=True)[1]
+    dense = np.zeros((n, 2, 9 + 6 * views + 3 * (points.max() + 1)))
+    dense[..., :9] = linear.by_lens
+    rows = np.arange(n)
+    for axis in range(6):
+        dense[rows, :, 9 + 6 * tracks.image + axis] = linear.by_pose[..., axis]
+    for axis in range(3):
+        dense[rows, :, 9 + 6 * views + 3 * points + axis] = linear.by_point[..., axis]
+    A = dense.reshape(2 * n, -1)
+    N = A.T @ A
+    at = 9 + 6 * np.repeat(np.arange(views), 3) + np.tile([3, 4, 5], views)
+    N[at, at] += linear.by_place.ravel() ** 2
+    scale = np.sqrt(np.diag(N))
+    whole = np.linalg.inv(N / np.outer(scale, scale))[:9, :9] / np.outer(scale[:9], scale[:9])
+    matrix, _, _ = lens_block(reduce(tracks, linear, np.arange(9)), 9)
+    std = np.sqrt(np.diag(whole))
+    np.testing.assert_allclose(
+        np.linalg.inv(matrix) / np.outer(std, std), whole / np.outer(std, std), atol=1e-4
+    )
+
+
+def test_sigma_does_not_depend_on_where_the_world_is() -> None:
+    tracks, scene = fly(replace(SMALL, gps_m=None), 1)
+    free = adjust_bundle(tracks, near(tracks, scene))
+    turn = _turned(np.eye(3)[None], 0.7)[0]
+    elsewhere = replace(
+        free.scene,
+        rotations=free.scene.rotations @ turn.T,
+        centres=40.0 * free.scene.centres @ turn.T + (7e3, -2e3, 300.0),
+        points=40.0 * free.scene.points @ turn.T + (7e3, -2e3, 300.0),
+    )
+    again = adjust_bundle(tracks, elsewhere)
+    np.testing.assert_allclose(np.diag(covariance(again)), np.diag(covariance(free)), rtol=1e-3)
+
+
+# The camera
+
+
+@pytest.mark.parametrize("name", ["two heights, flat, RTK", "oblique, relief, no GPS"])
+def test_a_good_flight_finds_the_camera_within_what_it_states(name: str) -> None:
+    result = judged(name).result
+    quality = result.calibration.quality
+    assert quality is not None
+    assert quality.covariance is not None
+    K = result.calibration.intrinsics
+    found = np.array([K.fx, K.fy, K.cx, K.cy])
+    std = np.sqrt(np.diag(quality.covariance.matrix)[:4] * quality.inflation)
+    assert (np.abs(found - TRUTH[:4]) < 3 * std).all()
+    assert std[0] < 0.002 * K.fx
+    assert result.verdict is not BoardVerdict.REFUSE
+    assert result.calibration.grade is Grade.ADJUSTED
+    assert result.calibration.provenance.kind == FLIGHT
+
+
+def test_a_flight_at_two_heights_with_good_positions_passes() -> None:
+    result = judged("two heights, flat, RTK").result
+    assert result.verdict is BoardVerdict.PASS, result.rules
+
+
+def test_outliers_do_not_count() -> None:
+    plan = PLANS["oblique, noise 0.8, 8 % out"]
+    found = adjusted("oblique, noise 0.8, 8 % out")
+    left = 1 - len(found.bundle.tracks.point) / len(found.everything.point)
+    assert 0.75 * plan.outliers < left < 1.3 * plan.outliers
+    assert found.bundle.rms_px == pytest.approx(plan.noise_px * np.sqrt(2), rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["flat, one height", "flat, cross strips"])
+def test_a_flat_flight_at_one_height_never_passes_and_says_what_to_fly(name: str) -> None:
+    found = judged(name)
+    assert found.result.verdict is not BoardVerdict.PASS
+    weak = next(one for one in found.result.findings if one.rule == "focal-length-or-height")
+    assert "cannot be told apart" in weak.message
+    assert "one height" in weak.message
+    assert "straight down" in weak.message
+    assert weak.remedy is not None
+    assert "30°" in weak.remedy
+
+
+def test_geometry_is_told_from_what_was_flown() -> None:
+    flat, good = judged("flat, one height").trust.geometry, judged("two heights, flat, RTK").trust.geometry
+    assert flat.height_ratio < 1.1
+    assert good.height_ratio > 1.4
+    assert flat.headings_deg < 20
+    assert good.headings_deg > 80
+    assert flat.focal_by_px > 1.0
+    assert good.focal_by_px < 0.3
+
+
+def test_halves_of_images_with_noise_alone_agree() -> None:
+    split = judged("two heights, flat, RTK").trust.halves
+    assert split is not None
+    assert 0.3 < split.kappa2 < 2.0
+
+
+def test_halves_disagree_where_images_are_bent() -> None:
+    """A rolling shutter: every image is sheared by its own motion."""
+    tracks, scene = fly(replace(PLANS["two heights, flat, RTK"], outliers=0.0), 5)
+    shear = np.random.default_rng(1).normal(0, 3e-3, (len(tracks.names), 2))[tracks.image]
+    rows = tracks.pixels[:, 1:] - 500
+    bent = replace(tracks, pixels=tracks.pixels + shear * rows)
+    split = halves(adjust(bent, scene, model=Solvable.BROWN).bundle)
+    assert split is not None
+    assert split.kappa2 > 2.0
+
+
+def test_a_held_principal_point_stays() -> None:
+    tracks, scene = fly(SMALL, 4)
+    found = adjust(tracks, scene, model=Solvable.K1K2, held=("cx", "cy"))
+    assert found.bundle.scene.parameters[2:4].tolist() == [750.0, 500.0]
+    assert (np.diag(covariance(found.bundle))[2:4] == 0).all()
+
+
+def test_too_little_is_no_camera() -> None:
+    tracks, scene = fly(replace(SMALL, points=40), 1)
+    with pytest.raises(CalibrationError, match="need 60 points"):
+        adjust(tracks, scene)
+
+
+def test_thinning_keeps_every_image() -> None:
+    tracks, _ = fly(SMALL, 1)
+    few = thinned(tracks, 120)
+    assert len(np.unique(few.point)) <= 120
+    assert few.used.all()
