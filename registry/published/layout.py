@@ -43,6 +43,7 @@ __all__ = [
     "is_ours",
     "sha256",
     "tree_paths",
+    "units_folder",
 ]
 
 ROOT_FILE: Final = "calibrary.json"
@@ -147,6 +148,11 @@ class CameraName(Record):
     make: str
     model: str
 
+    @property
+    def path(self) -> str:
+        """Of the camera file of this make and model."""
+        return camera_path(CameraKey(make=self.make, model=self.model))
+
 
 class PublishedCamera(Record, tag_field="schema", tag="calibrary/published-camera-1"):
     """The entries of a make and model, or of one unit of it.
@@ -216,6 +222,13 @@ def camera_path(key: CameraKey) -> str:
         return f"{CAMERA_FOLDER}/{make}/{model}.json"
     unit = _part(key.serial)
     return f"{UNIT_FOLDER}/{make}/{model}/{unit[:2]}/{unit}.json"
+
+
+def units_folder(path: str) -> str | None:
+    """The folder of the camera files of a model's units, by the path of the model's; None for a unit's own."""
+    if not path.startswith(f"{CAMERA_FOLDER}/"):
+        return None
+    return f"{UNIT_FOLDER}{path.removeprefix(CAMERA_FOLDER).removesuffix('.json')}/"
 
 
 def _part(text: str) -> str:

@@ -41,7 +41,12 @@ FLEET = (
 SPRING, AUTUMN = Validity(first=date(2026, 3, 1), last=date(2026, 8, 31)), Validity(first=date(2026, 9, 1))
 
 
-def commit(folder: Path, *entries: Entry, raw: Mapping[str, bytes | None] = MappingProxyType({})) -> str:
+def commit(
+    folder: Path,
+    *entries: Entry,
+    raw: Mapping[str, bytes | None] = MappingProxyType({}),
+    message: str = "Put it there\n",
+) -> str:
     """Put entries and other files into a registry, which is made where there is none; the commit."""
     if not folder.exists():
         first = {"registry.yaml": configuration_yaml()}
@@ -53,7 +58,7 @@ def commit(folder: Path, *entries: Entry, raw: Mapping[str, bytes | None] = Mapp
     files: dict[str, bytes | None] = {**first, **{entry.path: entry_yaml(entry) for entry in entries}}
     files |= raw
     changes = [Change(path=path, data=data, base=there.get(path)) for path, data in files.items()]
-    return write(repo, changes, "Put it there\n").commit
+    return write(repo, changes, message).commit
 
 
 def dated(folder: Path) -> None:

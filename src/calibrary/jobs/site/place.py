@@ -12,7 +12,7 @@ from calibrary.atomic import check_folder
 from calibrary.errors import InputError
 from calibrary.jobs.site.addresses import INDEX
 from calibrary.registry.published.layout import ROOT_FILE
-from calibrary.registry.published.write import OWN_NAMES, SITE_MARKER
+from calibrary.registry.published.output import OWN_NAMES, SITE_MARKER
 
 __all__ = ["MARKER", "check_out", "is_published", "replaced"]
 

@@ -1,0 +1,171 @@
+"""The folder that is published into: files appear there whole, and those that are no longer needed go."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from calibrary.atomic import check_folder
+from calibrary.errors import InputError
+from calibrary.registry.git.locks import writer_lock
+from calibrary.registry.published.layout import (
+    CAMERA_FOLDER,
+    ENTRY_FOLDER,
+    ROOT_FILE,
+    SIGNATURE_FILE,
+    TREE_FOLDER,
+    UNIT_FOLDER,
+    is_ours,
+    sha256,
+)
+
+__all__ = ["FOLDERS", "OWN_NAMES", "SITE_MARKER", "STATE_FILE", "Output", "check_out", "opened"]
+
+FOLDERS: Final = (ENTRY_FOLDER, CAMERA_FOLDER, UNIT_FOLDER, TREE_FOLDER)
+STAGING: Final = ".publishing"
+STATE_FILE: Final = f"{STAGING}/state.json"
+"""What the next run may rest on; not given out."""
+OWN_NAMES: Final = frozenset({ROOT_FILE, SIGNATURE_FILE, STAGING, *FOLDERS})
+"""What a publication has at the top of its folder."""
+SITE_MARKER: Final = ".calibrary-site"
+
+OURS: Final = b'{"schema":"calibrary/'
+"""How every published file begins."""
+WAIT_S: Final = 60.0
+
+
+@dataclass(slots=True, kw_only=True)
+class Output:
+    """The folder that is written into, and what belongs there.
+
+    Attributes:
+        root: the folder.
+        known: the digests of files there that were just verified, by path.
+        kept: every file that belongs there.
+        written: how many of them were absent or different.
+        staged: files that are written beside their place, which is taken when all are.
+    """
+
+    root: Path
+    known: dict[str, str] = field(default_factory=dict)
+    kept: set[str] = field(default_factory=set)
+    written: int = 0
+    staged: dict[str, Path] = field(default_factory=dict)
+
+    def put(self, path: str, data: bytes, *, at_once: bool = True) -> str:
+        """Write a file, whole or not at all, unless it is there already; its digest."""
+        digest, place = sha256(data), self.root / path
+        self.kept.add(path)
+        if self.known.get(path) == digest or _content(place) == data:
+            return digest
+        self.written += 1
+        temporary = self.root / STAGING / f"{os.getpid()}-{self.written}"
+        temporary.write_bytes(data)
+        if at_once:
+            _move(temporary, place)
+        else:
+            self.staged[path] = temporary
+        return digest
+
+    def settle(self) -> None:
+        """Move what is staged to its place, once all of it is on the disk."""
+        if hasattr(os, "sync"):
+            os.sync()
+        for path, temporary in self.staged.items():
+            _move(temporary, self.root / path)
+        self.staged.clear()
+
+    def remove_stale(self, *, is_signed: bool) -> int:
+        """Remove files of an earlier publication that are not in this one; anything else stays."""
+        stale = [
+            path
+            for path in _files_below(self.root)
+            if path not in self.kept and is_ours(path) and _begins_as_ours(self.root / path)
+        ]
+        if not is_signed and (self.root / SIGNATURE_FILE).is_file():
+            stale.append(SIGNATURE_FILE)
+        for path in stale:
+            place = self.root / path
+            place.unlink()
+            with suppress(OSError):
+                # Up to the first folder that has something else in it.
+                for folder in place.relative_to(self.root).parents[:-1]:
+                    (self.root / folder).rmdir()
+        return len(stale)
+
+
+def check_out(out: Path) -> None:
+    """Refuse a folder of something else.
+
+    Raises:
+        InputError: it contains something that was not published, or nothing may be written there.
+    """
+    check_folder(out)
+    if not out.exists():
+        return
+    if not out.is_dir():
+        raise InputError("is a file, expected a folder for the published files", source=str(out))
+    try:
+        found = {item.name for item in out.iterdir()}
+        is_known = ROOT_FILE in found and (out / ROOT_FILE).read_bytes().startswith(OURS)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=str(out)) from None
+    # A first run that was interrupted leaves everything but the root; a site may lie beside the published files.
+    if found and not (is_known or STAGING in found or SITE_MARKER in found):
+        raise InputError(
+            f"is not a published registry (it has no {ROOT_FILE} of ours) and is not empty; name a folder of its own",
+            source=str(out),
+        )
+
+
+@contextmanager
+def opened(out: Path) -> Iterator[Output]:
+    """The folder, locked against another run, and without what an interrupted one left.
+
+    Raises:
+        InputError: it cannot be written.
+        RegistryError: another run is busy in it.
+    """
+    try:
+        staging = out / STAGING
+        staging.mkdir(parents=True, exist_ok=True)
+        with writer_lock(staging, wait_s=WAIT_S):
+            for left in staging.glob("*-*"):
+                left.unlink()
+            yield Output(root=out)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror or error}", source=str(out)) from None
+
+
+def _content(place: Path) -> bytes | None:
+    try:
+        return place.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def _move(temporary: Path, place: Path) -> None:
+    try:
+        temporary.replace(place)
+    except FileNotFoundError:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        temporary.replace(place)
+
+
+def _files_below(root: Path) -> Iterator[str]:
+    start = len(str(root)) + 1
+    for top in FOLDERS:
+        for folder, _, names in os.walk(root / top):
+            below = folder[start:].replace(os.sep, "/")
+            yield from (f"{below}/{name}" for name in names)
+
+
+def _begins_as_ours(file: Path) -> bool:
+    if file.is_symlink():
+        return False
+    with file.open("rb") as opened:
+        return opened.read(len(OURS)) == OURS
