@@ -31,7 +31,7 @@ REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary n
 %d.%d. Name a newer one (make PYTHON=python3.12), after removing $(VENV) if it is there." \
 % ((sys.executable,) + tuple(sys.version_info[:2])))
 
-.PHONY: help demo test test-floors lint format bench fuzz schemas docs pictures dist lock clean
+.PHONY: help demo test test-floors lint format bench fuzz schemas docs man pictures dist lock clean
 .DEFAULT_GOAL := help
 
 help: ## List what can be made
@@ -88,8 +88,13 @@ fuzz: $(INSTALLED) ## Fuzz every reader (SECONDS=60 each, FORMAT=a,b these alone
 schemas: $(INSTALLED) ## Write the JSON Schemas of schemas/ from the records they are of
 	$(BIN)/python docs/make_schemas.py
 
-docs: $(INSTALLED) ## Write docs/formats.md and docs/distortion.md from what the code says of itself
+docs: $(INSTALLED) ## Build the manual into build/manual, without network; a warning is an error
 	$(BIN)/python docs/make_formats.py
+	$(BIN)/python -m sphinx -q -W --keep-going -j auto -b html -d build/doctrees docs build/manual
+	@echo 'The manual is build/manual/index.html.'
+
+man: $(INSTALLED) ## Write a man page of each command into build/man
+	$(BIN)/python -m sphinx -q -W --keep-going -b man -d build/doctrees docs build/man
 
 pictures: $(INSTALLED) ## Draw the pictures of the documentation from real output
 	$(BIN)/python docs/make_pictures.py --pages

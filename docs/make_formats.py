@@ -1,4 +1,4 @@
-"""Write docs/formats.md and docs/distortion.md; ``make docs`` runs this, a test keeps them fresh."""
+"""Write docs/formats.md and docs/distortion.md; ``make docs`` begins with this, a test keeps them fresh."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from calibrary import parsers
-from calibrary.cli.formats import markdown
+from calibrary.cli.formats import abilities
 from calibrary.distortion.described import document, marked_down
 from calibrary.parsers.format import Format
 
@@ -18,6 +18,7 @@ FORMATS_HEAD: Final = """\
 # Calibration files
 
 Printed by `make docs` from the formats' own records. What a coefficient means is in [distortion.md](distortion.md).
+A file is recognised by its content; `--format NAME` settles a doubt.
 
 """
 
@@ -25,24 +26,36 @@ Printed by `make docs` from the formats' own records. What a coefficient means i
 def documents() -> dict[str, str]:
     """Both documents by their file names."""
     records = parsers.formats()
-    described = "\n".join(_format(record) for record in records if record.refuses is None)
+    understood = [record for record in records if record.refuses is None]
+    refused = [record for record in records if record.refuses is not None]
+    rows = [f"| [`{r.name}`](#{r.name}) | {r.title} | {abilities(r)} |" for r in understood]
+    table = "\n".join(["| name | what it is | read, write |", "| --- | --- | --- |", *rows])
+    reasons = "\n".join(f"| `{r.name}` | {r.title} | {r.refuses} |" for r in refused)
+    described = "\n".join(_format(record) for record in understood)
+    formats = (
+        f"{FORMATS_HEAD}{table}\n\n{described}\n## Recognised and refused\n\n"
+        f"| name | what it is | why, and what to do |\n| --- | --- | --- |\n{reasons}\n"
+    )
     return {
-        "formats.md": f"{FORMATS_HEAD}{markdown(records)}\n## Each in its own words\n\n{described}",
+        "formats.md": formats,
         "distortion.md": document("Printed by `make docs` from the models' own descriptions."),
     }
 
 
 def _format(record: Format) -> str:
-    """What a format's module says of it: its words, what they mean, and where that is known from."""
+    """A format's section: how it counts, what its module says of it, and where that is known from."""
     said = marked_down(inspect.cleandoc(sys.modules[record.sniff.__module__].__doc__ or ""))
-    facts = [f"Reference: <{record.reference}>"]
+    facts = [*record.convention.sentences()] if record.convention is not None else []
     if record.needs_image_size:
-        facts.append("The image size does not stand in it: `--image-size WxH`.")
+        facts.append("the file does not state the image size: `--image-size WxH`")
+    if record.states:
+        facts.append(f"a file can state its {', '.join(record.states)}")
     facts += [
         f"`--set {option.name}={'|'.join(option.values)}`: {option.meaning}" for option in record.options
     ]
+    facts.append(f"reference: <{record.reference}>")
     listed = "".join(f"* {fact}\n" for fact in facts)
-    return f"### {record.name}\n\n{said}\n\n{listed}"
+    return f"## {record.name}\n\n{record.title}: {abilities(record)}.\n\n{listed}\n{said}\n"
 
 
 if __name__ == "__main__":

@@ -225,7 +225,7 @@ def test_formats_lists_every_format_by_its_own_record(capsys: pytest.CaptureFixt
     assert [one["name"] for one in listed] == [record.name for record in parsers.formats()]
 
 
-def test_formats_prints_the_documentations_table(capsys: pytest.CaptureFixture[str]) -> None:
+def test_formats_prints_a_table_for_documents(capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = run(capsys, "formats", "--markdown", "agisoft_xml")
     assert "| `agisoft_xml` |" in out
     assert "read, write" in out
@@ -237,11 +237,16 @@ def test_a_format_nobody_knows_is_said_so(capsys: pytest.CaptureFixture[str]) ->
     assert "'calibrary formats' lists them all" in err
 
 
-def test_the_documentation_lists_the_formats_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
-    """``make docs`` writes it, with the table that ``calibrary formats --markdown`` prints."""
-    _, out, _ = run(capsys, "formats", "--markdown")
+def test_the_documentation_lists_the_formats_as_they_are() -> None:
+    """``make docs`` writes it: a section for each format that is read, with how it counts, and a row for each."""
     made = runpy.run_path(str(ROOT / "docs" / "make_formats.py"))["documents"]()
-    assert out in made["formats.md"]
+    for record in parsers.formats():
+        section = made["formats.md"].partition(f"\n## {record.name}\n")[2].partition("\n## ")[0]
+        if record.convention is None:
+            assert f"| `{record.name}` | {record.title} | {record.refuses} |" in made["formats.md"]
+        else:
+            assert f"| [`{record.name}`](#{record.name}) |" in made["formats.md"]
+            assert all(fact in section for fact in record.convention.sentences())
     for name, text in made.items():
         assert (ROOT / "docs" / name).read_text(encoding="utf-8") == text, "run `make docs`"
     for model, kind in MODELS.items():

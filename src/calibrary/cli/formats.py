@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.parsers.format import Format
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "markdown", "run"]
+__all__ = ["DESCRIPTION", "EXAMPLES", "abilities", "add_arguments", "markdown", "run"]
 
 DESCRIPTION = "List the calibration files that are read and written."
 EXAMPLES = """\
@@ -53,13 +53,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def markdown(records: Sequence[Format]) -> str:
-    """The documentation's table: one row a format."""
-    rows = [f"| `{r.name}` | {r.title} | {_abilities(r)} | {_counts(r)} |" for r in records]
+    """A Markdown table: one row a format."""
+    rows = [f"| `{r.name}` | {r.title} | {abilities(r)} | {_counts(r)} |" for r in records]
     head = ["| name | what it is | read, write | how it counts |", "| --- | --- | --- | --- |"]
     return "\n".join([*head, *rows]) + "\n"
 
 
-def _abilities(record: Format) -> str:
+def abilities(record: Format) -> str:
+    """What can be done with a format, in words."""
     if record.refuses is not None:
         return "refused"
     if record.updated:
@@ -89,7 +90,7 @@ COLUMNS = (
 def _show(screen: Screen, records: Sequence[Format], *, details: bool) -> None:
     from calibrary.cli.console import plain
 
-    rows = [(r.name, plain(r.title), _abilities(r), plain(" ".join(r.suffixes))) for r in records]
+    rows = [(r.name, plain(r.title), abilities(r), plain(" ".join(r.suffixes))) for r in records]
     screen.show(fitted(COLUMNS, rows, screen.width))
     screen.say(f"{len(records)} formats" if len(records) > 1 else "1 format")
     if not details:

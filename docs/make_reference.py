@@ -1,0 +1,352 @@
+"""The manual's pages that are made from the code, at each build: commands, policies, schemas, catalogue, Python.
+
+They are written below ``docs/reference`` and not kept in git: a flag that is added is in the next manual by itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import json
+import re
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+import calibrary
+from calibrary.catalogue import load_catalogue
+from calibrary.cli.main import EPILOG, build_parser, leaves
+from calibrary.known_camera import KnownCamera
+from calibrary.policy import POLICIES, Policy
+from calibrary.records import fields_json
+from calibrary.records.schema import descriptions
+
+__all__ = ["documents", "man_pages", "write_pages"]
+
+SCHEMAS: Final = Path(__file__).parents[1] / "schemas"
+MADE: Final = "\n<!-- Made from the code by docs/make_reference.py. -->\n"
+OF_API: Final = (
+    "boards",
+    "rigs",
+    "watching",
+    "synthesis",
+    "images",
+    "checks",
+    "changes",
+    "files",
+    "pictures",
+    "cameras",
+    "fleet",
+    "fleet_view",
+    "layers",
+    "registry_results",
+    "exchange",
+    "units",
+    "onboarding",
+    "pages",
+    "demo",
+)
+"""The modules of ``calibrary.api`` in the order of the jobs."""
+
+
+def documents() -> dict[str, str]:
+    """Every generated page by its path below ``docs``."""
+    pages = {
+        "reference/commands/index.md": _commands_index(),
+        "reference/exit-codes.md": _exit_codes(),
+        "reference/policies.md": _policies(),
+        "reference/catalogue.md": _catalogue(),
+        "reference/python.md": _python(),
+        "reference/python-jobs.md": _python_jobs(),
+        "reference/schemas/index.md": _schemas_index(),
+    }
+    pages |= {f"reference/commands/{_slug(leaf)}.md": _command(leaf) for leaf in leaves(build_parser())}
+    pages |= {f"reference/schemas/{name}.md": _schema(document) for name, document in _schema_files().items()}
+    return {path: text + MADE for path, text in pages.items()}
+
+
+def write_pages(folder: Path) -> None:
+    """Write the pages that changed, and remove those of commands and schemas that are gone."""
+    made = documents()
+    for below in ("reference/commands", "reference/schemas"):
+        for old in (folder / below).glob("*.md"):
+            if old.relative_to(folder).as_posix() not in made:
+                old.unlink()
+    for path, text in made.items():
+        file = folder / path
+        if not file.is_file() or file.read_text(encoding="utf-8") != text:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+
+
+def man_pages(author: str) -> list[tuple[str, str, str, str, int]]:
+    """Sphinx's ``man_pages``: a page a command, in section 1."""
+    overview = ("reference/commands/index", "calibrary", "the right K for every camera of a fleet", author, 1)
+    return [
+        overview,
+        *(
+            (f"reference/commands/{_slug(leaf)}", _slug(leaf), _first_line(leaf), author, 1)
+            for leaf in leaves(build_parser())
+        ),
+    ]
+
+
+def plain(text: str) -> str:
+    """Text in which Markdown finds nothing to do."""
+    return re.sub(r"([\\`*_{}\[\]<>|#~$])", r"\\\1", text)
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    lines = [head, tuple("---" for _ in head), *rows]
+    return (
+        "\n".join("| " + " | ".join(cell.replace("\n", " ") for cell in line) + " |" for line in lines) + "\n"
+    )
+
+
+def _slug(leaf: argparse.ArgumentParser) -> str:
+    return leaf.prog.replace(" ", "-")
+
+
+def _first_line(leaf: argparse.ArgumentParser) -> str:
+    return (leaf.description or "").strip().split("\n", 1)[0].rstrip(".")
+
+
+def _commands_index() -> str:
+    every = list(leaves(build_parser()))
+    rows = [(f"[`{leaf.prog}`]({_slug(leaf)}.md)", plain(_first_line(leaf))) for leaf in every]
+    listed = "\n".join(_slug(leaf) for leaf in every)
+    return (
+        "# Commands\n\nEvery command with all its arguments, as `--help` prints them. "
+        "[Exit codes](../exit-codes.md) are the same for all.\n\n"
+        + _table(("command", "what it does"), rows)
+        + f"\n```{{toctree}}\n:hidden:\n\n{listed}\n```\n"
+    )
+
+
+def _command(leaf: argparse.ArgumentParser) -> str:
+    formatter = leaf.formatter_class(prog=leaf.prog, width=80)
+    formatter.add_usage(leaf.usage, leaf._actions, leaf._mutually_exclusive_groups)
+    usage = formatter.format_help().rstrip()
+    parts = [f"# {leaf.prog}\n\n{plain((leaf.description or '').strip())}\n\n```text\n{usage}\n```\n"]
+    for group in leaf._action_groups:
+        actions = [a for a in group._group_actions if a.help is not argparse.SUPPRESS]
+        if not actions:
+            continue
+        parts.append(f"## {(group.title or '').capitalize()}\n")
+        if group.description:
+            parts.append(f"{plain(group.description)}\n")
+        parts += [_argument(leaf, action) for action in actions]
+    if leaf.epilog:
+        examples = leaf.epilog.strip().removeprefix("examples:").strip("\n")
+        parts.append(f"## Examples\n\n```text\n{examples}\n```\n")
+    return "\n".join(parts)
+
+
+def _argument(leaf: argparse.ArgumentParser, action: argparse.Action) -> str:
+    formatter = leaf._get_formatter()
+    called = formatter._format_action_invocation(action)
+    said = formatter._expand_help(action) if action.help else ""
+    return f"`{called}`\n: {plain(said)}\n"
+
+
+def _exit_codes() -> str:
+    rows = [(code, plain(said)) for code, said in re.findall(r"(?m)^  (\d+)  (.*)$", EPILOG)]
+    rows += [
+        ("70", "a bug; `CALIBRARY_DEBUG=1` shows where"),
+        ("130", "interrupted with Ctrl-C; no file is half written"),
+        ("141", "the reader of the output has gone, as in `calibrary … | head`"),
+        ("143", "terminated (SIGTERM)"),
+    ]
+    return (
+        "# Exit codes\n\nThe same for every command; the page of a [command](commands/index.md) says "
+        "what 0 and 1 mean there.\n\n"
+        + _table(("exit code", "meaning"), rows)
+        + "\nResults go to standard output, progress and errors to standard error, so that `--json` can be piped.\n"
+    )
+
+
+def _policies() -> str:
+    said = descriptions(Policy)
+    documents_of = {name: fields_json(policy) for name, policy in POLICIES.items()}
+    rows = [
+        (
+            f"`{field}`",
+            *(f"`{json.dumps(documents_of[name][field])}`" for name in POLICIES),
+            plain(said.get(field, "")),
+        )
+        for field in documents_of["fleet"]
+        if field not in ("name", "schema")
+    ]
+    return (
+        "# Policies\n\nA policy is a set of limits that K is checked against. `--policy` takes one of the two "
+        "that ship, or a YAML file that states what differs:\n\n"
+        "```yaml\nschema: calibrary/policy-1\nname: survey\nbase: fleet\ndrift_rms_px: 0.3\n```\n\n"
+        "Numbers are fractions unless the name says px. What the limits are used for: [rules](rules.md).\n\n"
+        + _table(("limit", *POLICIES, "meaning"), rows)
+        + "\nThe file's schema: [policy-1](schemas/policy-1.md).\n"
+    )
+
+
+def _catalogue() -> str:
+    cameras = list(load_catalogue())
+    rows = [_camera(known) for known in cameras]
+    makers = len({known.make for known in cameras})
+    head = ("camera", "EXIF Model", "sub-camera", "lens", "image px", "pitch µm", "focal mm", "fx / W")
+    return (
+        f"# Catalogue\n\n{len(cameras)} cameras by {makers} makers, as the data sheets, the "
+        "makers' tags and public databases state them. It says what a type of camera is, "
+        "not how a unit was calibrated. `calibrary catalogue M3T` prints "
+        "the sources of each number; a dash "
+        "means that no source states it.\n\n" + _table(head, rows)
+    )
+
+
+def _camera(known: KnownCamera) -> tuple[str, ...]:
+    size = "×".join(map(str, known.native_size)) if known.native_size else "–"
+    zoom = known.zoom_mm
+    focal = f"{zoom[0]:g}–{zoom[1]:g}" if zoom else _number(known.focal_mm)
+    return (
+        plain(f"{known.make} {known.title}" if not known.title.startswith(known.make) else known.title),
+        plain(", ".join(known.models)),
+        plain(known.sub_camera or ", ".join(known.bands) or "–"),
+        plain(known.lens or "–"),
+        size,
+        _number(known.pitch_um),
+        focal,
+        _number(known.fx_over_w),
+    )
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:g}"
+
+
+def _python() -> str:
+    homes: Mapping[str, tuple[str, ...]] = calibrary._HOMES
+    parts = [
+        "# Python: the package\n\nWhat is public is on `calibrary` itself, and is loaded when it is first "
+        "used. What fewer callers need is in [the modules of `calibrary.api`](python-jobs.md). "
+        "Errors are subclasses of `CalibraryError`.\n"
+    ]
+    functions, classes = [], []
+    for module, names in homes.items():
+        for name in names:
+            value = getattr(import_module(module), name)
+            if inspect.isclass(value):
+                classes.append(name)
+            elif callable(value):
+                functions.append(name)
+    parts.append("## Functions\n")
+    parts += [f"```{{eval-rst}}\n.. autofunction:: calibrary.{name}\n```\n" for name in sorted(functions)]
+    parts.append("## Types\n")
+    parts += [
+        f"```{{eval-rst}}\n.. autoclass:: calibrary.{name}\n   :members:\n```\n" for name in sorted(classes)
+    ]
+    return "\n".join(parts)
+
+
+def _python_jobs() -> str:
+    parts = [
+        "# Python: the jobs\n\nThe functions that the commands call, one module a job. They return values and "
+        "raise errors; none prints. What is "
+        "public on `calibrary` itself is [there](python.md).\n"
+    ]
+    for name in OF_API:
+        module: Any = import_module(f"calibrary.api.{name}")
+        said = (inspect.getdoc(module) or "").replace("``", "`")
+        said = re.sub(r":[a-z]+:`~?([^`]*)`", r"`\1`", said)
+        parts.append(f"## calibrary.api.{name}\n\n{said}\n")
+        for public in module.__all__:
+            if public in calibrary.__all__:
+                continue
+            value = getattr(module, public)
+            if inspect.isclass(value) and value.__module__ == module.__name__:
+                parts.append(
+                    f"```{{eval-rst}}\n.. autoclass:: calibrary.api.{name}.{public}\n   :members:\n```\n"
+                )
+            elif inspect.isfunction(value):
+                parts.append(f"```{{eval-rst}}\n.. autofunction:: calibrary.api.{name}.{public}\n```\n")
+    return "\n".join(parts)
+
+
+def _schema_files() -> dict[str, dict[str, Any]]:
+    return {
+        file.name.removesuffix(".schema.json"): json.loads(file.read_text(encoding="utf-8"))
+        for file in sorted(SCHEMAS.glob("*.schema.json"))
+    }
+
+
+def _schemas_index() -> str:
+    files = _schema_files()
+    rows = [(f"[`{name}`]({name}.md)", plain(document.get("title", ""))) for name, document in files.items()]
+    return (
+        "# JSON documents\n\nWhat `--json` prints, and the files that calibrary writes, each with a JSON Schema "
+        "(2020-12) in the package's "
+        'folder `calibrary/schemas`. A document names its own: `"schema": "calibrary/report-1"`. The number '
+        "at the end changes "
+        "when a reader of the old form would misread the new one.\n\n" + _table(("schema", "document"), rows)
+    )
+
+
+def _schema(document: Mapping[str, Any]) -> str:
+    name = document["$id"].rpartition(":")[2]
+    # Forty entries in the navigation of every page would help nobody: the index has them.
+    parts = ["---\norphan: true\n---\n"]
+    file = f"{name}.schema.json"
+    title = plain(document.get("title", ""))
+    parts.append(f"# {name}\n\n{title}. {{download}}`{file} <../../../schemas/{file}>`\n")
+    parts.append(_fields(document, name))
+    for part, body in document.get("$defs", {}).items():
+        parts.append(
+            f"(schema-{name}-{part.lower()})=\n\n## {part}\n\n{plain(body.get('title', ''))}\n\n{_fields(body, name)}"
+        )
+    return "\n".join(parts)
+
+
+def _fields(body: Mapping[str, Any], schema: str) -> str:
+    if "enum" in body:
+        return "One of " + ", ".join(f"`{json.dumps(one)}`" for one in body["enum"]) + ".\n"
+    properties = body.get("properties")
+    if not properties:
+        return f"{_kind(body, schema)}\n"
+    always = set(body.get("required", ()))
+    rows = [
+        (
+            f"`{name}`",
+            _kind(field, schema),
+            "always" if name in always else "may be absent",
+            plain(field.get("description", "")),
+        )
+        for name, field in properties.items()
+    ]
+    return _table(("field", "type", "", "meaning"), rows)
+
+
+def _kind(field: Mapping[str, Any], schema: str) -> str:
+    """The type of a field in words, with links to the parts that it is made of."""
+    if "$ref" in field:
+        home, _, part = field["$ref"].partition("#/$defs/")
+        home = home.rpartition(":")[2] or schema
+        return f"[{part or home}](#schema-{home}-{part.lower()})" if part else f"[{home}]({home}.md)"
+    for word, joiner in (("anyOf", " or "), ("oneOf", " or ")):
+        if word in field:
+            return joiner.join(dict.fromkeys(_kind(one, schema) for one in field[word]))
+    if "const" in field:
+        return f"`{json.dumps(field['const'])}`"
+    if "enum" in field:
+        return " or ".join(f"`{json.dumps(one)}`" for one in field["enum"])
+    kinds = field.get("type", "any value")
+    kinds = [kinds] if isinstance(kinds, str) else kinds
+    return " or ".join(_simple(kind, field, schema) for kind in kinds)
+
+
+def _simple(kind: str, field: Mapping[str, Any], schema: str) -> str:
+    if kind != "array":
+        return kind
+    items = field.get("items")
+    return f"list of {_kind(items, schema)}" if isinstance(items, dict) else "list"
+
+
+if __name__ == "__main__":
+    write_pages(Path(__file__).parent)
