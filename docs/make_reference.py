@@ -125,7 +125,7 @@ def _commands_index() -> str:
 
 
 def _command(leaf: argparse.ArgumentParser) -> str:
-    formatter = leaf.formatter_class(prog=leaf.prog, width=80)
+    formatter = argparse.HelpFormatter(prog=leaf.prog, width=80)
     formatter.add_usage(leaf.usage, leaf._actions, leaf._mutually_exclusive_groups)
     usage = formatter.format_help().rstrip()
     parts = [f"# {leaf.prog}\n\n{plain((leaf.description or '').strip())}\n\n```text\n{usage}\n```\n"]
