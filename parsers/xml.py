@@ -6,6 +6,7 @@ attack needs (entity expansion, external files), so one is refused before the pa
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING
 
@@ -70,7 +71,7 @@ def parse_xml(
     prolog = _ascii_prolog(data)
     if _DOCTYPE.match(prolog):
         raise _dtd_refused(source)
-    _refuse_dense(data, prolog, source)
+    elements = _refuse_dense(data, prolog, source)
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -96,13 +97,16 @@ def parse_xml(
     # A document in an encoding the prolog test cannot see through (EBCDIC, UTF-7) ends here.
     if root.getroottree().docinfo.internalDTD is not None:
         raise _dtd_refused(source)
-    if root.xpath(f"boolean({'/*' * (max_depth + 1)})"):
+    if elements > max_depth and root.xpath(f"boolean({'/*' * (max_depth + 1)})"):
         raise ParseError(f"XML elements are nested more than {max_depth} deep", source=source)
     return root
 
 
-def _refuse_dense(data: bytes, prolog: bytes, source: str) -> None:
+def _refuse_dense(data: bytes, prolog: bytes, source: str) -> float:
     """Estimate from above, by counting marks, what a tree will take before anything is built.
+
+    Returns:
+        how many elements there can be at most.
 
     Raises:
         ParseError: it is too much.
@@ -124,6 +128,7 @@ def _refuse_dense(data: bytes, prolog: bytes, source: str) -> None:
             f"{estimate // 2**20} MiB; leave out what is not cameras",
             source=source,
         )
+    return math.inf if opaque else tags
 
 
 def _ascii_prolog(data: bytes) -> bytes:

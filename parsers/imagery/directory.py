@@ -8,8 +8,10 @@ values are bounded by the caller, and a walk along a chain of directories is the
 from __future__ import annotations
 
 import struct
-from collections.abc import Container
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
 
 from calibrary.evidence.metadata import TagFault
 from calibrary.parsers.imagery.source import Block
@@ -60,7 +62,7 @@ class Directory:
         complete: whether every entry it claims was there.
     """
 
-    entries: dict[int, Entry]
+    entries: Mapping[int, Entry]
     next_offset: int
     complete: bool
 
@@ -74,7 +76,7 @@ class Tiff:
         first: offset of the first directory.
     """
 
-    __slots__ = ("_big", "block", "byte_order", "first")
+    __slots__ = ("_big", "_offset", "block", "byte_order", "first")
 
     def __init__(self, block: Block) -> None:
         """Reads the header.
@@ -97,9 +99,10 @@ class Tiff:
             raise block.source.broken(
                 f"found {header[:4]!r} where a TIFF header was expected (II*\\0 or MM\\0*)"
             )
-        self.first = self._unpack("Q", header[8:16]) if self._big else self._unpack("I", header[4:8])
+        self._offset = struct.Struct(self.byte_order + ("Q" if self._big else "I"))
+        (self.first,) = self._offset.unpack(header[8:16] if self._big else header[4:8])
 
-    def directory(self, offset: int, wanted: Container[int]) -> Directory:
+    def directory(self, offset: int, wanted: frozenset[int]) -> Directory:
         """One directory, reduced to the tags in ``wanted``; a tag given twice counts as given last.
 
         Raises:
@@ -118,14 +121,9 @@ class Tiff:
         start, length = offset + count_size, count * entry_size
         body = self.block.read(start, length)
         whole = body[: len(body) // entry_size * entry_size]
-        entries = {
-            tag: Entry(kind, number, inline)
-            for tag, kind, number, inline in struct.iter_unpack(self.byte_order + entry_code, whole)
-            if tag in wanted
-        }
-        offset_code = "Q" if self._big else "I"
-        tail = self.block.read(start + length, struct.calcsize(offset_code))
-        following = self._unpack(offset_code, tail) if len(tail) == struct.calcsize(offset_code) else 0
+        entries = _entries(whole, self.byte_order + entry_code, wanted)
+        tail = self.block.read(start + length, self._offset.size)
+        (following,) = self._offset.unpack(tail) if len(tail) == self._offset.size else (0,)
         return Directory(entries, following, complete=len(body) == length)
 
     def value(self, name: str, entry: Entry, limit: int) -> bytes | TagFault:
@@ -146,7 +144,7 @@ class Tiff:
             return TagFault(name, f"{entry.count} values, {length} bytes", f"at most {limit} bytes")
         if length <= len(entry.inline):
             return entry.inline[:length]
-        offset = self._unpack("Q" if self._big else "I", entry.inline)
+        (offset,) = self._offset.unpack(entry.inline)
         data = self.block.read(offset, length)
         if len(data) < length:
             return TagFault(
@@ -165,3 +163,15 @@ class Tiff:
     def _unpack(self, code: str, data: bytes) -> int:
         (value,) = struct.unpack(self.byte_order + code, data)
         return int(value)
+
+
+@lru_cache(maxsize=64)
+def _entries(body: bytes, layout: str, wanted: frozenset[int]) -> Mapping[int, Entry]:
+    """The entries of a directory, by tag; a camera writes the same ones into most of its frames."""
+    return MappingProxyType(
+        {
+            tag: Entry(kind, count, inline)
+            for tag, kind, count, inline in struct.iter_unpack(layout, body)
+            if tag in wanted
+        }
+    )

@@ -12,10 +12,9 @@ import io
 import logging
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import TagFault
@@ -24,10 +23,13 @@ from calibrary.parsers.imagery.source import Block
 
 __all__ = [
     "EXIF_POINTER",
+    "NO_EXIF",
     "TAG_NAMES",
     "TEXT_TAGS",
+    "ExifFields",
     "ExifTag",
     "ExifValues",
+    "decode",
     "read_block",
     "read_directories",
 ]
@@ -79,6 +81,8 @@ TAG_NAMES = MappingProxyType(_TEXT_NAMES | _NUMBER_NAMES)
 """Every tag that is read, by number, with the name the standard gives it."""
 
 EXIF_POINTER = 0x8769
+_TAGS = frozenset(TAG_NAMES)
+_TAGS_AND_POINTER = _TAGS | {EXIF_POINTER}
 
 MAX_TEXT_BYTES = 1000
 MAX_NUMBER_BYTES = 64
@@ -92,35 +96,51 @@ ExifValues: TypeAlias = Mapping[int, object]
 """Values by tag number: text as str or bytes, numbers as a sequence of ratios, floats or ints."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Field:
+class _Field(NamedTuple):
     """A field as exifread reads it without a word of complaint."""
 
     tag: int
     kind: int
-    count: int
+    values: int
     data: bytes
 
 
-def read_block(block: Block) -> tuple[ExifValues, tuple[TagFault, ...]]:
-    """The values in an EXIF block inside another file, and what is wrong with it."""
+class ExifFields(NamedTuple):
+    """What stands in an EXIF block, undecoded: the frames of one camera have equal fields.
+
+    Attributes:
+        byte_order: "<" or ">".
+        fields: those that can be decoded.
+        faults: what is wrong with the others.
+    """
+
+    byte_order: str
+    fields: tuple[_Field, ...]
+    faults: tuple[TagFault, ...]
+
+
+NO_EXIF = ExifFields("<", (), ())
+
+
+def read_block(block: Block) -> ExifFields:
+    """The fields of an EXIF block inside another file, and what is wrong with it."""
     try:
         tiff = Tiff(block)
-        image = tiff.directory(tiff.first, TAG_NAMES.keys() | {EXIF_POINTER})
+        image = tiff.directory(tiff.first, _TAGS_AND_POINTER)
     except ParseError as error:
-        return {}, (TagFault("EXIF", error.message, "a readable EXIF block"),)
+        return NO_EXIF._replace(faults=(TagFault("EXIF", error.message, "a readable EXIF block"),))
     return read_directories(tiff, image)
 
 
-def read_directories(tiff: Tiff, image: Directory) -> tuple[ExifValues, tuple[TagFault, ...]]:
-    """The values in ``image``, a structure's IFD0, and in the EXIF directory it points to."""
+def read_directories(tiff: Tiff, image: Directory) -> ExifFields:
+    """The fields of ``image``, a structure's IFD0, and of the EXIF directory it points to."""
     faults: list[TagFault] = []
-    entries = {tag: entry for tag, entry in image.entries.items() if tag in TAG_NAMES}
+    entries = {tag: entry for tag, entry in image.entries.items() if tag in _TAGS}
     complete = image.complete
     if EXIF_POINTER in image.entries:
         offsets = tiff.integers(image.entries[EXIF_POINTER])
         try:
-            exif = tiff.directory(offsets[0] if len(offsets) == 1 else 0, TAG_NAMES)
+            exif = tiff.directory(offsets[0] if len(offsets) == 1 else 0, _TAGS)
         except ParseError as error:
             faults.append(TagFault("EXIF", error.message, "a readable EXIF directory"))
         else:
@@ -136,7 +156,7 @@ def read_directories(tiff: Tiff, image: Directory) -> tuple[ExifValues, tuple[Ta
             faults.append(item)
         else:
             fields.append(item)
-    return _decode(tiff.byte_order, tuple(fields)), tuple(faults)
+    return ExifFields(tiff.byte_order, tuple(fields), tuple(faults))
 
 
 def _text_field(tiff: Tiff, tag: int, entry: Entry) -> _Field | TagFault:
@@ -174,18 +194,18 @@ def _is_utf_8(text: bytes) -> bool:
 
 
 @lru_cache(maxsize=64)
-def _decode(byte_order: str, fields: tuple[_Field, ...]) -> ExifValues:
-    """Through exifread, keyed by tag number; the frames of one camera have equal fields and share the answer."""
+def decode(found: ExifFields) -> ExifValues:
+    """Through exifread, keyed by tag number."""
     import exifread
 
     # At DEBUG it would log every value, serial numbers too, wherever the program that uses us sends its log.
     logging.getLogger("exifread").setLevel(logging.CRITICAL + 1)
-    if not fields:
+    if not found.fields:
         return {}
-    block = io.BytesIO(_encode(byte_order, fields))
-    found = exifread.process_file(block, details=False, extract_thumbnail=False)
-    values = {tag.tag: tag.values for tag in found.values()}
-    flat = {field.tag: _flat(field, values[field.tag]) for field in fields if field.tag in values}
+    block = io.BytesIO(_encode(found.byte_order, found.fields))
+    tags = exifread.process_file(block, details=False, extract_thumbnail=False)
+    values = {tag.tag: tag.values for tag in tags.values()}
+    flat = {field.tag: _flat(field, values[field.tag]) for field in found.fields if field.tag in values}
     return MappingProxyType(flat)
 
 
@@ -207,7 +227,7 @@ def _encode(byte_order: str, fields: Sequence[_Field]) -> bytes:
     head = mark + struct.pack(byte_order + "HIH", 42, 8, 1) + pointer + bytes(4)
     entries, values = bytearray(struct.pack(byte_order + "H", len(fields))), bytearray()
     for field in sorted(fields, key=lambda field: field.tag):
-        entries += struct.pack(byte_order + "HHI", field.tag, field.kind, field.count)
+        entries += struct.pack(byte_order + "HHI", field.tag, field.kind, field.values)
         if len(field.data) <= 4:
             entries += field.data.ljust(4, b"\0")
         else:

@@ -43,9 +43,9 @@ def focus_of(path: Path) -> str | None:
 
 
 def _exif_directory(tiff: Tiff) -> Directory | None:
-    pointer = tiff.directory(tiff.first, {EXIF_POINTER}).entries.get(EXIF_POINTER)
+    pointer = tiff.directory(tiff.first, frozenset({EXIF_POINTER})).entries.get(EXIF_POINTER)
     offsets = tiff.integers(pointer) if pointer is not None else ()
-    return tiff.directory(offsets[0], {DISTANCE, RANGE}) if len(offsets) == 1 else None
+    return tiff.directory(offsets[0], frozenset({DISTANCE, RANGE})) if len(offsets) == 1 else None
 
 
 def _in_words(tiff: Tiff, exif: Directory | None) -> str | None:

@@ -9,12 +9,12 @@ tag.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import TagFault
 from calibrary.evidence.numerals import as_float
-from calibrary.parsers.imagery.exif import TAG_NAMES, TEXT_TAGS, ExifValues
+from calibrary.parsers.imagery.exif import TAG_NAMES, TEXT_TAGS
 from calibrary.parsers.xml import parse_xml
 
 __all__ = ["GdalMetadata", "read_gdal_metadata"]
@@ -28,9 +28,9 @@ _VALUE = re.compile(r"[^\s()]{1,40}")
 
 @dataclass(frozen=True, slots=True)
 class GdalMetadata:
-    """What was found: EXIF values by tag number, XMP packets, faults."""
+    """What was found: EXIF values with their tags' numbers, XMP packets, faults."""
 
-    values: ExifValues = field(default_factory=dict)
+    values: tuple[tuple[int, object], ...] = ()
     xmp: tuple[bytes, ...] = ()
     faults: tuple[TagFault, ...] = ()
 
@@ -49,10 +49,10 @@ def read_gdal_metadata(data: bytes, source: str) -> GdalMetadata:
         if name in _TEXTS:
             values[_TEXTS[name]] = text
         elif name in _NUMBERS:
-            values[_NUMBERS[name]] = [_number(word) for word in _VALUE.findall(text)[:8]]
+            values[_NUMBERS[name]] = tuple(_number(word) for word in _VALUE.findall(text)[:8])
         elif item.get("domain") == _XMP_DOMAIN and text:
             packets.append(text.encode())
-    return GdalMetadata(values, tuple(packets))
+    return GdalMetadata(tuple(values.items()), tuple(packets))
 
 
 def _number(word: str) -> float | str:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
-from calibrary.evidence.metadata import ImageMetadata
+from calibrary.calibration import ImageSize
+from calibrary.evidence.metadata import ImageMetadata, TagFault
 from calibrary.known_camera import hash_serial
 from calibrary.parsers.imagery import heif, jpeg, png, tiff
-from calibrary.parsers.imagery.exif import ExifValues, read_block
+from calibrary.parsers.imagery.exif import NO_EXIF, ExifFields, ExifValues, decode, read_block
 from calibrary.parsers.imagery.facts import ExifFacts, exif_facts
-from calibrary.parsers.imagery.gdal import read_gdal_metadata
+from calibrary.parsers.imagery.gdal import GdalMetadata, read_gdal_metadata
 from calibrary.parsers.imagery.head import Head
 from calibrary.parsers.imagery.schemas import SerialRank
 from calibrary.parsers.imagery.source import Source, open_source
-from calibrary.parsers.imagery.xmp import XmpFacts, read_xmp
+from calibrary.parsers.imagery.xmp import XmpFacts, XmpWords, read_xmp, xmp_facts
 from calibrary.parsers.imagery.xmp_exif import mirrored_exif
 from calibrary.records import replace
 
@@ -24,6 +26,7 @@ _PLACEHOLDERS = {
     b"version https://git-lfs.github.com/spec/": "Git LFS pointer; run `git lfs pull`",
     b"/annex/objects/": "git-annex pointer; run `git annex get`",
 }
+_NO_GDAL = GdalMetadata()
 _WRONG_MAKE = "camera"
 """Autel's XL715 writes EXIF Make "Camera" and its real name into XMP."""
 
@@ -52,23 +55,21 @@ def read_source(source: Source) -> ImageMetadata:
         ParseError: it is empty, no image, or cut off before its size.
     """
     found = _recognise(source)
-    gdal = read_gdal_metadata(found.head.gdal_metadata, source.name) if found.head.gdal_metadata else None
-    values, faults = dict(found.values), found.head.faults
-    if gdal is not None:
-        # The directories are the file's own; the text stands in where they are silent.
-        values = {**gdal.values, **values}
-        faults += gdal.faults
-    packets = found.head.xmp or (gdal.xmp if gdal is not None else ())
-    xmp = read_xmp(packets, source.name) if packets else XmpFacts()
-    has_exif = found.has_exif or (gdal is not None and bool(gdal.values))
-    if not has_exif:
-        values = {**mirrored_exif(xmp.properties), **values}
-    exif = exif_facts(values, faults)
-    if heif.is_heif(source.head) and exif.exif_size == found.head.size[::-1]:
-        # A portrait: telephones state the size after the rotation of irot, the item table the one before.
-        exif = replace(exif, exif_size=found.head.size)
-    merged = _merged(found.head, exif, xmp, has_exif=has_exif)
-    return replace(merged, exif_in_text=True) if has_exif and not found.has_exif else merged
+    head = found.head
+    gdal = read_gdal_metadata(head.gdal_metadata, source.name) if head.gdal_metadata else _NO_GDAL
+    packets = head.xmp or gdal.xmp
+    words = read_xmp(packets, source.name) if packets else XmpWords()
+    return _understood(
+        _Said(
+            size=head.size,
+            fields=found.exif,
+            has_block=found.has_exif,
+            faults=head.faults,
+            gdal=gdal,
+            words=words,
+            turned=heif.is_heif(source.head),
+        )
+    )
 
 
 def begins_as_image(head: bytes) -> bool:
@@ -76,10 +77,9 @@ def begins_as_image(head: bytes) -> bool:
     return head.startswith((jpeg.SIGNATURE, *tiff.SIGNATURES, png.SIGNATURE)) or heif.is_heif(head)
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
+class _Found(NamedTuple):
     head: Head
-    values: ExifValues
+    exif: ExifFields
     has_exif: bool
 
 
@@ -90,7 +90,7 @@ def _recognise(source: Source) -> _Found:
         return _with_exif(jpeg.read_jpeg(source))
     if start.startswith(tiff.SIGNATURES):
         found = tiff.read_tiff(source)
-        return _Found(found.head, found.values, found.has_exif)
+        return _Found(found.head, found.exif, found.has_exif)
     if start.startswith(png.SIGNATURE):
         return _with_exif(png.read_png(source))
     if heif.is_heif(start):
@@ -105,17 +105,59 @@ def _recognise(source: Source) -> _Found:
 
 def _with_exif(head: Head) -> _Found:
     if head.exif is None:
-        return _Found(head, {}, has_exif=False)
-    values, faults = read_block(head.exif)
-    return _Found(replace(head, faults=head.faults + faults), values, has_exif=True)
+        return _Found(head, NO_EXIF, has_exif=False)
+    exif = read_block(head.exif)
+    return _Found(
+        replace(head, faults=head.faults + exif.faults) if exif.faults else head, exif, has_exif=True
+    )
 
 
-def _merged(head: Head, exif: ExifFacts, xmp: XmpFacts, *, has_exif: bool) -> ImageMetadata:
+class _Said(NamedTuple):
+    """What stands in an image's head of its camera, before it is understood.
+
+    Attributes:
+        size: (width, height) px, as the container states it.
+        fields: of EXIF.
+        has_block: whether the file has EXIF of its own.
+        faults: of the container and of EXIF.
+        gdal: what a GeoTIFF says in text.
+        words: of XMP.
+        turned: whether the container states the size before a rotation that EXIF's size takes in.
+    """
+
+    size: ImageSize
+    fields: ExifFields
+    has_block: bool
+    faults: tuple[TagFault, ...]
+    gdal: GdalMetadata
+    words: XmpWords
+    turned: bool
+
+
+# The frames of one camera say the same and share the answer; what differs between them, dates and positions, is
+# not among it. Of a fleet that flies side by side there are some dozen cameras at a time.
+@lru_cache(maxsize=64)
+def _understood(said: _Said) -> ImageMetadata:
+    xmp = xmp_facts(said.words)
+    # The directories are the file's own; the text stands in where they are silent.
+    values: ExifValues = {**dict(said.gdal.values), **decode(said.fields)}
+    has_exif = said.has_block or bool(said.gdal.values)
+    if not has_exif:
+        values = {**mirrored_exif(xmp.properties), **values}
+    exif = exif_facts(values, said.faults + said.gdal.faults)
+    if said.turned and exif.exif_size == said.size[::-1]:
+        # A portrait: telephones state the size after the rotation of irot, the item table the one before.
+        exif = replace(exif, exif_size=said.size)
+    merged = _merged(said.size, exif, xmp, has_exif=has_exif)
+    return replace(merged, exif_in_text=True) if has_exif and not said.has_block else merged
+
+
+def _merged(size: ImageSize, exif: ExifFacts, xmp: XmpFacts, *, has_exif: bool) -> ImageMetadata:
     make = exif.make
     if make is None or (make.casefold() == _WRONG_MAKE and xmp.make):
         make = xmp.make
     return ImageMetadata(
-        size=head.size,
+        size=size,
         exif_size=exif.exif_size,
         orientation=exif.orientation,
         make=make,

@@ -26,6 +26,8 @@ ORIGINAL: Final = 0x9003
 DIGITIZED: Final = 0x9004
 MODIFIED: Final = 0x0132
 LONGEST: Final = 64
+_IMAGE: Final = frozenset({EXIF_POINTER, MODIFIED})
+_SHUTTER: Final = frozenset({ORIGINAL, DIGITIZED})
 _DAY = re.compile(rb"\s*(\d{4})[:\-](\d{2})[:\-](\d{2})")
 FIRST_YEAR: Final = 1990
 """A camera whose clock was never set begins at 1970, 1980 or in the year 0."""
@@ -52,7 +54,7 @@ def day_of(source: Source, *, by_shutter: bool = False) -> date | None:
         if block is None:
             return None
         structure = Tiff(block)
-        image = structure.directory(structure.first, {EXIF_POINTER, MODIFIED})
+        image = structure.directory(structure.first, _IMAGE)
         return next(_days(structure, image, by_shutter=by_shutter), None)
     return None
 
@@ -74,7 +76,7 @@ def _days(structure: Tiff, image: Directory, *, by_shutter: bool) -> Iterator[da
     offsets = structure.integers(pointer) if pointer is not None else ()
     if len(offsets) == 1:
         with suppress(InputError):
-            exif = structure.directory(offsets[0], {ORIGINAL, DIGITIZED})
+            exif = structure.directory(offsets[0], _SHUTTER)
             yield from _said(structure, exif, (ORIGINAL, DIGITIZED))
     if not by_shutter:
         yield from _said(structure, image, (MODIFIED,))

@@ -14,7 +14,14 @@ from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import TagFault
 from calibrary.parsers.imagery.directory import Directory, Tiff
-from calibrary.parsers.imagery.exif import EXIF_POINTER, TAG_NAMES, ExifTag, ExifValues, read_directories
+from calibrary.parsers.imagery.exif import (
+    EXIF_POINTER,
+    TAG_NAMES,
+    ExifFields,
+    ExifTag,
+    decode,
+    read_directories,
+)
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES, Head, checked_size
 from calibrary.parsers.imagery.source import Source
 
@@ -45,10 +52,10 @@ _PLAIN_TIFF_TAGS = frozenset({ExifTag.ORIENTATION, ExifTag.SOFTWARE})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TiffHead:
-    """A TIFF's head, and the EXIF values, which lie in its own directories."""
+    """A TIFF's head, and the EXIF fields, which lie in its own directories."""
 
     head: Head
-    values: ExifValues
+    exif: ExifFields
     has_exif: bool
 
 
@@ -64,18 +71,18 @@ def read_tiff(source: Source) -> TiffHead:
     size = _full_size(tiff, first, children)
     if size is None:
         raise source.broken("the TIFF has no directory with an image width and length")
-    values, exif_faults = read_directories(tiff, first)
+    exif = read_directories(tiff, first)
     packet = _bulk(tiff, (first, *children), XMP, "XMP", MAX_XMP_BYTES)
     gdal = _bulk(tiff, (first,), GDAL_METADATA, "GDAL_METADATA", MAX_GDAL_BYTES)
-    faults = exif_faults + tuple(item for item in (packet, gdal) if isinstance(item, TagFault))
+    faults = exif.faults + tuple(item for item in (packet, gdal) if isinstance(item, TagFault))
     head = Head(
         size=checked_size(source, *size),
         xmp=(packet,) if isinstance(packet, bytes) else (),
         gdal_metadata=gdal if isinstance(gdal, bytes) else None,
         faults=faults,
     )
-    has_exif = EXIF_POINTER in first.entries or bool(values.keys() - _PLAIN_TIFF_TAGS)
-    return TiffHead(head=head, values=values, has_exif=has_exif)
+    has_exif = EXIF_POINTER in first.entries or bool(decode(exif).keys() - _PLAIN_TIFF_TAGS)
+    return TiffHead(head=head, exif=exif, has_exif=has_exif)
 
 
 def _full_size(tiff: Tiff, first: Directory, children: tuple[Directory, ...]) -> ImageSize | None:

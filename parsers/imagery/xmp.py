@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import TagFault, XmpProperty
@@ -21,7 +21,7 @@ from calibrary.parsers.xml import parse_xml
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["XmpFacts", "read_xmp"]
+__all__ = ["XmpFacts", "XmpWords", "read_xmp", "xmp_facts"]
 
 MAX_VALUE = 2000
 """Characters; a DewarpDataK6 has two hundred."""
@@ -30,7 +30,20 @@ MAX_ITEMS = 200
 _RDF = "{http://www.w3.org/1999/02/22-rdf-syntax-ns#}"
 _DESCRIPTION, _ITEM, _VALUE, _RESOURCE = f"{_RDF}Description", f"{_RDF}li", f"{_RDF}value", f"{_RDF}resource"
 _ARRAYS = frozenset({f"{_RDF}Seq", f"{_RDF}Bag", f"{_RDF}Alt"})
+_TAKEN = frozenset({*PROPERTIES, *SERIALS, *SOFTWARE})
 _SYNTAX = (_RDF, "{http://www.w3.org/XML/1998/namespace}")
+
+
+class XmpWords(NamedTuple):
+    """What the packets of one image say of the camera, word for word: the frames of one camera say the same.
+
+    Attributes:
+        properties: each as (its name as lxml spells it, pairs of a member of the structure or "" and a text).
+        faults: packets that cannot be read.
+    """
+
+    properties: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = ()
+    faults: tuple[TagFault, ...] = ()
 
 
 @dataclass(slots=True)
@@ -52,19 +65,29 @@ class XmpFacts:
     faults: list[TagFault] = field(default_factory=list)
 
 
-def read_xmp(packets: Iterable[bytes], source: str) -> XmpFacts:
-    """The facts in an image's packets, main one first; a broken packet is a fault, and the others count."""
-    facts = XmpFacts()
+def read_xmp(packets: Iterable[bytes], source: str) -> XmpWords:
+    """What stands in an image's packets, main one first; a broken packet is a fault, and the others count."""
+    found: list[tuple[str, tuple[tuple[str, str], ...]]] = []
+    faults: list[TagFault] = []
     for packet in packets:
         try:
             root = parse_xml(_trimmed(packet), source=source, max_bytes=MAX_XMP_BYTES)
         except ParseError as error:
-            found = ", ".join(part for part in (error.message, error.place) if part)
-            facts.faults.append(TagFault("XMP", found, "well-formed XMP"))
+            reason = ", ".join(part for part in (error.message, error.place) if part)
+            faults.append(TagFault("XMP", reason, "well-formed XMP"))
             continue
         for rdf in root.iter(f"{_RDF}RDF"):
             for node in rdf:
-                _take_node(node, facts)
+                found += ((name, (("", str(text)),)) for name, text in node.items() if name in _TAKEN)
+                found += ((child.tag, tuple(_values(child))) for child in node if child.tag in _TAKEN)
+    return XmpWords(tuple(found), tuple(faults))
+
+
+def xmp_facts(said: XmpWords) -> XmpFacts:
+    """The facts in what the packets say."""
+    facts = XmpFacts(faults=[*said.faults])
+    for name, values in said.properties:
+        _take(name, values, facts)
     return facts
 
 
@@ -76,15 +99,6 @@ def _trimmed(packet: bytes) -> bytes:
     if start > 0 and packet[start - 1] == 0:
         return b"\xfe\xff" + packet[start - 1 : end]
     return packet[max(start, 0) : end]
-
-
-def _take_node(node: _Element, facts: XmpFacts) -> None:
-    for name, text in node.items():
-        if name in PROPERTIES or name in SERIALS or name in SOFTWARE:
-            _take(str(name), [("", str(text))], facts)
-    for child in node:
-        if child.tag in PROPERTIES or child.tag in SERIALS or child.tag in SOFTWARE:
-            _take(str(child.tag), _values(child), facts)
 
 
 def _take(clark: str, values: Iterable[tuple[str, str]], facts: XmpFacts) -> None:
