@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 __all__ = ["IMAGE_SUFFIXES", "is_image"]
@@ -12,6 +13,6 @@ IMAGE_SUFFIXES = frozenset(
 """What a directory scan takes, in lower case. How a file is read is decided by its first bytes."""
 
 
-def is_image(path: Path) -> bool:
+def is_image(path: str | Path) -> bool:
     """Whether a file's name is an image's."""
-    return path.suffix.lower() in IMAGE_SUFFIXES
+    return os.path.splitext(path)[1].lower() in IMAGE_SUFFIXES  # noqa: PTH122  asked of every file

@@ -77,7 +77,7 @@ def _walk(source: Source, found: _Found) -> None:
     offset = 2
     for _ in range(MAX_SEGMENTS):
         header = source.read(offset, 4, ahead=_PROBE)
-        if not _MARKER.match(header):
+        if len(header) < 2 or header[0] != 0xFF or header[1] in {0x00, 0xFF}:
             offset = _next_marker(source, offset)
             header = source.read(offset, 4, ahead=_PROBE)
         marker = header[1] if len(header) >= 2 else _EOI

@@ -11,7 +11,6 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import BinaryIO
 
 from calibrary.errors import InputError, ParseError
@@ -132,14 +131,11 @@ def open_source(path: str | os.PathLike[str]) -> Iterator[Source]:
     Raises:
         InputError: it is not there, not readable, or no regular file.
     """
-    location = Path(path)
-    name = display_name(location)
+    name = display_name(path)
     try:
-        _refuse_special(location.stat(), name)
+        _refuse_special(os.stat(path), name)  # noqa: PTH116  for every image; a Path costs more than the call
         # A pipe may take the file's place between the two calls, and opening one waits for a writer.
-        descriptor = os.open(
-            location, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-        )
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -150,9 +146,9 @@ def open_source(path: str | os.PathLike[str]) -> Iterator[Source]:
         yield Source(file, name=name, size=status.st_size)
 
 
-def display_name(path: Path) -> str:
+def display_name(path: str | os.PathLike[str]) -> str:
     """The file's name as it may stand in a message: without its directory and without control characters."""
-    name = path.name or str(path)
+    name = os.path.basename(path) or str(path)  # noqa: PTH119  as above
     if name.isprintable():
         return name
     return "".join(character if character.isprintable() else "�" for character in name)

@@ -74,8 +74,8 @@ def test_a_folder_is_gone_through_once(tmp_path: Path, monkeypatch: pytest.Monke
     scanned: list[str] = []
     entries = folders._entries
 
-    def counted(directory: Path) -> list[os.DirEntry[str]]:
-        scanned.append(directory.name)
+    def counted(directory: Path | str) -> list[os.DirEntry[str]]:
+        scanned.append(Path(directory).name)
         return entries(directory)
 
     monkeypatch.setattr(folders, "_entries", counted)

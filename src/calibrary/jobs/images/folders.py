@@ -48,7 +48,7 @@ def walk(
             yield entry
         elif recursive:
             try:
-                waiting += _entries(Path(entry.path))
+                waiting += _entries(entry.path)
             except InputError as error:
                 if unreadable is None:
                     raise
@@ -56,7 +56,7 @@ def walk(
                 unreadable.append(SkippedFile(name=f"{name}/", reason=f"the folder {error.message}"))
 
 
-def _entries(directory: Path) -> list[os.DirEntry[str]]:
+def _entries(directory: Path | str) -> list[os.DirEntry[str]]:
     """What is in one directory, the last name first."""
     try:
         with os.scandir(directory) as entries:
@@ -70,7 +70,7 @@ def _entries(directory: Path) -> list[os.DirEntry[str]]:
                 f"cannot be read: {error.strerror or error}",
                 "make it readable, or move it away",
             )
-        raise InputError(f"{reason}; {remedy}", source=str(directory)) from None
+        raise InputError(f"{reason}; {remedy}", source=str(Path(directory))) from None
     return sorted(seen, key=lambda entry: entry.name, reverse=True)
 
 

@@ -47,7 +47,9 @@ class IdTable:
     def merge(self, other: IdTable, numbers: Sequence[int]) -> None:
         """Put in all pairs of another table, whose number n is ``numbers[n]`` here."""
         to = np.array(numbers, dtype=np.uint32)
-        for high, low, what in other.rows():
+        other._freeze()
+        # As they are: what is pending there need not be put in order twice.
+        for high, low, what in [*other._pending, *filter(None, other._sorted)]:
             self._append((high, low, to[what]))
 
     def rows(self) -> Iterator[Rows]:

@@ -121,15 +121,15 @@ class Listing:
         above = (folder.relative_to(root) if root is not None else folder).as_posix()
         above = "" if above == "." else f"{above}/"
         real = os.path.realpath(folder)
+        start = len(os.path.join(folder, ""))  # noqa: PTH118  of the text that os.scandir puts before names
         for entry in walk(folder, recursive=self._recursive, unreadable=unreadable):
-            path = Path(entry.path)
-            if is_image(path):
-                below = path.relative_to(folder).as_posix()
+            if is_image(entry.name):
+                below = entry.path[start:].replace(os.sep, "/")
                 place = f"{real}/{below}"
                 target = os.path.realpath(place) if entry.is_symlink() else None
                 yield Image(above + below, place, target, self._version(entry))
             elif self._keep is not None and self._keep(entry):
-                self._beside[path] = None
+                self._beside[Path(entry.path)] = None
 
     def _version(self, file: Path | os.DirEntry[str]) -> str | None:
         if not self._versions:
