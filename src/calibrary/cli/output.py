@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["add_json_flag", "add_output_flags", "print_json"]
 
 GROUP = "what is printed"
+_BEYOND_ASCII = re.compile(r"[^\x00-\x7f]+")
 
 
 def add_json_flag(parser: argparse.ArgumentParser) -> None:
@@ -36,11 +38,15 @@ def add_output_flags(parser: argparse.ArgumentParser) -> None:
 
 def print_json(document: Mapping[str, object] | Record, *, indent: Literal[2] | None = 2) -> None:
     """Print the document; ASCII, whatever the terminal's language."""
-    if not isinstance(document, Mapping):
-        from calibrary.records import to_json
+    from calibrary.records import encoded, to_json
 
-        document = to_json(document)
-    sys.stdout.write(json.dumps(document, indent=indent, ensure_ascii=True, allow_nan=False) + "\n")
+    plain = document if isinstance(document, Mapping) else to_json(document)
+    text = encoded(plain, indent=indent or 0).decode()
+    sys.stdout.write((text if text.isascii() else _BEYOND_ASCII.sub(_escaped, text)) + "\n")
+
+
+def _escaped(found: re.Match[str]) -> str:
+    return json.dumps(found[0])[1:-1]
 
 
 def _group(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:

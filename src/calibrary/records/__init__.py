@@ -50,6 +50,7 @@ __all__ = [
     "Record",
     "Scalar",
     "checker",
+    "encoded",
     "fields_json",
     "flat",
     "force_setattr",
@@ -125,6 +126,23 @@ def to_json(record: Record) -> dict[str, Json]:
     return record._wire(fields_json(record))
 
 
+def encoded(document: Mapping[str, object], *, indent: int = 2) -> bytes:
+    """The UTF-8 text of a JSON document, without a line feed at its end.
+
+    What Python makes of a file name that is not UTF-8 is written as the JSON escape of the same character, so the
+    document is valid and ``os.fsencode`` of the name it gives back is the file's.
+
+    Args:
+        document: plain values, numbers finite, as :func:`to_json` gives them.
+        indent: columns for each level; 0 puts all on one line.
+    """
+    try:
+        text = msgspec.json.encode(document)
+    except UnicodeEncodeError:
+        text = json.dumps(document, ensure_ascii=False, allow_nan=False).encode(errors="backslashreplace")
+    return msgspec.json.format(text, indent=indent)
+
+
 def fields_json(record: Record) -> dict[str, Json]:
     """The fields of a record as JSON, before it brings them into a shape of its own; inner records are in theirs."""
     config = record.__struct_config__
@@ -141,6 +159,9 @@ def _plain(value: object) -> Json:
         return value
     if isinstance(value, Enum):
         return cast("str", value.value)
+    if isinstance(value, float) and not math.isfinite(value):
+        # The encoder would write null.
+        raise ValueError(f"a record contains {value}, which has no JSON form")
     if isinstance(value, int | float | str):
         return value
     if isinstance(value, Record):

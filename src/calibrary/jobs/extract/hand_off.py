@@ -8,7 +8,6 @@ in units of its longer side. OpenCV counts from the centre of the first pixel.
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -22,7 +21,7 @@ from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.colmap import ColmapCamera
 from calibrary.parsers.opensfm_models import opensfm_camera
-from calibrary.records import replace
+from calibrary.records import encoded, replace
 
 __all__ = [
     "SOLVER_FILES",
@@ -358,5 +357,5 @@ def _focal_priors(metadata: ImageMetadata, size: ImageSize) -> set[str]:
     return {str(guess)[:6] for guess in guesses}
 
 
-def _json(document: object) -> bytes:
-    return (json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+def _json(document: Mapping[str, object]) -> bytes:
+    return encoded(document) + b"\n"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -17,7 +16,7 @@ from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.states import StateDocument
 from calibrary.jobs.images.folders import SkippedFile
-from calibrary.records import Json, Meta, Record
+from calibrary.records import Json, Meta, Record, encoded
 from calibrary.validation import Finding, Report, Verdict
 
 __all__ = ["CameraDocument", "ExtractReport", "encode", "report_of"]
@@ -209,13 +208,8 @@ def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
 
 
 def encode(document: Mapping[str, Json]) -> bytes:
-    """UTF-8 JSON; NaN and infinity are not JSON and never come this far.
-
-    What Python makes of a file name that is not UTF-8 is written as the JSON escape of the same character, so the
-    document is valid and ``os.fsencode`` of the name it gives back is the file's.
-    """
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    return text.encode(errors="backslashreplace")
+    """A JSON file's content."""
+    return encoded(document) + b"\n"
 
 
 def _camera(c: CameraReport, output: str | None) -> CameraDocument:
