@@ -15,6 +15,7 @@ from enum import StrEnum
 import numpy as np
 
 from calibrary.calibration import Calibration
+from calibrary.distortion import Distortion
 from calibrary.errors import ValidationError
 from calibrary.policy import Policy
 from calibrary.records import Json, Record
@@ -493,9 +494,7 @@ def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> I
     """Distortion that is not monotonic up to the image's corner maps two directions to one pixel."""
     if c.distortion is None or not policy.distortion_monotonic:
         return
-    width, height = c.intrinsics.image_size
-    corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
-    lost = int(np.isnan(c.unproject(corners)).any(axis=1).sum())
+    lost = _lost_corners(c, c.distortion)
     yield Finding(
         rule="distortion-monotonic",
         severity=Severity.ERROR if lost else Severity.PASS,
@@ -506,6 +505,17 @@ def _distortion_monotonic(c: Calibration, policy: Policy, _: Circumstances) -> I
         else "the distortion is monotonic over the whole image",
         remedy="calibrate with the corners of the image covered" if lost else None,
     )
+
+
+def _lost_corners(c: Calibration, lens: Distortion) -> int:
+    """How many of the image's corners no direction is seen at."""
+    K, (width, height) = c.intrinsics, c.intrinsics.image_size
+    y = max(abs(K.cy), abs(height - K.cy)) / abs(K.fy)
+    x = (max(abs(K.cx), abs(width - K.cx)) + abs(K.skew) * y) / abs(K.fx)
+    if lens.covers(math.hypot(x, y)):
+        return 0
+    corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
+    return int(np.isnan(c.unproject(corners)).any(axis=1).sum())
 
 
 def _group_spread(_: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:

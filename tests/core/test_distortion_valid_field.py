@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion import (
@@ -201,3 +202,25 @@ def test_a_rational_lens_that_nearly_cancels_keeps_its_limit() -> None:
     inside = circle(model.valid_radius() * (1 - 1e-6))
     assert (determinant(model, inside) > 0).all()
     assert (determinant(model, circle(model.valid_radius() * (1 + 1e-6))) < 0).any()
+
+
+@given(brown(), st.floats(0.01, 3.0))
+def test_what_the_quick_test_is_certain_of_has_an_answer_everywhere(
+    model: BrownConrady, radius: float
+) -> None:
+    if model.covers(radius):
+        reached = np.hypot(*model.undistort(circle(radius)).T)
+        assert (reached < model.valid_radius()).all()
+
+
+@pytest.mark.parametrize(
+    ("radius", "covers"),
+    [(0.3, True), (0.6, True), (0.75, True), (1.2, False), (math.inf, False), (math.nan, False)],
+)
+def test_the_quick_test_is_certain_of_a_common_lens(radius: float, covers: bool) -> None:
+    model = BrownConrady(k1=-0.2671, k2=0.1102, p1=8.1e-4, p2=-1.2e-4, k3=-0.0334)
+    assert model.covers(radius) is covers
+
+
+def test_other_models_leave_it_to_the_inverse() -> None:
+    assert not lens().covers(0.1)

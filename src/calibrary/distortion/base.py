@@ -79,6 +79,13 @@ class Distortion(Record, tag_field="model"):
         The distortion is not monotonic beyond it; ``inf`` when it is monotonic everywhere.
         """
 
+    def covers(self, radius: float) -> bool:  # noqa: ARG002  a model that has a quick test of it looks at it
+        """Whether every distorted point up to a radius is certain to have an undistorted one, by a quick test.
+
+        False says nothing: then :meth:`undistort` tells.
+        """
+        return False
+
     def max_angle_rad(self) -> float:
         """The largest angle from the optical axis, in every direction, up to which the model is one-to-one."""
         return math.atan(self.valid_radius())

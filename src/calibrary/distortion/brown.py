@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 from calibrary.distortion.opencv import OpenCVDistortion
+from calibrary.distortion.valid_field import covers
 
 __all__ = ["BrownConrady"]
 
@@ -28,3 +30,7 @@ class BrownConrady(OpenCVDistortion):
     p1: float
     p2: float
     k3: float = 0.0
+
+    def covers(self, radius: float) -> bool:
+        """As of every model; one of thousands of entries that are checked takes microseconds."""
+        return covers((self.k1, self.k2, self.k3), math.hypot(self.p1, self.p2), radius)

@@ -19,7 +19,7 @@ is no longer positive. On every circle it is a trigonometric polynomial of degre
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -29,10 +29,17 @@ from calibrary.arrays import FloatArray
 from calibrary.distortion.polynomial import PolynomialMap
 from calibrary.distortion.roots import first_positive_root
 
-__all__ = ["monotonic_radius"]
+__all__ = ["covers", "monotonic_radius"]
 
 SCAN = np.sinh(np.linspace(0.0, math.asinh(1e6), 500)[1:])
 """Radii of the search in units of the map's own length: 0.03 apart, from there on 3 %, and none beyond a million."""
+
+CERTAIN = 1e-6
+"""A margin far above rounding: what comes nearer to a limit is left to the exact test."""
+
+GUESSES = 12
+SMALLEST_GAIN = 0.05
+"""Of a guess: a disc that has to be so much larger than its image is past the limit of any lens."""
 
 SAMPLES = np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
 """Eight samples on a circle hold a trigonometric polynomial of degree two (of three, even) completely."""
@@ -62,6 +69,53 @@ def monotonic_radius(lens: PolynomialMap, horizon: tuple[float, float] = (0.0, 0
         return math.ldexp(min(radius, pole), octave)
     except OverflowError:
         return math.inf
+
+
+def covers(radial: Sequence[float], tangential: float, radius: float) -> bool:
+    """Whether a map without a denominator is certain to be one-to-one on a disc whose image holds a disc of ``radius``.
+
+    A test that only ever errs towards False, without a root or an inverse. The disc to test, of radius R, is guessed.
+    Its image holds the disc of radius A(R) − 3R²q, for that is as near as the image of its rim comes. The map is
+    one-to-one on it where A' − 6rq and 3A/r + A' − 16rq are positive, see :func:`_tangential`: with r ≤ R in the
+    tangential terms both are polynomials in r², which are positive where all coefficients in Bernstein's basis are.
+
+    Args:
+        radial: k1, k2, k3, …
+        tangential: q, the length of (p1, p2).
+        radius: of distorted points, from the centre of distortion.
+    """
+    powers = (1.0, *radial)
+    wanted = reach = radius * (1.0 + CERTAIN)
+    for _ in range(GUESSES):
+        square, gain = reach * reach, 0.0
+        for k in reversed(powers):
+            gain = gain * square + k
+        gain -= 3.0 * tangential * reach
+        if gain * reach >= wanted:
+            break
+        if not gain > SMALLEST_GAIN:
+            return False
+        reach = (1.0 + CERTAIN) * wanted / gain
+    else:
+        return False
+    slope = [(2 * power + 1) * k for power, k in enumerate(powers)]
+    vertex = [(2 * power + 4) * k for power, k in enumerate(powers)]
+    slope[0] -= 6.0 * tangential * reach
+    vertex[0] -= 16.0 * tangential * reach
+    return _is_positive(slope, square) and _is_positive(vertex, square)
+
+
+def _is_positive(coefficients: Sequence[float], end: float) -> bool:
+    """Whether a polynomial, constant term first, is certain to be positive from 0 to ``end``."""
+    degree = len(coefficients) - 1
+    scaled, power = [], 1.0
+    for at, c in enumerate(coefficients):
+        scaled.append(c * power / math.comb(degree, at))
+        power *= end
+    return all(
+        sum(math.comb(last, at) * scaled[at] for at in range(last + 1)) > CERTAIN
+        for last in range(degree + 1)
+    )
 
 
 def _radial_slope(lens: PolynomialMap) -> FloatArray:
