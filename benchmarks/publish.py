@@ -37,7 +37,7 @@ from calibrary.registry.published import read
 from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.read import Published
 from calibrary.registry.published.write import publish
-from calibrary.registry.registry import open_snapshot
+from calibrary.registry.reader import open_snapshot
 from calibrary.registry.resolution import Resolution
 
 if TYPE_CHECKING:

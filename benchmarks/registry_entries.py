@@ -35,7 +35,7 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.maintenance import create, maintain
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.index import index_at
-from calibrary.registry.registry import open_snapshot
+from calibrary.registry.reader import open_snapshot
 from calibrary.registry.snapshot import Snapshot
 
 if TYPE_CHECKING:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
-import os
 import time
 from dataclasses import dataclass
 from functools import cache
@@ -11,23 +9,22 @@ from http.client import HTTPException, HTTPResponse
 from importlib.metadata import version
 from typing import IO, TYPE_CHECKING, Any, Final
 from urllib.error import HTTPError, URLError
-from urllib.parse import urlsplit, urlunsplit
+from urllib.parse import urlsplit
 
 from calibrary.errors import RegistryError
+from calibrary.registry.published.address import is_loopback, reason_against
 
 if TYPE_CHECKING:
     from http.client import HTTPMessage
     from urllib.request import OpenerDirector, Request
 
-__all__ = ["ALLOW_HTTP", "FetchError", "Fetched", "fetch", "is_address", "normalised"]
+__all__ = ["FetchError", "Fetched", "fetch"]
 
 TIMEOUT_S: Final = 10.0
 """For the connection, and for each time that nothing arrives."""
 LONGEST_S: Final = 60.0
 """For a whole file."""
 CHUNK: Final = 1 << 16
-ALLOW_HTTP: Final = "CALIBRARY_ALLOW_HTTP"
-"""The variable that, set to 1, lets http:// addresses of other machines be read."""
 TEMPORARY: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
 
 
@@ -58,55 +55,6 @@ class Fetched:
     etag: str | None = None
 
 
-def is_address(text: str) -> bool:
-    """Whether a registry is named by an address on the web, not by a folder."""
-    return text.lower().startswith(("http://", "https://"))
-
-
-def normalised(address: str) -> str:
-    """The address of a published registry's folder, with a slash at its end.
-
-    Raises:
-        RegistryError: it is not one, contains a password, or is of a plain connection to another machine.
-    """
-    try:
-        parts = urlsplit(address)
-        has_host = bool(parts.hostname) and parts.port != 0
-    except ValueError:
-        has_host = False
-    if not has_host or parts.query or parts.fragment:
-        raise RegistryError(
-            f"{address}: is not the address of a published registry, expected https://HOST/FOLDER/"
-        )
-    if parts.username is not None or parts.password is not None:
-        raise RegistryError(
-            f"{parts.hostname}: a password in an address ends in logs and caches; expected one without"
-        )
-    path = parts.path.removesuffix("calibrary.json").rstrip("/") + "/"
-    found = urlunsplit((parts.scheme.lower(), parts.netloc.lower(), path, "", ""))
-    if (reason := _reason_against(found)) is not None:
-        raise RegistryError(f"{address}: {reason}")
-    return found
-
-
-def _reason_against(url: str) -> str | None:
-    parts = urlsplit(url)
-    if parts.scheme == "https":
-        return None
-    if parts.scheme != "http":
-        return f"a {parts.scheme}: address is not read, expected https:"
-    if _is_loopback(parts.hostname or "") or os.environ.get(ALLOW_HTTP) == "1":
-        return None
-    return f"http: lets anyone on the way change what is read; expected https: (or set {ALLOW_HTTP}=1)"
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
 def fetch(url: str, *, most: int, etag: str | None = None, fresh: bool = False) -> Fetched:
     """A file.
 
@@ -133,7 +81,7 @@ def fetch(url: str, *, most: int, etag: str | None = None, fresh: bool = False) 
         headers["Cache-Control"] = "no-cache"
     request = Request(url, headers=headers)  # noqa: S310  the opener knows no other scheme
     try:
-        opener = _opener(is_direct=_is_loopback(urlsplit(url).hostname or ""))
+        opener = _opener(is_direct=is_loopback(urlsplit(url).hostname or ""))
         with opener.open(request, timeout=TIMEOUT_S) as answer:
             return Fetched(data=_body(answer, url, most), etag=answer.headers.get("ETag"))
     except HTTPError as error:
@@ -192,7 +140,7 @@ def _opener(*, is_direct: bool) -> OpenerDirector:
             self, req: Request, fp: IO[bytes], code: int, msg: str, headers: HTTPMessage, newurl: str
         ) -> Any:
             before, after = urlsplit(req.full_url).scheme, urlsplit(newurl).scheme
-            reason = f"from {before}: to {after}:" if after != before else _reason_against(newurl)
+            reason = f"from {before}: to {after}:" if after != before else reason_against(newurl)
             if reason is not None:
                 raise FetchError(
                     f"{req.full_url}: redirects to {newurl:.200}, which is not followed: {reason}",

@@ -23,8 +23,9 @@ from calibrary.records import Record, from_json, replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.paths import folder_of, match_key
+from calibrary.registry.published.address import normalised
 from calibrary.registry.published.cache import Cache, CachedRoot
-from calibrary.registry.published.fetch import FetchError, fetch, normalised
+from calibrary.registry.published.fetch import FetchError, fetch
 from calibrary.registry.published.layout import (
     ROOT_FILE,
     SIGNATURE_FILE,

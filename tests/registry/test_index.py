@@ -21,7 +21,7 @@ from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, said
 from calibrary.registry.init import init
-from calibrary.registry.registry import open_snapshot
+from calibrary.registry.reader import open_snapshot
 from calibrary.registry.resolution import scan_aliases
 from tests.cli.registry.direct import put, put_bytes
 from tests.registry.entries import KEY, an_entry, entries

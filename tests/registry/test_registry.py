@@ -21,7 +21,8 @@ from calibrary.registry.git.writing import ANY, Change, write
 from calibrary.registry.history import history, recorded
 from calibrary.registry.init import init
 from calibrary.registry.paths import find_path, find_paths
-from calibrary.registry.registry import Registry, open_snapshot
+from calibrary.registry.reader import open_snapshot
+from calibrary.registry.registry import Registry
 from calibrary.registry.writing import Note, note_of, write_changes
 from tests.registry.entries import FILE, an_entry
 from tests.registry.git.repositories import git, nobodys_git

@@ -17,7 +17,7 @@ from calibrary.jobs.exchange.argument import Reading, read_arguments
 from calibrary.policy import FLEET
 from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json
-from calibrary.registry.registry import Registry
+from calibrary.registry.reader import RegistryReader
 
 __all__ = [
     "CompareResult",
@@ -164,14 +164,16 @@ def compare_named(first: str, second: str, reading: Reading, *, policy: PolicyLi
     return CompareResult(diff.compare(a.calibration, b.calibration, policy_of(policy)), (a.label, b.label))
 
 
-def fleet_since(registry: Registry, rev: str, policy: PolicyLike, progress: Progress | None) -> FleetChanges:
+def fleet_since(
+    registry: RegistryReader, rev: str, policy: PolicyLike, progress: Progress | None
+) -> FleetChanges:
     """As :meth:`calibrary.Fleet.changes_since`."""
     changes = fleet.since(registry, rev, policy_of(policy), labelled(progress, "entries"))
     return FleetChanges(changes, f"The fleet since {rev}")
 
 
 def fleet_by_firmware(
-    registry: Registry, old: str, new: str, policy: PolicyLike, progress: Progress | None
+    registry: RegistryReader, old: str, new: str, policy: PolicyLike, progress: Progress | None
 ) -> FleetChanges:
     """As :meth:`calibrary.Fleet.changes_of_firmware`."""
     changes = fleet.by_firmware(registry, old, new, policy_of(policy), labelled(progress, "entries"))

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from datetime import date
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
 from calibrary.api.fleet_view import FleetView
-from calibrary.api.registry_results import FleetAnswer, NewRegistry, ProposedChange
+from calibrary.api.registry_changes import NewRegistry, ProposedChange
+from calibrary.api.registry_results import FleetAnswer
 from calibrary.api.stated import CameraLike, overlay
 from calibrary.errors import RegistryError
 from calibrary.progress import Progress, labelled
@@ -20,6 +22,7 @@ from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.init import folder_for, init, init_from
 from calibrary.registry.paths import unit_folder
 from calibrary.registry.proposals import require_digests
+from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.sync import Choice, remote_named
 
@@ -35,6 +38,15 @@ __all__ = ["Fleet", "FleetAnswer", "create_registry", "firmware_range", "open_re
 
 class Fleet(FleetView):
     """A registry; a change of it is proposed, can be looked at, and is then written as one commit."""
+
+    @cached_property
+    def registry(self) -> Registry:
+        """The registry in git, to be changed.
+
+        Raises:
+            RegistryError: it is not in git.
+        """
+        return Registry.open(self.place)
 
     @classmethod
     def named_or_new(cls, path: Path | None = None) -> tuple[Self, bool]:

@@ -9,30 +9,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from calibrary.api.layers import resolved
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.api.registry_results import Blame, CheckResult, EntryListing, FleetAnswer, History, ShownEntry
 from calibrary.api.stated import CameraLike
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.extras import PAGES, require
-from calibrary.jobs.exchange.layers import Layers, layer_of_snapshot
 from calibrary.progress import Progress, labelled
-from calibrary.registry.approvals import approvals_of
-from calibrary.registry.check_registry import (
-    check_all,
-    check_range,
-    check_signatures,
-    check_work_tree,
-    parse_range,
-)
 from calibrary.registry.configuration import plain_folder, require_registry
 from calibrary.registry.entry import Entry
 from calibrary.registry.fields import differences
 from calibrary.registry.history import recorded
 from calibrary.registry.paths import id_of, in_use_path
 from calibrary.registry.query import parse_where, select
-from calibrary.registry.registry import Registry, open_snapshot
+from calibrary.registry.reader import RegistryReader, open_snapshot
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 
 if TYPE_CHECKING:
@@ -73,13 +63,13 @@ class FleetView:
         return open_snapshot(self.place, self.at)
 
     @cached_property
-    def registry(self) -> Registry:
+    def registry(self) -> RegistryReader:
         """The registry in git.
 
         Raises:
             RegistryError: it is not in git.
         """
-        return Registry.open(self.place)
+        return RegistryReader.open(self.place)
 
     @property
     def commit(self) -> str | None:
@@ -131,6 +121,9 @@ class FleetView:
         >>> answer.status, answer.calibration.intrinsics.fx
         (<Status.APPROVED: 'approved'>, 3659.5)
         """
+        from calibrary.api.layers import resolved
+        from calibrary.jobs.exchange.layers import Layers, layer_of_snapshot
+
         return resolved(Layers((layer_of_snapshot(self.snapshot),)), camera, stated=stated, on=on)
 
     def listing(
@@ -197,6 +190,8 @@ class FleetView:
         >>> calibrary.open_registry("fleet").show("fc6310r").stored.entry.status
         <Status.APPROVED: 'approved'>
         """
+        from calibrary.registry.approvals import approvals_of
+
         if plain_folder(self.place) is not None and "@" not in key and against is None:
             return ShownEntry(self.snapshot.get(key), None, ())
         stored = self.registry.get(key)
@@ -265,6 +260,8 @@ class FleetView:
         >>> calibrary.open_registry("fleet").check().is_good
         True
         """
+        from calibrary.registry.check_registry import check_all, check_range, check_work_tree, parse_range
+
         limits, told = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
         if work_tree:
             return CheckResult(check_work_tree(self.snapshot, limits, progress=told))
@@ -283,6 +280,8 @@ class FleetView:
         Raises:
             RegistryError: the registry is a plain folder, or there are no such revisions.
         """
+        from calibrary.registry.check_registry import check_signatures, parse_range
+
         before, after = parse_range(span) if span is not None else (None, None)
         return check_signatures(self.snapshot, signers, before=before, after=after)
 

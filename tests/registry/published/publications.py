@@ -17,7 +17,7 @@ from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.published.write import Publication, publish
-from calibrary.registry.registry import open_snapshot
+from calibrary.registry.reader import open_snapshot
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import nobodys_git
 

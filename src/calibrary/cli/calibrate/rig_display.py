@@ -17,7 +17,7 @@ from calibrary.cli.registry.changes import show_changes, show_findings, show_wri
 from calibrary.cli.tables import Column, facts, fitted
 
 if TYPE_CHECKING:
-    from calibrary.api.registry_results import ProposedChange
+    from calibrary.api.registry_changes import ProposedChange
     from calibrary.api.rigs import CalibrateRigResult
     from calibrary.jobs.calibrate_board.outputs import Files
     from calibrary.jobs.calibrate_rig.report import PoseDifference

@@ -18,7 +18,7 @@ from calibrary.cli.stated_flags import add_stated_flags, stated_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from calibrary.api.registry_results import ProposedChange
+    from calibrary.api.registry_changes import ProposedChange
     from calibrary.cli.console import Screen
     from calibrary.registry.firmware import FirmwareRange
     from calibrary.registry.proposals import Proposal
@@ -145,7 +145,7 @@ def _proposed(arguments: argparse.Namespace) -> ProposedChange:
 
 
 def _write(arguments: argparse.Namespace, change: ProposedChange, screen: Screen) -> None:
-    from calibrary.api.registry_results import FileConflictError
+    from calibrary.api.registry_changes import FileConflictError
     from calibrary.cli.console import errors, note, plain
     from calibrary.cli.registry.changes import show_conflict, show_written
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_registry_flag, viewed
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.html is not None:
         check_page_place(arguments.html)
     with Bar(note(arguments), "reading") as bar:
-        done = opened(arguments).audit(
+        done = viewed(arguments).audit(
             arguments.folders,
             since=arguments.since,
             stale_months=arguments.stale_after,

@@ -10,7 +10,7 @@ from calibrary.cli.tables import Column, fitted
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from calibrary.api.registry_results import ProposedChange
+    from calibrary.api.registry_changes import ProposedChange
     from calibrary.cli.console import Screen
     from calibrary.registry.fields import Field, FieldChange
     from calibrary.registry.git.errors import FileConflictError
@@ -132,7 +132,7 @@ def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
 
 def show_conflict(screen: Screen, error: FileConflictError) -> None:
     """What another writer has changed in the meantime, field by field against what was to be written."""
-    from calibrary.api.registry_results import conflict_changes
+    from calibrary.api.registry_changes import conflict_changes
     from calibrary.cli.console import plain
 
     for path, changes in conflict_changes(error.conflicts).items():

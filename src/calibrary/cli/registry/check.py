@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_registry_flag, viewed
 
 if TYPE_CHECKING:
     from calibrary.api.registry_results import CheckResult
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("--worktree looks at files: it goes with neither REV..REV nor --signatures")
     if arguments.allowed_signers is not None and not arguments.signatures:
         arguments.parser.error("--allowed-signers goes with --signatures")
-    registry = opened(arguments)
+    registry = viewed(arguments)
     with Bar(note(arguments), "checking") as bar:
         done = registry.check(
             arguments.range, policy=arguments.policy, work_tree=arguments.worktree, progress=bar

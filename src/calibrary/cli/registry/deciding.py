@@ -11,7 +11,7 @@ from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.registry.place import add_registry_flag, opened
 
 if TYPE_CHECKING:
-    from calibrary.api.registry_results import ProposedChange
+    from calibrary.api.registry_changes import ProposedChange
     from calibrary.registry.entry import Validity
 
 __all__ = [

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.parser import Parser
-from calibrary.cli.registry.place import add_registry_flag, opened
+from calibrary.cli.registry.place import add_registry_flag, viewed
 from calibrary.cli.tables import Column, single_lines
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, out, plain
 
-    found = opened(arguments, arguments.at).listing(
+    found = viewed(arguments, arguments.at).listing(
         arguments.words,
         statuses=arguments.status or (),
         grades=arguments.grade or (),

@@ -10,8 +10,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from calibrary.api.fleet import Fleet
+    from calibrary.api.fleet_view import FleetView
 
-__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "note_waiting", "opened"]
+__all__ = ["add_layers_flag", "add_registry_flag", "note_cut", "note_waiting", "opened", "viewed"]
 
 
 def add_registry_flag(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +43,7 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:
+def note_cut(arguments: argparse.Namespace, registry: FleetView) -> None:
     """Say on standard error that the history is not whole, where it is not."""
     from calibrary.cli.console import note, plain
 
@@ -50,7 +51,7 @@ def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:
         note(arguments).say(plain(registry.cut))
 
 
-def note_waiting(arguments: argparse.Namespace, registry: Fleet, paths: Iterable[str]) -> None:
+def note_waiting(arguments: argparse.Namespace, registry: FleetView, paths: Iterable[str]) -> None:
     """Say on standard error for which of some entries another K waits for approval."""
     from calibrary.cli.console import note, plain
 
@@ -58,12 +59,23 @@ def note_waiting(arguments: argparse.Namespace, registry: Fleet, paths: Iterable
         note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
 
 
-def opened(arguments: argparse.Namespace, at: str | None = None) -> Fleet:
-    """The registry that is meant, at a revision.
+def opened(arguments: argparse.Namespace) -> Fleet:
+    """The registry that is meant, to be changed.
 
     Raises:
         RegistryError: none is meant.
     """
     from calibrary.api.fleet import Fleet
 
-    return Fleet.named(arguments.registry, at)
+    return Fleet.named(arguments.registry)
+
+
+def viewed(arguments: argparse.Namespace, at: str | None = None) -> FleetView:
+    """The registry that is meant, at a revision; to be read, without loading what changes one.
+
+    Raises:
+        RegistryError: none is meant.
+    """
+    from calibrary.api.fleet_view import FleetView
+
+    return FleetView.named(arguments.registry, at)

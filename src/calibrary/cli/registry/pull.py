@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.registry_results import FileConflictError, sync_report
+    from calibrary.api.registry_changes import FileConflictError, sync_report
     from calibrary.cli.console import errors, note, out
 
     remarks, registry = note(arguments), opened(arguments)
@@ -102,7 +102,7 @@ def _show(screen: Screen, remote: str, pulled: Pulled) -> None:
 
 
 def _show_conflicts(screen: Screen, error: FileConflictError) -> None:
-    from calibrary.api.registry_results import id_of
+    from calibrary.api.registry_changes import id_of
     from calibrary.cli.console import plain
 
     count = len(error.conflicts)
@@ -128,7 +128,7 @@ COLUMNS = (
 
 
 def _show_conflict(screen: Screen, conflict: Conflict) -> None:
-    from calibrary.api.registry_results import field_conflicts
+    from calibrary.api.registry_changes import field_conflicts
     from calibrary.cli.console import plain
 
     screen.say(f"[bold]{plain(conflict.path)}[/]")

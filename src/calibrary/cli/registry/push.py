@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.registry_results import sync_report
+    from calibrary.api.registry_changes import sync_report
     from calibrary.cli.console import note, out, plain
 
     remarks, registry = note(arguments), opened(arguments)

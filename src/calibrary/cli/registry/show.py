@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.output import print_json
-from calibrary.cli.registry.place import add_registry_flag, note_cut, opened
+from calibrary.cli.registry.place import add_registry_flag, note_cut, viewed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -77,7 +77,7 @@ def _show(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import out, plain
     from calibrary.cli.registry.changes import change_table
 
-    registry = opened(arguments)
+    registry = viewed(arguments)
     shown = registry.show(arguments.key, against=arguments.diff)
     if arguments.json:
         print_json(shown.to_dict())

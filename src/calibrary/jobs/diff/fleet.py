@@ -15,7 +15,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare as compare_versions
 from calibrary.registry.paths import id_of
-from calibrary.registry.registry import Registry
+from calibrary.registry.reader import RegistryReader
 
 __all__ = ["Change", "Progress", "by_firmware", "since"]
 
@@ -58,7 +58,7 @@ class Change:
 
 
 def since(
-    registry: Registry, rev: str, policy: Policy = FLEET, progress: Progress | None = None
+    registry: RegistryReader, rev: str, policy: Policy = FLEET, progress: Progress | None = None
 ) -> tuple[Change, ...]:
     """Every entry that differs from what it was at a revision, worst first.
 
@@ -78,7 +78,7 @@ def since(
 
 
 def by_firmware(
-    registry: Registry, old: str, new: str, policy: Policy = FLEET, progress: Progress | None = None
+    registry: RegistryReader, old: str, new: str, policy: Policy = FLEET, progress: Progress | None = None
 ) -> tuple[Change, ...]:
     """Every camera that has an entry of both firmwares, in its history or side by side, worst first.
 

@@ -17,7 +17,7 @@ from calibrary.progress import stage
 from calibrary.records import replace
 from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
-from calibrary.registry.registry import Registry
+from calibrary.registry.reader import RegistryReader
 
 __all__ = ["Argument", "Reading", "choose", "entry_file", "read_argument", "read_arguments"]
 
@@ -168,7 +168,7 @@ def _is_one_camera(calibrations: Sequence[Calibration]) -> bool:
 def _entry(text: str, registry: Path | None) -> Argument:
     looks_like_a_file = Path(text).suffix and "@" not in text
     try:
-        stored = Registry.open(require_registry(registry)).get(text)
+        stored = RegistryReader.open(require_registry(registry)).get(text)
     except RegistryError:
         if looks_like_a_file:
             raise InputError("no such file, and no such entry in a registry", source=text) from None

@@ -11,23 +11,24 @@ from dataclasses import dataclass, field
 from datetime import date, datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import load_catalogue
 from calibrary.errors import RegistryError
-from calibrary.jobs.exchange.catalogue_entries import catalogue_entries
 from calibrary.known_camera import KnownCamera
 from calibrary.records import Record, replace
 from calibrary.registry.contradictions import USUAL
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import match_key
-from calibrary.registry.published.fetch import is_address, normalised
-from calibrary.registry.published.read import Published
-from calibrary.registry.registry import open_snapshot
+from calibrary.registry.published.address import is_address, normalised
+from calibrary.registry.reader import open_snapshot
 from calibrary.registry.resolution import RejectedEntry, Resolution, resolve
 from calibrary.registry.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from calibrary.registry.published.read import Published
 
 __all__ = [
     "CATALOGUE",
@@ -258,6 +259,8 @@ def layer_of_snapshot(snapshot: Snapshot, *, many: bool = False) -> Layer:
 
 def _published(address: str) -> Layer:
     def opening(key: CameraKey) -> Asked:
+        from calibrary.registry.published.read import Published  # noqa: PLC0415  HTTP, which a folder does not need
+
         if layer.published is None:
             layer.published = Published(layer.name)
         return layer.published.index_for(key)
@@ -274,6 +277,8 @@ def _catalogue() -> Layer:
 
 def _catalogue_rows(key: CameraKey) -> Mapping[str, Entry]:
     """What the catalogue's cameras of a make and model would be as entries, by path."""
+    from calibrary.jobs.exchange.catalogue_entries import catalogue_entries  # noqa: PLC0415  asked last, if at all
+
     name = (match_key(key.make or ""), match_key(key.model or ""))
     rows = [camera for camera in load_catalogue() if name in _names(camera)]
     return {f"{CATALOGUE}/{entry.id}": entry for entry in catalogue_entries(rows)[0]}

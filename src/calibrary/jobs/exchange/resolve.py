@@ -9,12 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError
 from calibrary.jobs.exchange.identity import image_day, image_key
 from calibrary.jobs.exchange.layers import AskedLayer, Layer, LayerKind, Layers
-from calibrary.parsers.image_names import is_image
 from calibrary.records import Record, replace
 from calibrary.registry.approvals import approvals_of
 from calibrary.registry.entry import Entry, Status
@@ -224,7 +222,9 @@ def _meant(layers: Layers, word: str | None) -> Question:
         return Question(key=CameraKey(), known_by="what was said")
     path = Path(word)
     if path.is_file():
-        if not parsers.is_image_file(path):
+        from calibrary.parsers import is_image_file  # noqa: PLC0415  the formats, which KEYs do not need
+
+        if not is_image_file(path):
             raise InputError(
                 "is not an image; 'calibrary registry add FILE' takes a calibration file, and resolve an image of the "
                 "camera, or its KEY",
@@ -232,9 +232,15 @@ def _meant(layers: Layers, word: str | None) -> Question:
             )
         told = image_key(path)
         return Question(key=told.key, known_by=f"the image: {told.why}", day=image_day(path))
-    if is_image(path):
+    if path.suffix and _is_image(path):
         raise InputError("no such file", source=word)
     return Question(key=_of_word(layers, word), known_by=f"the KEY {word}")
+
+
+def _is_image(path: Path) -> bool:
+    from calibrary.parsers.image_names import is_image  # noqa: PLC0415  as above
+
+    return is_image(path)
 
 
 def _of_word(layers: Layers, word: str) -> CameraKey:

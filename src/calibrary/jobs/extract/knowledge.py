@@ -18,8 +18,8 @@ from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 from calibrary.registry.locking import locked
 from calibrary.registry.paths import in_use_path
-from calibrary.registry.published.fetch import is_address
-from calibrary.registry.registry import open_snapshot, uncommitted
+from calibrary.registry.published.address import is_address
+from calibrary.registry.reader import open_snapshot, uncommitted
 from calibrary.registry.resolution import RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot
 

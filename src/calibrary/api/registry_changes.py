@@ -1,0 +1,147 @@
+"""What changes in a registry: proposals before they are written, and registries that are made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.calibration import Calibration
+from calibrary.errors import CalibraryError, InputError
+from calibrary.jobs.exchange.add import save_file
+from calibrary.records import Json, replace, to_json
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.fields import FieldChange, differences
+from calibrary.registry.git.errors import Conflict, FileConflictError
+from calibrary.registry.git.writing import Written
+from calibrary.registry.init import DRIVER, DRIVER_COMMAND, Initialised, install_driver
+from calibrary.registry.paths import id_of
+from calibrary.registry.proposals import Proposals, change_report
+from calibrary.registry.registry import Registry
+from calibrary.registry.sync import field_conflicts, sync_report
+
+if TYPE_CHECKING:
+    from calibrary.api.changes import CompareResult
+
+__all__ = [
+    "FileConflictError",
+    "NewRegistry",
+    "ProposedChange",
+    "conflict_changes",
+    "field_conflicts",
+    "id_of",
+    "sync_report",
+]
+
+
+@dataclass(slots=True, eq=False)
+class ProposedChange:
+    """Entries beside the current ones, checked; nothing is written before :meth:`write`.
+
+    Attributes:
+        registry: to write to.
+        proposals: each entry with its changes, and what the check says of them.
+        source: the file that they were read from.
+        written: the commit, once it is written.
+        branch: that it is written to; None for the one that is checked out.
+    """
+
+    registry: Registry
+    proposals: Proposals
+    source: Path | None = None
+    written: Written | None = None
+    branch: str | None = None
+
+    def comparisons(self) -> dict[str, CompareResult]:
+        """By id, what each change of a K comes to, in px over the frame and on the ground; where it can be compared."""
+        from calibrary.api.changes import compare
+
+        found = {}
+        for one in self.proposals.due:
+            if one.current is None or _unnoted(one.current) == _unnoted(one.entry):
+                continue
+            with suppress(CalibraryError):
+                found[one.entry.id] = compare(
+                    one.current.calibration, one.entry.calibration, policy=self.registry.configuration.policy
+                )
+        return found
+
+    def write(self, reason: str | None = None) -> Written:
+        """Write it as one commit.
+
+        Raises:
+            FileConflictError: an entry was changed since it was proposed; nothing was written.
+            RegistryError: a check failed, there is nothing to write, or it cannot be written.
+        """
+        if self.source is not None:
+            self.written = save_file(
+                self.registry, self.proposals, self.source, reason=reason, branch=self.branch
+            )
+        else:
+            self.written = self.registry.save(self.proposals, reason=reason, branch=self.branch)
+        return self.written
+
+    def to_dict(self) -> dict[str, Json]:
+        """What was written, or would be, as plain data for JSON (schemas/registry-change-1.schema.json)."""
+        return to_json(change_report(self.registry.repo.path, self.proposals, self.written))
+
+
+def _unnoted(entry: Entry) -> Calibration:
+    """What of an entry is compared in pixels."""
+    return replace(entry.calibration, notes=())
+
+
+@dataclass(slots=True, eq=False)
+class NewRegistry:
+    """A registry that was created or copied.
+
+    Attributes:
+        made: what was done, as the command line shows it.
+        shows_fields: whether its git shows entries by their fields.
+    """
+
+    made: Initialised
+    shows_fields: bool = False
+
+    @property
+    def place(self) -> Path:
+        """Its folder."""
+        return self.made.registry.repo.path
+
+    @property
+    def driver(self) -> str:
+        """The command that does what :meth:`show_fields` does."""
+        return f"git -C {self.place} config {DRIVER} '{DRIVER_COMMAND}'"
+
+    def show_fields(self) -> None:
+        """Let this repository's git show entries by their fields.
+
+        Raises:
+            RegistryError: its configuration cannot be written.
+        """
+        install_driver(self.made.registry.repo)
+        self.shows_fields = True
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/registry-begun-1.schema.json)."""
+        return to_json(self.made.report(textconv=self.shows_fields))
+
+
+def conflict_changes(conflicts: Sequence[Conflict]) -> dict[str, tuple[FieldChange, ...]]:
+    """By path, the fields in which what was to be written differs from what another writer has written."""
+    found = {}
+    for conflict in conflicts:
+        if conflict.theirs is None or conflict.ours is None:
+            continue
+        try:
+            theirs, ours = (
+                parse_entry(data, conflict.path, require_digest=False)
+                for data in (conflict.theirs, conflict.ours)
+            )
+        except InputError:
+            continue
+        found[conflict.path] = differences(theirs, ours)
+    return found
