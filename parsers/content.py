@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+from enum import Enum
 from functools import cached_property
 
 from calibrary.errors import ParseError
@@ -16,7 +17,7 @@ from calibrary.parsers.text import decode
 from calibrary.records import Json
 from calibrary.strictjson import parse_json
 
-__all__ = ["HEAD_BYTES", "MAX_JSON_BYTES", "Content"]
+__all__ = ["HEAD_BYTES", "MAX_JSON_BYTES", "Content", "Syntax"]
 
 HEAD_BYTES = 64 * 1024
 """How much of a file the text views look at; what identifies a calibration stands near the top."""
@@ -29,6 +30,15 @@ _XML_TAG = re.compile(r"<([A-Za-z_][\w.:-]*+)(?=[\s/>])")
 _JSON_BEGINS = re.compile(r'\{|\[\s*+(?:$|[\[\]{"\d-]|(?:true|false|null)\b)')
 # Lengths are bounded, so that a line of a hundred thousand spaces costs no more than its share.
 _YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w .-]{0,80}?)["']?[ \t]{0,8}:(?=[ \t]|$)""", re.MULTILINE)
+
+
+class Syntax(Enum):
+    """What a file is written in, as its beginning shows it."""
+
+    XML = "XML"
+    JSON = "JSON"
+    TEXT = "other text"
+    BINARY = "binary"
 
 
 class Content:
@@ -62,6 +72,15 @@ class Content:
             return decode(head, source=self.name, errors="replace")
         except ParseError:
             return None
+
+    @cached_property
+    def syntax(self) -> Syntax:
+        """What it is written in; a broken file shows its kind as long as its beginning is whole."""
+        if self.text is None:
+            return Syntax.BINARY
+        if self.xml_tags:
+            return Syntax.XML
+        return Syntax.JSON if self.looks_like_json else Syntax.TEXT
 
     @cached_property
     def lines(self) -> tuple[str, ...]:

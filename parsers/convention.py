@@ -163,13 +163,14 @@ class Convention:
 
     def _pixels_per_unit(self, image_size: ImageSize, sensor_mm: SizeMm | None) -> tuple[float, float]:
         width, height = image_size
+        if self.unit is Unit.PIXEL:
+            return 1.0, 1.0
         if self.unit is Unit.MILLIMETRE:
             if sensor_mm is None or not min(sensor_mm) > 0:
                 raise InputError("millimetres need the sensor's size in mm to become pixels")
             return width / sensor_mm[0], height / sensor_mm[1]
         longer = float(max(image_size))
         return {
-            Unit.PIXEL: (1.0, 1.0),
             Unit.LONGER_SIDE: (longer, longer),
             Unit.WIDTH: (float(width), float(width)),
             Unit.EACH_SIDE: (float(width), float(height)),

@@ -7,7 +7,8 @@ Adding a format touches its module, ``parsers/formats/<name>.py``, and its test,
     terms). :meth:`Convention.intrinsics` and :meth:`Convention.native` do the counting; a format never adds
     half a pixel.
 3.  ``sniff(content) -> Sniff | None`` looks at the shared views of
-    :class:`~calibrary.parsers.content.Content` and parses nothing itself. ``MAGIC``: a signature that no other format
+    :class:`~calibrary.parsers.content.Content` and parses nothing itself; ``syntaxes`` says of which files it is
+    asked. ``MAGIC``: a signature that no other format
     has. ``SHAPE``: keys or columns another format might share. ``WEAK``: nothing in the file says so; counts
     only when no other format claims it.
 4.  ``read(data, context) -> list[Calibration]`` takes bytes and opens nothing: a file that belongs to it
@@ -49,7 +50,7 @@ from typing import TypeAlias
 from calibrary.calibration import Calibration, ImageSize, Provenance
 from calibrary.distortion import Distortion
 from calibrary.errors import InputError, MissingSizeError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention
 from calibrary.records import Json, replace
 
@@ -257,6 +258,8 @@ class Format:
         title: what people call it.
         suffixes: the usual ones, with their dot, lower case: a hint, never the proof. They break the tie
             between two WEAK claims and nothing else.
+        syntaxes: what its files are written in; its sniffer is asked about no other, which is most of the time that
+            recognising a file takes.
         reference: where the format is described.
         convention: how its numbers count; None for a format that is only refused.
         sniff: the format's claim to a file, None when it makes none.
@@ -277,6 +280,7 @@ class Format:
     suffixes: tuple[str, ...]
     reference: str
     sniff: Callable[[Content], Sniff | None]
+    syntaxes: tuple[Syntax, ...] = tuple(Syntax)
     convention: Convention | None = None
     read: Read | None = None
     read_in_place: ReadInPlace | None = None

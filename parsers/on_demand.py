@@ -15,10 +15,13 @@ from numpy.typing import ArrayLike
 from calibrary.arrays import BoolArray
 from calibrary.calibration import Calibration
 
-__all__ = ["REACH", "CamerasOnDemand", "make_a_camera"]
+__all__ = ["REACH", "CamerasOnDemand", "make_a_camera", "on_demand"]
 
 REACH = 1e6
 """How many times longer or shorter than the image a length may be; the longest telescope's is a thousand."""
+
+
+FEW = 20
 
 
 class CamerasOnDemand(Sequence[Calibration]):
@@ -72,6 +75,22 @@ class CamerasOnDemand(Sequence[Calibration]):
     def __reduce__(self) -> tuple[type[list[Calibration]], tuple[list[Calibration]]]:
         """Another process gets the cameras: how they are made may depend on the files beside theirs."""
         return list, (list(self),)
+
+
+def on_demand(
+    count: int, make: Callable[[int], Calibration], sure: Callable[[], BoolArray]
+) -> Sequence[Calibration]:
+    """A file's cameras; a few of them are made at once, which is quicker than checking their numbers.
+
+    Args:
+        count: how many there are.
+        make: gives the camera at a place.
+        sure: gives (count,), whether making each certainly raises no error.
+
+    Raises:
+        InputError: the kinds that making a camera raises.
+    """
+    return [make(place) for place in range(count)] if count < FEW else CamerasOnDemand(sure(), make)
 
 
 def make_a_camera(

@@ -55,7 +55,7 @@ def identified(content: Content) -> Identity:
     claims = [
         Identity(record, sniff)
         for record in known_formats().values()
-        if (sniff := record.sniff(content)) is not None
+        if content.syntax in record.syntaxes and (sniff := record.sniff(content)) is not None
     ]
     if not claims:
         raise UnknownFormatError(_unknown(content), source=content.name)

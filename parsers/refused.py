@@ -24,7 +24,7 @@ from __future__ import annotations
 import re
 
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, Sniff, Sure
 from calibrary.parsers.formats._npy import is_pickled
 
@@ -47,9 +47,8 @@ _OTHER_SENSOR = re.compile(
 )
 _PICKLE = re.compile(rb"\x80(?:[\x04\x05](\x95)|[\x02-\x05])")
 _WORDS = re.compile(r"[^a-z]+")
-_LENS = re.compile(
-    r"^K_|\n\s*K_|focal|principal|distort|\bf[xy]\b|\bc[xy]\b|fc\b|camera_matrix|intrinsic", re.IGNORECASE
-)
+_LENS_WORDS = ("focal", "principal", "distort", "camera_matrix", "intrinsic")
+_LENS_NAMES = re.compile(r"^\s*k_|\b[fc][xy]\b|fc\b", re.MULTILINE)
 
 
 def _lensfun(content: Content) -> Sniff | None:
@@ -139,7 +138,8 @@ def _other_sensor(content: Content) -> Sniff | None:
     """Keys of another sensor, and not a word about a lens."""
     if content.first_line.split()[:1] == ["CAL"] and "DEVICE_CLASS" in (content.text or ""):
         return Sniff(Sure.MAGIC, "it begins with CAL and contains DEVICE_CLASS, as ArgyllCMS writes displays")
-    if not _is_plain(content) or _LENS.search(content.text or ""):
+    text = (content.text or "").lower()
+    if not _is_plain(content) or any(word in text for word in _LENS_WORDS) or _LENS_NAMES.search(text):
         return None
     words = [
         word
@@ -164,6 +164,7 @@ REFUSED = (
         name="lensfun_xml",
         title="a lensfun lens database",
         suffixes=(".xml",),
+        syntaxes=(Syntax.XML, Syntax.TEXT),
         reference="https://lensfun.github.io/manual/latest/dbformat.html",
         sniff=_lensfun,
         refuses="it is a lens profile of a lens model, not a calibration: it has no focal length in pixels and no "
@@ -174,6 +175,7 @@ REFUSED = (
         name="adobe_lcp",
         title="an Adobe lens correction profile",
         suffixes=(".lcp",),
+        syntaxes=(Syntax.XML,),
         reference="https://helpx.adobe.com/camera-raw/digital-negative.html",
         sniff=_adobe,
         refuses="it is a lens profile for many bodies and focal lengths, not a calibration of one camera. Calibrate "
@@ -183,6 +185,7 @@ REFUSED = (
         name="pix4d_camera_database",
         title="a Pix4D camera database",
         suffixes=(".xml",),
+        syntaxes=(Syntax.XML,),
         reference="https://support.pix4d.com/hc/en-us/articles/360035481811",
         sniff=_pix4d_database,
         refuses="its elements for the focal length and the lens are not published, and most of its cameras are a "
@@ -192,6 +195,7 @@ REFUSED = (
         name="opf_document",
         title="an OPF document without camera intrinsics",
         suffixes=(".json", ".opf"),
+        syntaxes=(Syntax.JSON,),
         reference="https://pix4d.github.io/opf-spec/index.html",
         sniff=_opf,
         refuses="it contains no K. Read the project's calibrated cameras (usually calibrated_cameras.json) or its "
@@ -201,6 +205,7 @@ REFUSED = (
         name="cahvor",
         title="a CAHV, CAHVOR or CAHVORE camera",
         suffixes=(".cahvor", ".cahv", ".cahvore", ".cal"),
+        syntaxes=(Syntax.TEXT,),
         reference="https://mrcal.secretsauce.net/mrcal-from-cahvor.html",
         sniff=_cahvor,
         refuses="its vectors mix the intrinsics with the pose, and its distortion has an axis of its own (Gennery, "
@@ -211,6 +216,7 @@ REFUSED = (
         name="calcam_cal",
         title="a CalCam camera calibration",
         suffixes=(".cal",),
+        syntaxes=(Syntax.TEXT,),
         reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
         sniff=_calcam,
         refuses="no description of the format is public. In Metashape, export Agisoft XML instead "
@@ -220,6 +226,7 @@ REFUSED = (
         name="ladybug_cal",
         title="a Ladybug or Triclops calibration",
         suffixes=(".cal", ".ini"),
+        syntaxes=(Syntax.TEXT,),
         reference="https://www.teledynevisionsolutions.com/support/support-center/application-note/iis/geometric-vision-using-ladybug-cameras/",
         sniff=_ladybug,
         refuses="the manufacturer does not publish what the numbers mean, and each of the camera's heads is a "
@@ -230,6 +237,7 @@ REFUSED = (
         name="image_pro_cal",
         title="an Image-Pro spatial and intensity calibration",
         suffixes=(".cal",),
+        syntaxes=(Syntax.TEXT,),
         reference="https://mc-hakuto.jp/webhelp/appb_cal.htm",
         sniff=_image_pro,
         refuses="it states how many pixels make a unit of length on a specimen and how grey values scale, nothing "
@@ -239,6 +247,7 @@ REFUSED = (
         name="ptgui_project",
         title="a PTGui project",
         suffixes=(".pts",),
+        syntaxes=(Syntax.JSON, Syntax.TEXT),
         reference="https://www.ptgui.com/support.html",
         sniff=_ptgui,
         refuses="what its lens parameters mean is not published. Optimise the images in Hugin, with b alone of the "
@@ -258,6 +267,7 @@ REFUSED = (
         name="sensor_cal",
         title="a calibration of another sensor (inertial, magnetic, radiometric or display)",
         suffixes=(".cal",),
+        syntaxes=(Syntax.TEXT,),
         reference="https://www.argyllcms.com/doc/cal_format.html",
         sniff=_other_sensor,
         refuses="it states no focal length, principal point or distortion. Ask the camera's manufacturer for its "

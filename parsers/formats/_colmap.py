@@ -28,7 +28,7 @@ from calibrary.interop.colmap import (
 from calibrary.parsers import text as strict
 from calibrary.parsers.convention import Convention
 from calibrary.parsers.format import Capacity, ReadContext
-from calibrary.parsers.on_demand import CamerasOnDemand, make_a_camera
+from calibrary.parsers.on_demand import make_a_camera, on_demand
 from calibrary.records import replace
 
 __all__ = ["CAPACITY", "CONVENTION", "MAX_CAMERAS", "StoredCamera", "cameras", "records"]
@@ -89,14 +89,15 @@ def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade
     def make(place: int) -> Calibration:
         return _calibration(with_k[place], context, several=several, grade=grade, notes=left_out)
 
-    # A size that the caller gives may contradict the file's.
-    sure = _sure(with_k) if context.image_size is None else np.zeros(len(with_k), dtype=bool)
-    return CamerasOnDemand(sure, make)
+    return on_demand(len(with_k), make, lambda: _sure(with_k, context))
 
 
-def _sure(found: Sequence[StoredCamera]) -> BoolArray:
+def _sure(found: Sequence[StoredCamera], context: ReadContext) -> BoolArray:
     """Which cameras need not be made to know that they can be, (N,)."""
     sure = np.zeros(len(found), dtype=bool)
+    if context.image_size is not None:
+        # It may contradict the file's.
+        return sure
     by_name: dict[str, list[int]] = defaultdict(list)
     for place, item in enumerate(found):
         by_name[_name(item)].append(place)

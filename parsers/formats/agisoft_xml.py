@@ -44,7 +44,7 @@ from calibrary.distortion.equivalence import exact
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._metashape_covariance import COVARIANCE, read_covariance, written_covariance
@@ -346,6 +346,7 @@ FORMAT = Format(
     name="agisoft_xml",
     title="Agisoft Metashape camera calibration",
     suffixes=(".xml",),
+    syntaxes=(Syntax.XML,),
     reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
     convention=CONVENTION,
     sniff=sniff,

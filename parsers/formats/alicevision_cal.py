@@ -22,7 +22,7 @@ from calibrary.conventions import Origin
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
@@ -85,6 +85,7 @@ FORMAT = Format(
     name="alicevision_cal",
     title="AliceVision (POPART) calibration of eight numbers",
     suffixes=(".cal", ".txt"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/alicevision/AliceVision",
     convention=CONVENTION,
     sniff=sniff,

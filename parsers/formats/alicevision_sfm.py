@@ -33,7 +33,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, Distortion, FieldOfView, KannalaBrandt, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
@@ -270,6 +270,7 @@ FORMAT = Format(
     name="alicevision_sfm",
     title="AliceVision and Meshroom .sfm",
     suffixes=(".sfm", ".json"),
+    syntaxes=(Syntax.JSON,),
     reference="https://github.com/alicevision/AliceVision/blob/develop/src/aliceVision/sfmDataIO/jsonIO.cpp",
     convention=CONVENTION,
     sniff=sniff,

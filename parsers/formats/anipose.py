@@ -26,7 +26,7 @@ import tomllib
 
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -98,6 +98,7 @@ FORMAT = Format(
     name="anipose",
     title="Anipose calibration (TOML)",
     suffixes=(".toml",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://anipose.readthedocs.io/en/latest/",
     convention=CONVENTION,
     sniff=sniff,

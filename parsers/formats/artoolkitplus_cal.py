@@ -22,7 +22,7 @@ from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._text_rows import text_of
@@ -110,6 +110,7 @@ FORMAT = Format(
     name="artoolkitplus_cal",
     title="ARToolKitPlus camera calibration",
     suffixes=(".cal",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/paroj/artoolkitplus",
     convention=CONVENTION,
     sniff=sniff,

@@ -50,7 +50,7 @@ from calibrary.distortion import (
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._metric_lens import normalised
@@ -309,6 +309,7 @@ FORMAT = Format(
     name="asp_tsai",
     title="NASA Ames Stereo Pipeline pinhole camera (.tsai)",
     suffixes=(".tsai",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://stereopipeline.readthedocs.io/en/latest/pinholemodels.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -40,7 +40,7 @@ from calibrary.distortion import Australis, Distortion, NoDistortion
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Direction, Native, Origin, Tangential, Unit, YAxis
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._metric_lens import normalised, per_length
@@ -264,6 +264,7 @@ FORMAT = Format(
     name="australis_report",
     title="Australis camera calibration report",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://stereopipeline.readthedocs.io/en/latest/pinholemodels.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration
 from calibrary.errors import UnsupportedModelError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Unit
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -84,6 +84,7 @@ FORMAT = Format(
     name="azure_kinect",
     title="Azure Kinect calibration",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://microsoft.github.io/Azure-Kinect-Sensor-SDK/master/index.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -30,7 +30,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -145,6 +145,7 @@ FORMAT = Format(
     name="basalt",
     title="Basalt calibration",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://gitlab.com/VladyslavUsenko/basalt-headers",
     convention=CONVENTION,
     sniff=sniff,

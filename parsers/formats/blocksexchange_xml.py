@@ -34,7 +34,7 @@ from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bentley import CONVENTION, perspective_camera
 from calibrary.parsers.xml import parse_xml
@@ -155,6 +155,7 @@ FORMAT = Format(
     name="blocksexchange_xml",
     title="Bentley BlocksExchange",
     suffixes=(".xml",),
+    syntaxes=(Syntax.XML,),
     reference="https://developer.bentley.com/apis/contextcapture/cc-ori/",
     convention=CONVENTION,
     sniff=sniff,

@@ -30,7 +30,7 @@ from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._opencv_lens import BrownWithoutK3
@@ -144,6 +144,7 @@ FORMAT = Format(
     name="bluec_rad",
     title="blue-c (CalTech, MultiCamSelfCal) camera parameters",
     suffixes=(".rad", ".cal"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/strawlab/MultiCamSelfCal",
     convention=CONVENTION,
     sniff=sniff,

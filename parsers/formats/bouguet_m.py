@@ -32,7 +32,7 @@ from calibrary.conventions import Origin
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
@@ -162,6 +162,7 @@ FORMAT = Format(
     name="bouguet_m",
     title="Calib_Results.m of Bouguet's toolbox",
     suffixes=(".m",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://data.caltech.edu/records/jx9cx-fdh55",
     convention=CONVENTION,
     sniff=sniff,

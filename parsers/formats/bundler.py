@@ -27,15 +27,15 @@ from itertools import islice
 
 import numpy as np
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential, YAxis
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.on_demand import CamerasOnDemand, make_a_camera
+from calibrary.parsers.on_demand import make_a_camera, on_demand
 
 __all__ = ["FORMAT"]
 
@@ -79,8 +79,11 @@ def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
         lens, members = found[place]
         return _calibration(lens, [names[index] for index in members], size, context, several=len(found) > 1)
 
-    lenses = np.array(list(images))
-    return CamerasOnDemand(make_a_camera(lenses[:, :1], max(size) / 2, lenses, max(size)), make)
+    def sure() -> BoolArray:
+        lenses = np.array(list(images))
+        return make_a_camera(lenses[:, :1], max(size) / 2, lenses, max(size))
+
+    return on_demand(len(found), make, sure)
 
 
 def _calibration(
@@ -154,6 +157,7 @@ FORMAT = Format(
     name="bundler",
     title="Bundler bundle.out",
     suffixes=(".out",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -21,7 +21,7 @@ from __future__ import annotations
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -97,6 +97,7 @@ FORMAT = Format(
     name="calib_io",
     title="calib.io Camera Calibrator",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://calib.io/pages/camera-calibrator",
     convention=CONVENTION,
     sniff=sniff,

@@ -28,7 +28,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion, FieldOfView, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._one_camera import camera, fisheye, refuse_model
@@ -110,6 +110,7 @@ FORMAT = Format(
     name="calibu",
     title="Calibu camera rig (vicalib)",
     suffixes=(".xml",),
+    syntaxes=(Syntax.XML,),
     reference="https://github.com/arpg/Calibu",
     convention=CONVENTION,
     sniff=sniff,

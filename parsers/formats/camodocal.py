@@ -28,7 +28,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import Distortion, KannalaBrandt, Unified
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -159,6 +159,7 @@ FORMAT = Format(
     name="camodocal",
     title="camodocal and VINS camera",
     suffixes=(".yaml", ".yml"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/hengli/camodocal",
     convention=CONVENTION,
     sniff=sniff,

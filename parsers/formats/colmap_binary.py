@@ -25,7 +25,7 @@ from typing import Final
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS, ColmapModel, model_named
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._colmap import (
     CAPACITY,
@@ -124,6 +124,7 @@ FORMAT = Format(
     name="colmap_binary",
     title="COLMAP cameras.bin",
     suffixes=(".bin",),
+    syntaxes=(Syntax.BINARY,),
     reference="https://colmap.github.io/format.html#binary-file-format",
     convention=CONVENTION,
     sniff=sniff,

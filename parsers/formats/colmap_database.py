@@ -36,7 +36,7 @@ from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.interop.colmap import PANORAMAS, model_numbered
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.files import read_head
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._colmap import CONVENTION, MAX_CAMERAS, StoredCamera, cameras
@@ -227,6 +227,7 @@ FORMAT = Format(
     name="colmap_database",
     title="COLMAP database",
     suffixes=(".db",),
+    syntaxes=(Syntax.BINARY,),
     reference="https://colmap.github.io/database.html",
     convention=CONVENTION,
     sniff=sniff,

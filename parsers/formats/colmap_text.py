@@ -24,7 +24,7 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS, model_named
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._colmap import (
     CAPACITY,
@@ -127,6 +127,7 @@ FORMAT = Format(
     name="colmap_text",
     title="COLMAP cameras.txt",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://colmap.github.io/format.html#cameras-txt",
     convention=CONVENTION,
     sniff=sniff,

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError, ParseError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._bentley import CONVENTION, perspective_camera
 from calibrary.parsers.text import shown
@@ -66,6 +66,7 @@ FORMAT = Format(
     name="contextcapture_opt",
     title="Bentley ContextCapture optical properties",
     suffixes=(".opt",),
+    syntaxes=(Syntax.XML,),
     reference="https://docs.bentley.com/LiveContent/web/ContextCapture%20Help-v17/en/",
     convention=CONVENTION,
     sniff=sniff,

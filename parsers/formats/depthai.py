@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import Distortion, KannalaBrandt
 from calibrary.errors import UnsupportedModelError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -131,6 +131,7 @@ FORMAT = Format(
     name="depthai",
     title="Luxonis DepthAI (OAK) calibration",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://docs.luxonis.com/hardware/platform/depth/calibration/",
     convention=CONVENTION,
     sniff=sniff,

@@ -16,7 +16,7 @@ from __future__ import annotations
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._one_camera import camera
@@ -65,6 +65,7 @@ FORMAT = Format(
     name="droid_calib",
     title="DROID-SLAM calibration (fx fy cx cy …)",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/princeton-vl/DROID-SLAM",
     convention=CONVENTION,
     sniff=sniff,

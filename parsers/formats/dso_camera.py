@@ -22,7 +22,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion, FieldOfView, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Unit
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._one_camera import camera, fisheye, refuse_model
@@ -113,6 +113,7 @@ FORMAT = Format(
     name="dso_camera",
     title="DSO camera.txt (TUM monoVO, 4Seasons)",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/JakobEngel/dso",
     convention=CONVENTION,
     sniff=sniff,

@@ -39,7 +39,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
@@ -162,6 +162,7 @@ FORMAT = Format(
     name="euroc",
     title="EuRoC/ASL sensor.yaml and Kimera-VIO camera",
     suffixes=(".yaml",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://projects.asl.ethz.ch/datasets/doku.php?id=kmavvisualinertialdatasets",
     convention=CONVENTION,
     sniff=sniff,

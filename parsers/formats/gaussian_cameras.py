@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._json_text import loaded
@@ -76,6 +76,7 @@ FORMAT = Format(
     name="gaussian_cameras",
     title="3D Gaussian splatting cameras.json",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://github.com/graphdeco-inria/gaussian-splatting",
     convention=CONVENTION,
     sniff=sniff,

@@ -25,7 +25,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Qua
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
@@ -161,6 +161,7 @@ FORMAT = Format(
     name="gyroflow",
     title="Gyroflow lens profile",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://github.com/gyroflow/lens_profiles",
     convention=CONVENTION,
     sniff=sniff,

@@ -25,7 +25,7 @@ import re
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._one_camera import camera, fisheye
@@ -156,6 +156,7 @@ FORMAT = Format(
     name="hugin_pto",
     title="Hugin panorama project (.pto)",
     suffixes=(".pto",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://hugin.sourceforge.io/docs/nona/nona.txt",
     convention=CONVENTION,
     sniff=sniff,

@@ -35,7 +35,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import rows_of
@@ -226,6 +226,7 @@ FORMAT = Format(
     name="inpho_prj",
     title="Inpho project (.prj)",
     suffixes=(".prj",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://geospatial.trimble.com",
     convention=CONVENTION,
     sniff=sniff,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import ParseError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._npy import MAGIC, array
@@ -108,6 +108,7 @@ FORMAT = Format(
     name="k_npy",
     title="K as a numpy array",
     suffixes=(".npy",),
+    syntaxes=(Syntax.BINARY,),
     reference="https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -21,7 +21,7 @@ import re
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._one_camera import camera
@@ -89,6 +89,7 @@ FORMAT = Format(
     name="k_text",
     title="K as text (K.txt, K.csv, ScanNet's intrinsic_color.txt)",
     suffixes=(".txt", ".csv"),
+    syntaxes=(Syntax.TEXT, Syntax.JSON),
     reference="https://numpy.org/doc/stable/reference/generated/numpy.savetxt.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -39,7 +39,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
@@ -230,6 +230,7 @@ FORMAT = Format(
     name="kalibr",
     title="Kalibr camera chain",
     suffixes=(".yaml", ".yml"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/ethz-asl/kalibr/wiki/yaml-formats",
     convention=CONVENTION,
     sniff=sniff,

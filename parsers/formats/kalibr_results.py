@@ -27,7 +27,7 @@ from collections.abc import Mapping
 from calibrary.calibration import Calibration, Quality
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import kalibr
@@ -117,6 +117,7 @@ FORMAT = Format(
     name="kalibr_results",
     title="Kalibr results (results-cam.txt)",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/ethz-asl/kalibr/wiki/multiple-camera-calibration",
     convention=kalibr.FORMAT.convention,
     sniff=sniff,

@@ -34,7 +34,7 @@ from calibrary.distortion import (
 from calibrary.errors import ParseError
 from calibrary.interop.colmap import model_named
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._colmap import MAX_CAMERAS, StoredCamera, cameras, records
@@ -156,6 +156,7 @@ FORMAT = Format(
     name="kapture",
     title="kapture sensors.txt",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/naver/kapture/blob/main/kapture_format.adoc",
     convention=CONVENTION,
     sniff=sniff,

@@ -41,7 +41,7 @@ from calibrary.conventions import Origin
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, YAxis
 from calibrary.parsers.format import STATED, Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._text_rows import text_of
@@ -485,6 +485,7 @@ FORMAT = Format(
     name="keyed_text",
     title="Key-value calibration sheet",
     suffixes=(".cal", ".txt"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -27,7 +27,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import Distortion, NoDistortion
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._opencv_lens import lens
@@ -171,6 +171,7 @@ FORMAT = Format(
     name="kitti",
     title="KITTI calibration",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://www.cvlibs.net/datasets/kitti/raw_data.php",
     convention=CONVENTION,
     sniff=sniff,

@@ -28,7 +28,7 @@ from collections.abc import Iterator
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion, FieldOfView, NoDistortion, Unified
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -123,6 +123,7 @@ FORMAT = Format(
     name="maplab",
     title="maplab and SVO camera rig (ncamera.yaml)",
     suffixes=(".yaml", ".yml"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/ethz-asl/maplab",
     convention=CONVENTION,
     sniff=sniff,

@@ -14,7 +14,7 @@ Source: The MathWorks, "cameraParameters" and ``jsonencode``.
 from __future__ import annotations
 
 from calibrary.calibration import Calibration
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._matlab_camera import CONVENTION, cameras, is_camera
@@ -50,6 +50,7 @@ FORMAT = Format(
     name="matlab_json",
     title="MATLAB camera parameters in JSON or YAML",
     suffixes=(".json", ".yaml", ".yml"),
+    syntaxes=(Syntax.JSON, Syntax.TEXT),
     reference="https://www.mathworks.com/help/vision/ref/cameraparameters.tostruct.html",
     convention=CONVENTION,
     sniff=sniff,

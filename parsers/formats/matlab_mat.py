@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError, UnsupportedModelError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import bouguet_m, opencv_storage
@@ -79,6 +79,7 @@ FORMAT = Format(
     name="matlab_mat",
     title="MATLAB file of camera parameters (.mat)",
     suffixes=(".mat",),
+    syntaxes=(Syntax.BINARY,),
     reference="https://www.mathworks.com/help/vision/ref/cameraparameters.html",
     convention=CONVENTION,
     sniff=sniff,

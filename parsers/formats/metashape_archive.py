@@ -20,7 +20,7 @@ import zlib
 
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
-from calibrary.parsers.content import HEAD_BYTES, Content
+from calibrary.parsers.content import HEAD_BYTES, Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import metashape_document
 from calibrary.parsers.text import shown
@@ -83,6 +83,7 @@ FORMAT = Format(
     name="metashape_archive",
     title="Agisoft Metashape project archive",
     suffixes=(".psz", ".zip"),
+    syntaxes=(Syntax.BINARY,),
     reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
     convention=metashape_document.FORMAT.convention,
     sniff=sniff,

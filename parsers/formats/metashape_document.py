@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import agisoft_xml
 from calibrary.parsers.formats._metashape_covariance import COVARIANCE, read_covariance
@@ -263,6 +263,7 @@ FORMAT = Format(
     name="metashape_document",
     title="Agisoft Metashape cameras and projects",
     suffixes=(".xml",),
+    syntaxes=(Syntax.XML,),
     reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
     convention=agisoft_xml.CONVENTION,
     sniff=sniff,

@@ -40,7 +40,7 @@ from calibrary.distortion import BrownConrady, Distortion, InverseBrown, NoDisto
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.xml import parse_xml
@@ -327,6 +327,7 @@ FORMAT = Format(
     name="micmac_xml",
     title="MicMac camera calibration",
     suffixes=(".xml",),
+    syntaxes=(Syntax.XML,),
     reference="https://github.com/micmacIGN/micmac",
     convention=CONVENTION,
     sniff=sniff,

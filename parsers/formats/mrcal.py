@@ -32,7 +32,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion, Rational, ThinPrism
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
@@ -267,6 +267,7 @@ FORMAT = Format(
     name="mrcal",
     title="mrcal camera model",
     suffixes=(".cameramodel",),
+    syntaxes=(Syntax.TEXT, Syntax.JSON),
     reference="https://mrcal.secretsauce.net/cameramodels.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -82,6 +82,7 @@ FORMAT = Format(
     name="multical",
     title="multical calibration.json",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://github.com/oliver-batchelor/multical",
     convention=CONVENTION,
     sniff=sniff,

@@ -15,7 +15,7 @@ Source: multiview_calib, README "intrinsics.json" and ``scripts/compute_intrinsi
 from __future__ import annotations
 
 from calibrary.calibration import Calibration
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import opencv_storage
 from calibrary.parsers.formats._json_text import loaded
@@ -63,6 +63,7 @@ FORMAT = Format(
     name="multiview_calib",
     title="OpenCV cameras by name in JSON (multiview_calib)",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://github.com/cvlab-epfl/multiview_calib",
     convention=opencv_storage.FORMAT.convention,
     sniff=sniff,

@@ -26,7 +26,7 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin, Tangential
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -69,6 +69,7 @@ FORMAT = Format(
     name="mvsnet_cam",
     title="MVSNet camera (_cam.txt)",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/YoYo000/MVSNet",
     convention=CONVENTION,
     sniff=sniff,

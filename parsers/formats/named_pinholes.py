@@ -28,7 +28,7 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -104,6 +104,7 @@ FORMAT = Format(
     name="named_pinholes",
     title="ScanNet scene and Middlebury stereo calibration (.txt)",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://vision.middlebury.edu/stereo/data/scenes2014/",
     convention=CONVENTION,
     sniff=sniff,

@@ -20,7 +20,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._one_camera import camera
@@ -78,6 +78,7 @@ FORMAT = Format(
     name="nsvf_intrinsics",
     title="NSVF, SRN and DeepVoxels intrinsics.txt",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/facebookresearch/NSVF",
     convention=CONVENTION,
     sniff=sniff,

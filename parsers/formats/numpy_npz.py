@@ -26,7 +26,7 @@ import numpy as np
 
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
-from calibrary.parsers.content import HEAD_BYTES, Content
+from calibrary.parsers.content import HEAD_BYTES, Content, Syntax
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _npy, opencv_storage
@@ -143,6 +143,7 @@ FORMAT = Format(
     name="numpy_npz",
     title="OpenCV calibration as numpy arrays (.npz)",
     suffixes=(".npz",),
+    syntaxes=(Syntax.BINARY,),
     reference="https://numpy.org/doc/stable/reference/generated/numpy.savez.html",
     convention=opencv_storage.FORMAT.convention,
     sniff=sniff,

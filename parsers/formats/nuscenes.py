@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._json_text import loaded
@@ -69,6 +69,7 @@ FORMAT = Format(
     name="nuscenes",
     title="nuScenes calibrated_sensor.json",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://www.nuscenes.org/nuscenes#data-format",
     convention=CONVENTION,
     sniff=sniff,

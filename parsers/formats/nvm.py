@@ -29,14 +29,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibrary.arrays import BoolArray
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.distortion import Distortion, InverseBrown, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Direction, Native, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.on_demand import CamerasOnDemand, make_a_camera
+from calibrary.parsers.on_demand import make_a_camera, on_demand
 
 __all__ = ["FORMAT"]
 
@@ -91,8 +92,11 @@ def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
         lens, names = found[place]
         return _calibration(lens, names, heading, size, context, several=len(found) > 1)
 
-    lenses = np.array(list(images))
-    return CamerasOnDemand(make_a_camera(lenses[:, :1], max(size) / 2, lenses, max(size)), make)
+    def sure() -> BoolArray:
+        lenses = np.array(list(images))
+        return make_a_camera(lenses[:, :1], max(size) / 2, lenses, max(size))
+
+    return on_demand(len(found), make, sure)
 
 
 def _calibration(
@@ -169,6 +173,7 @@ FORMAT = Format(
     name="nvm",
     title="VisualSFM .nvm",
     suffixes=(".nvm",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://ccwu.me/vsfm/doc.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -25,7 +25,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.conventions import Origin
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Direction, Native, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._taylor import taylor_lens, upper_triangle
@@ -112,6 +112,7 @@ FORMAT = Format(
     name="ocamcalib",
     title="OCamCalib (Scaramuzza) calib_results.txt",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://sites.google.com/site/scarabotix/ocamcalib-omnidirectional-camera-calibration-toolbox-for-matlab",
     convention=CONVENTION,
     sniff=sniff,

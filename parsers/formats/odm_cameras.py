@@ -20,7 +20,7 @@ from collections.abc import Sequence
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._json_text import Writable, dumped, loaded
 from calibrary.parsers.formats._opensfm import (
@@ -77,6 +77,7 @@ FORMAT = Format(
     name="odm_cameras",
     title="ODM cameras.json",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://docs.opendronemap.org/arguments/cameras/",
     convention=CONVENTION,
     sniff=sniff,

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -83,6 +83,7 @@ FORMAT = Format(
     name="okvis",
     title="OKVIS configuration",
     suffixes=(".yaml", ".yml"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/ethz-asl/okvis",
     convention=CONVENTION,
     sniff=sniff,

@@ -47,7 +47,7 @@ from calibrary.distortion import (
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.interop.opencv import OPENCV_LENSES, OPENCV_MODELS
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
@@ -329,6 +329,7 @@ FORMAT = Format(
     name="opencv_storage",
     title="OpenCV calibration (FileStorage XML, YAML, JSON)",
     suffixes=storage.SUFFIXES,
+    syntaxes=(Syntax.XML, Syntax.TEXT, Syntax.JSON),
     reference="https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html",
     convention=CONVENTION,
     sniff=sniff,

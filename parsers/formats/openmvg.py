@@ -26,7 +26,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -155,6 +155,7 @@ FORMAT = Format(
     name="openmvg",
     title="OpenMVG sfm_data.json",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://openmvg.readthedocs.io/en/latest/software/SfM/SfM_OutputFormat/",
     convention=CONVENTION,
     sniff=sniff,

@@ -23,7 +23,7 @@ from collections.abc import Iterator, Sequence
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Fisheye624, KannalaBrandt, NoDistortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._json_text import Writable, dumped, loaded
@@ -106,6 +106,7 @@ FORMAT = Format(
     name="opensfm",
     title="OpenSfM cameras",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://opensfm.org/docs/dataset.html",
     convention=CONVENTION,
     sniff=sniff,

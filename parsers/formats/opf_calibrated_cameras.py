@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, FisheyePolynomial, NoDistortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, WriteContext
 from calibrary.parsers.formats import _opf
@@ -148,6 +148,7 @@ FORMAT = Format(
     name="opf_calibrated_cameras",
     title="OPF calibrated cameras (Pix4D)",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://pix4d.github.io/opf-spec/specification/calibrated_cameras.html",
     convention=_opf.CONVENTION,
     sniff=sniff,

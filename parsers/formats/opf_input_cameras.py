@@ -17,7 +17,7 @@ Source: OPF specification 1.0, "Input cameras".
 from __future__ import annotations
 
 from calibrary.calibration import Calibration, CameraKey, Grade
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff
 from calibrary.parsers.formats import _opf
@@ -89,6 +89,7 @@ FORMAT = Format(
     name="opf_input_cameras",
     title="OPF input cameras (Pix4D)",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://pix4d.github.io/opf-spec/specification/input_cameras.html",
     convention=_opf.CONVENTION,
     sniff=sniff,

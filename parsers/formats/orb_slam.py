@@ -31,7 +31,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -159,6 +159,7 @@ FORMAT = Format(
     name="orb_slam",
     title="ORB-SLAM2/3 settings",
     suffixes=(".yaml",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/UZ-SLAMLab/ORB_SLAM3",
     convention=CONVENTION,
     sniff=sniff,

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import Distortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -115,6 +115,7 @@ FORMAT = Format(
     name="orthority",
     title="orthority interior parameters",
     suffixes=(".yaml", ".yml"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://orthority.readthedocs.io/en/stable/",
     convention=CONVENTION,
     sniff=sniff,

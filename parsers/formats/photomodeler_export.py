@@ -23,7 +23,7 @@ from __future__ import annotations
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _photomodeler
 from calibrary.parsers.formats._photomodeler import PARAMETERS
@@ -114,6 +114,7 @@ FORMAT = Format(
     name="photomodeler_export",
     title="PhotoModeler text export",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/niclasborlin/dbat",
     convention=_photomodeler.CONVENTION,
     sniff=sniff,

@@ -33,7 +33,7 @@ from dataclasses import dataclass, field
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _photomodeler
 from calibrary.parsers.formats._photomodeler import PARAMETERS
@@ -182,6 +182,7 @@ FORMAT = Format(
     name="photomodeler_report",
     title="PhotoModeler status report",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://www.photomodeler.com",
     convention=_photomodeler.CONVENTION,
     sniff=sniff,

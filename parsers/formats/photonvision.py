@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration, Quality
 from calibrary.distortion import Distortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -97,6 +97,7 @@ FORMAT = Format(
     name="photonvision",
     title="PhotonVision camera calibration",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://docs.photonvision.org/en/latest/docs/calibration/calibration.html",
     convention=CONVENTION,
     sniff=sniff,

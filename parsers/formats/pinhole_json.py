@@ -19,7 +19,7 @@ from __future__ import annotations
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import Distortion
 from calibrary.errors import ParseError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
@@ -104,6 +104,7 @@ FORMAT = Format(
     name="pinhole_json",
     title="fx, fy, cx, cy in JSON (Polycam and others)",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://github.com/PolyCam/polyform",
     convention=CONVENTION,
     sniff=sniff,

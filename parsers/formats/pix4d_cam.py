@@ -31,7 +31,7 @@ from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, SizeMm, Unit
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._text_rows import rows_of
@@ -183,6 +183,7 @@ FORMAT = Format(
     name="pix4d_cam",
     title="Pix4D camera calibration (.cam)",
     suffixes=(".cam",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://support.pix4d.com/hc/en-us/articles/202559089",
     convention=CONVENTION,
     sniff=sniff,

@@ -27,7 +27,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Qual
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import rows_of
@@ -149,6 +149,7 @@ FORMAT = Format(
     name="pix4d_camera_parameters",
     title="Pix4D calibrated camera parameters",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://support.pix4d.com/hc/en-us/articles/202559089",
     convention=CONVENTION,
     sniff=sniff,

@@ -24,7 +24,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.conventions import Origin
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Tangential
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
@@ -111,6 +111,7 @@ FORMAT = Format(
     name="projection_matrix",
     title="3×4 projection matrix",
     suffixes=(".cal", ".p", ".txt"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/strawlab/MultiCamSelfCal",
     convention=CONVENTION,
     sniff=sniff,

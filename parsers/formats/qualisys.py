@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._one_camera import camera
@@ -120,6 +120,7 @@ FORMAT = Format(
     name="qualisys",
     title="Qualisys and Theia Markerless camera calibration",
     suffixes=(".txt", ".xml"),
+    syntaxes=(Syntax.XML,),
     reference="https://docs.qualisys.com/qtm-rt-protocol/",
     convention=CONVENTION,
     sniff=sniff,

@@ -26,7 +26,7 @@ from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Native
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._one_camera import camera
@@ -150,6 +150,7 @@ FORMAT = Format(
     name="realitycapture_csv",
     title="RealityCapture and RealityScan camera parameters (CSV)",
     suffixes=(".csv",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://rshelp.capturingreality.com/en-US/tools/exportreg.htm",
     convention=CONVENTION,
     sniff=sniff,

@@ -26,7 +26,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, MetashapeFrame, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Unit
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.xml import parse_xml
@@ -189,6 +189,7 @@ FORMAT = Format(
     name="realitycapture_xmp",
     title="RealityCapture XMP sidecar",
     suffixes=(".xmp",),
+    syntaxes=(Syntax.XML,),
     reference="https://rshelp.capturingreality.com/en-US/tools/xmpalign.htm",
     convention=CONVENTION,
     sniff=sniff,

@@ -36,7 +36,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
@@ -252,6 +252,7 @@ FORMAT = Format(
     name="realsense",
     title="Intel RealSense intrinsics",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://dev.intelrealsense.com/docs/projection-in-intel-realsense-sdk-20",
     convention=CONVENTION,
     sniff=sniff,

@@ -17,7 +17,7 @@ transposes K and puts the principal point into the middle; Apple, "ARCamera.intr
 from __future__ import annotations
 
 from calibrary.calibration import Calibration
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin, Tangential
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -74,6 +74,7 @@ FORMAT = Format(
     name="record3d",
     title="Record3D metadata.json",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://record3d.app/",
     convention=CONVENTION,
     sniff=sniff,

@@ -35,7 +35,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
@@ -256,6 +256,7 @@ FORMAT = Format(
     name="ros_camera_info",
     title="ROS camera_info YAML",
     suffixes=(".yaml", ".yml"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://wiki.ros.org/camera_calibration_parsers",
     convention=CONVENTION,
     sniff=sniff,

@@ -43,7 +43,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
@@ -248,6 +248,7 @@ FORMAT = Format(
     name="ros_ini",
     title="ROS camera calibration INI (ost.txt)",
     suffixes=(".ini", ".txt"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://wiki.ros.org/camera_calibration_parsers",
     convention=CONVENTION,
     sniff=sniff,

@@ -19,7 +19,7 @@ Source: SLStudio, ``src/calibrator/CalibrationData.cpp``.
 from __future__ import annotations
 
 from calibrary.calibration import Calibration
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
@@ -64,6 +64,7 @@ FORMAT = Format(
     name="slstudio",
     title="SLStudio structured-light calibration",
     suffixes=(".xml",),
+    syntaxes=(Syntax.XML, Syntax.TEXT),
     reference="https://github.com/jakobwilm/slstudio",
     convention=CONVENTION,
     sniff=sniff,

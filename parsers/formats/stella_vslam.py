@@ -31,7 +31,7 @@ from collections.abc import Sequence
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Distortion, Division, KannalaBrandt, NoDistortion
 from calibrary.errors import UnsupportedModelError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
@@ -142,6 +142,7 @@ FORMAT = Format(
     name="stella_vslam",
     title="stella_vslam and OpenVSLAM settings",
     suffixes=(".yaml", ".yml"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://stella-cv.readthedocs.io/en/latest/parameters.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -27,7 +27,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.conventions import Origin
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Tangential, YAxis
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
@@ -162,6 +162,7 @@ FORMAT = Format(
     name="terraphoto_cal",
     title="TerraPhoto camera calibration",
     suffixes=(".cal",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://terrasolid.com/guides/tphoto/devcameracalibrationfileformat.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import Distortion, FieldOfView, NoDistortion
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -111,6 +111,7 @@ FORMAT = Format(
     name="theia_priors",
     title="TheiaSfM calibration file",
     suffixes=(".json", ".txt"),
+    syntaxes=(Syntax.JSON,),
     reference="https://github.com/sweeneychris/TheiaSfM",
     convention=CONVENTION,
     sniff=sniff,

@@ -27,7 +27,7 @@ from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDist
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
@@ -298,6 +298,7 @@ FORMAT = Format(
     name="transforms_json",
     title="nerfstudio and instant-ngp transforms.json",
     suffixes=(".json",),
+    syntaxes=(Syntax.JSON,),
     reference="https://docs.nerf.studio/quickstart/data_conventions.html",
     convention=CONVENTION,
     sniff=sniff,

@@ -31,7 +31,7 @@ from calibrary.distortion import Distortion, InverseBrown, InversePolynomial
 from calibrary.distortion.equivalence import exact
 from calibrary.errors import MissingTagError, ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Direction, Native, Origin, Tangential, Unit, YAxis
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._metric_lens import normalised
@@ -178,6 +178,7 @@ FORMAT = Format(
     name="usgs_report",
     title="USGS report of calibration (aerial film camera)",
     suffixes=(".txt",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://www.usgs.gov",
     convention=CONVENTION,
     sniff=sniff,

@@ -31,7 +31,7 @@ from collections.abc import Callable
 from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion, FieldOfView, FisheyePolynomial, NoDistortion
 from calibrary.errors import UnsupportedModelError
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Unit
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -149,6 +149,7 @@ FORMAT = Format(
     name="vikit",
     title="vikit camera (SVO, FAST-LIVO2)",
     suffixes=(".yaml", ".yml"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/xuankuzcr/rpg_vikit",
     convention=CONVENTION,
     sniff=sniff,

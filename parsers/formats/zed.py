@@ -30,7 +30,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import Distortion, KannalaBrandt
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._opencv_lens import smallest_lens
@@ -189,6 +189,7 @@ FORMAT = Format(
     name="zed",
     title="Stereolabs ZED factory calibration",
     suffixes=(".conf", ".ini"),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/stereolabs/zed-open-capture",
     convention=CONVENTION,
     sniff=sniff,

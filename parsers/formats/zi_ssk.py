@@ -32,7 +32,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content
+from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential, Unit
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import rows_of
@@ -154,6 +154,7 @@ FORMAT = Format(
     name="zi_ssk",
     title="Z/I Imaging camera (.ssk)",
     suffixes=(".ssk",),
+    syntaxes=(Syntax.TEXT,),
     reference="https://github.com/UTokyo-FieldPhenomics-Lab/EasyIDP",
     convention=CONVENTION,
     sniff=sniff,

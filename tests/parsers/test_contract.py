@@ -188,6 +188,7 @@ def test_only_its_own_format_claims_a_file(record: Format, name: str) -> None:
     for other in FORMATS:
         claim = other.sniff(content)
         assert other.name == record.name or claim is None or claim.sure < own.sure
+        assert claim is None or content.syntax in other.syntaxes
 
 
 @pytest.mark.parametrize(("record", "name"), FILES)

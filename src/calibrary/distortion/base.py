@@ -38,11 +38,13 @@ class Distortion(Record, tag_field="model"):
 
     def __post_init__(self) -> None:
         for name in self.names():
-            value = _number(getattr(self, name))
+            given = getattr(self, name)
+            if type(given) is float and math.isfinite(given):
+                continue
+            value = _number(given)
             if value is None:
                 raise InputError(
-                    f"{name} of the {self.model} model is {getattr(self, name)!r:.40}, expected a finite number",
-                    place=name,
+                    f"{name} of the {self.model} model is {given!r:.40}, expected a finite number", place=name
                 )
             force_setattr(self, name, value)
 
