@@ -1,14 +1,16 @@
 """What was read over HTTP, kept in the user's cache folder; everything in it is verified again when it is used.
 
-Roots are kept by their address, all other files by their digest. The folder may be deleted at any time.
+Roots are kept by their address, all other files by their digest. The folder may be deleted at any time. Its size is
+bounded (:mod:`calibrary.registry.published.pruning`).
 """
 
 from __future__ import annotations
 
 import secrets
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -19,9 +21,13 @@ from calibrary.records import Record, from_json
 from calibrary.registry.published.layout import Sha256, document_bytes, sha256
 from calibrary.strictjson import parse_json
 
-__all__ = ["Cache", "CachedRoot"]
+__all__ = ["FILES", "ROOTS", "Cache", "CachedRoot", "cached_root"]
 
 LARGEST: Final = 16 << 20
+MOST_DOCUMENTS: Final = 2048
+"""Documents that a process keeps parsed; a part of the tree has some 25 kB."""
+ROOTS, FILES = "roots", "files"
+"""Folders of the cache."""
 
 
 class CachedRoot(Record, tag_field="schema", tag="calibrary/cached-root-1"):
@@ -44,29 +50,30 @@ class CachedRoot(Record, tag_field="schema", tag="calibrary/cached-root-1"):
     signature: str | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Cache:
     """A folder of files that were read.
 
     Attributes:
         folder: made when something is first put there. If that fails, the next run only takes longer.
+        documents: what was parsed of files in this process, by their digests.
+        written: bytes that this process has put there since the folder was last pruned.
     """
 
     folder: Path
+    documents: dict[str, Record] = field(default_factory=dict, compare=False, repr=False)
+    written: int | None = field(default=None, compare=False, repr=False)
 
     @classmethod
     def of_user(cls) -> Cache:
-        """The one in the user's cache folder."""
-        return cls(user_cache_path("calibrary", appauthor=False) / "published")
+        """The one in the user's cache folder, the same for all of a process."""
+        return _shared(user_cache_path("calibrary", appauthor=False) / "published")
 
     def root(self, url: str) -> CachedRoot | None:
         """The root that was last read from an address; None where there is none that is whole."""
         file = self._root_file(url)
-        try:
-            found = from_json(CachedRoot, parse_json(_read(file), source=file.name), source=file.name)
-        except (OSError, ParseError):
-            return None
-        return found if found.url == url and sha256(found.text.encode()) == found.sha256 else None
+        found = cached_root(file)
+        return found if found is not None and found.url == url else None
 
     def keep_root(self, root: CachedRoot) -> None:
         """Keep a root in the place of the one before."""
@@ -80,15 +87,39 @@ class Cache:
             return None
         return data if sha256(data) == digest else None
 
-    def keep(self, data: bytes) -> None:
-        """Keep a file by its digest."""
-        _write(self._file(sha256(data)), data)
+    def keep(self, data: bytes, digest: str) -> None:
+        """Keep a file by its digest; from time to time that means that others go."""
+        _write(self._file(digest), data)
+        # Few runs have anything to write, and each of them would only look through all files.
+        from calibrary.registry.published.pruning import prune_if_due  # noqa: PLC0415  the reason above
+
+        self.written = prune_if_due(self.folder, self.written, len(data))
+
+    def remember(self, digest: str, document: Record) -> None:
+        """Keep what was parsed of a file for this process."""
+        if len(self.documents) >= MOST_DOCUMENTS:
+            self.documents.clear()
+        self.documents[digest] = document
 
     def _root_file(self, url: str) -> Path:
-        return self.folder / "roots" / f"{sha256(url.encode('utf-8', 'surrogatepass'))[:32]}.json"
+        return self.folder / ROOTS / f"{sha256(url.encode('utf-8', 'surrogatepass'))[:32]}.json"
 
     def _file(self, digest: str) -> Path:
-        return self.folder / "files" / digest[:2] / digest
+        return self.folder / FILES / digest[:2] / digest
+
+
+@cache
+def _shared(folder: Path) -> Cache:
+    return Cache(folder)
+
+
+def cached_root(file: Path) -> CachedRoot | None:
+    """The root in a file of the cache; None where it is not whole."""
+    try:
+        found = from_json(CachedRoot, parse_json(_read(file), source=file.name), source=file.name)
+    except (OSError, ParseError):
+        return None
+    return found if sha256(found.text.encode()) == found.sha256 else None
 
 
 def _read(file: Path) -> bytes:
@@ -100,9 +131,13 @@ def _write(file: Path, data: bytes) -> None:
     """Write a file whole, or not at all; that it outlives a loss of power takes no waiting, as it is verified again."""
     temporary = file.with_name(f".{file.name[:40]}.{secrets.token_hex(4)}")
     with suppress(OSError):
-        file.parent.mkdir(parents=True, exist_ok=True)
         try:
-            temporary.write_bytes(data)
+            try:
+                temporary.write_bytes(data)
+            except FileNotFoundError:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                temporary.write_bytes(data)
             temporary.replace(file)
-        finally:
+        except OSError:
             temporary.unlink(missing_ok=True)
+            raise

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import atexit
 import time
 from dataclasses import dataclass
 from functools import cache
-from http.client import HTTPException, HTTPResponse
 from importlib.metadata import version
-from typing import IO, TYPE_CHECKING, Any, Final
-from urllib.error import HTTPError, URLError
-from urllib.parse import urlsplit
+from typing import TYPE_CHECKING, Final
+from urllib.parse import urljoin, urlsplit
 
 from calibrary.errors import RegistryError
 from calibrary.registry.published.address import is_loopback, reason_against
 
 if TYPE_CHECKING:
-    from http.client import HTTPMessage
-    from urllib.request import OpenerDirector, Request
+    from http.client import HTTPResponse
+
+    from calibrary.registry.published.connections import Connections
 
 __all__ = ["FetchError", "Fetched", "fetch"]
 
@@ -25,6 +25,10 @@ TIMEOUT_S: Final = 10.0
 LONGEST_S: Final = 60.0
 """For a whole file."""
 CHUNK: Final = 1 << 16
+SUCCESS: Final = range(200, 300)
+NOT_MODIFIED: Final = 304
+REDIRECTS: Final = frozenset({301, 302, 303, 307, 308})
+MOST_REDIRECTS: Final = 5
 TEMPORARY: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
 
 
@@ -67,10 +71,11 @@ def fetch(url: str, *, most: int, etag: str | None = None, fresh: bool = False) 
     Raises:
         FetchError: it did not arrive, or not whole.
     """
-    from urllib.request import Request  # noqa: PLC0415  takes 20 ms to load, and most registries are folders
+    # Takes 20 ms to load, and most registries are folders.
+    from http.client import HTTPException  # noqa: PLC0415  the reason above
 
     headers = {
-        "User-Agent": f"calibrary/{version('calibrary')}",
+        "User-Agent": _agent(),
         "Accept": "application/json, */*;q=0.1",
         # A length that is announced is then the length of what is read.
         "Accept-Encoding": "identity",
@@ -79,22 +84,47 @@ def fetch(url: str, *, most: int, etag: str | None = None, fresh: bool = False) 
         headers["If-None-Match"] = etag
     if fresh:
         headers["Cache-Control"] = "no-cache"
-    request = Request(url, headers=headers)  # noqa: S310  the opener knows no other scheme
+    at = url
     try:
-        opener = _opener(is_direct=is_loopback(urlsplit(url).hostname or ""))
-        with opener.open(request, timeout=TIMEOUT_S) as answer:
-            return Fetched(data=_body(answer, url, most), etag=answer.headers.get("ETag"))
-    except HTTPError as error:
-        with error:
-            if error.code == 304:
-                return Fetched(data=None, etag=etag)
-            raise FetchError(
-                f"{url}: the server answers {error.code} {error.reason}".rstrip(),
-                is_temporary=error.code in TEMPORARY,
-                status=error.code,
-            ) from None
-    except (URLError, HTTPException, OSError, ValueError) as error:
+        for _ in range(MOST_REDIRECTS + 1):
+            direct = is_loopback(urlsplit(at).hostname or "")
+            with _connections().answer(at, headers, direct=direct, timeout_s=TIMEOUT_S) as answer:
+                if answer.status not in REDIRECTS:
+                    return _fetched(url, answer, most, etag)
+                at = _followed(at, answer)
+    except (HTTPException, OSError, ValueError) as error:
         raise FetchError(f"{url}: cannot be reached: {_worded(error)}", is_temporary=True) from None
+    raise FetchError(
+        f"{url}: redirects ({answer.status}) more than {MOST_REDIRECTS} times", is_temporary=False
+    )
+
+
+def _fetched(url: str, answer: HTTPResponse, most: int, etag: str | None) -> Fetched:
+    if answer.status in SUCCESS:
+        return Fetched(data=_body(answer, url, most), etag=answer.headers.get("ETag"))
+    if answer.status == NOT_MODIFIED and etag is not None:
+        return Fetched(data=None, etag=etag)
+    raise FetchError(
+        f"{url}: the server answers {answer.status} {answer.reason}".rstrip(),
+        is_temporary=answer.status in TEMPORARY,
+        status=answer.status,
+    )
+
+
+def _followed(url: str, answer: HTTPResponse) -> str:
+    """The address that a server redirects to.
+
+    Raises:
+        FetchError: it is of another scheme, or of a plain connection to another machine.
+    """
+    target = urljoin(url, answer.headers.get("Location", ""))
+    before, after = urlsplit(url).scheme, urlsplit(target).scheme
+    reason = f"from {before}: to {after}:" if after != before else reason_against(target)
+    if reason is not None:
+        raise FetchError(
+            f"{url}: redirects to {target:.200}, which is not followed: {reason}", is_temporary=False
+        )
+    return target
 
 
 def _body(answer: HTTPResponse, url: str, most: int) -> bytes:
@@ -118,44 +148,22 @@ def _body(answer: HTTPResponse, url: str, most: int) -> bytes:
 
 
 def _worded(error: Exception) -> str:
-    reason = error.reason if isinstance(error, URLError) else error
-    if isinstance(reason, TimeoutError):
+    if isinstance(error, TimeoutError):
         return f"no answer within {TIMEOUT_S:g} s"
-    if isinstance(reason, OSError) and reason.strerror:
-        return reason.strerror
-    return str(reason) or type(reason).__name__
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return str(error) or type(error).__name__
 
 
 @cache
-def _opener(*, is_direct: bool) -> OpenerDirector:
-    """What opens http and https alone, through the proxy that the environment names; files and FTP it does not know."""
-    from urllib import request as urllib  # noqa: PLC0415  as in fetch
+def _agent() -> str:
+    return f"calibrary/{version('calibrary')}"
 
-    class SameScheme(urllib.HTTPRedirectHandler):
-        """Follows few redirects, none of them to another scheme or to a plain connection elsewhere."""
 
-        max_redirections = 5
+@cache
+def _connections() -> Connections:
+    from calibrary.registry.published.connections import Connections  # noqa: PLC0415  loads http.client
 
-        def redirect_request(
-            self, req: Request, fp: IO[bytes], code: int, msg: str, headers: HTTPMessage, newurl: str
-        ) -> Any:
-            before, after = urlsplit(req.full_url).scheme, urlsplit(newurl).scheme
-            reason = f"from {before}: to {after}:" if after != before else reason_against(newurl)
-            if reason is not None:
-                raise FetchError(
-                    f"{req.full_url}: redirects to {newurl:.200}, which is not followed: {reason}",
-                    is_temporary=False,
-                )
-            return super().redirect_request(req, fp, code, msg, headers, newurl)
-
-    opener = urllib.OpenerDirector()
-    for handler in (
-        urllib.ProxyHandler({} if is_direct else None),
-        urllib.HTTPHandler(),
-        urllib.HTTPSHandler(),
-        SameScheme(),
-        urllib.HTTPErrorProcessor(),
-        urllib.HTTPDefaultErrorHandler(),
-    ):
-        opener.add_handler(handler)
-    return opener
+    found = Connections()
+    atexit.register(found.close)
+    return found

@@ -17,6 +17,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final, TypeVar
 
+import msgspec
+
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import Record, from_json, replace
@@ -55,6 +57,8 @@ PAUSES_S: Final = (0.0, 0.2, 0.6)
 """Before a file that does not fit the root is read again."""
 GONE: Final = frozenset({404, 410})
 MOST_ALIASES: Final = 32
+MOST_INDEXES: Final = 4096
+"""Cameras whose entries are kept parsed."""
 AT_ONCE: Final = 8
 """Files that are read at the same time."""
 
@@ -117,6 +121,8 @@ class Published:
         name = (match_key(key.make), match_key(key.model), match_key(key.serial or ""))
         found = self._indexes.get(name)
         if found is None:
+            if len(self._indexes) >= MOST_INDEXES:
+                self._indexes.clear()
             found = self._indexes[name] = self._settled(partial(self._index, key))
         return found
 
@@ -153,26 +159,34 @@ class Published:
         return None
 
     def _document(self, kind: type[Kind], path: str, digest: str, most: int) -> Kind:
-        return _record(kind, self._file(path, digest, most), f"{self.url}{path}")
+        """A part of the tree or a camera file: parsed once in a process, whoever asks."""
+        found = self._cache.documents.get(digest)
+        if not isinstance(found, kind):
+            data = self._cache.get(digest) or self._fetched(path, digest, most)
+            found = _verified_record(kind, data, f"{self.url}{path}")
+            self._cache.remember(digest, found)
+        return found
 
     def _entries(self, digests: Sequence[str]) -> dict[str, bytes]:
-        """Entries' files by their digests, several at a time."""
-        wanted = list(dict.fromkeys(digests))
-        if len(wanted) <= 1:
-            return {digest: self._file(entry_path(digest), digest, LARGEST_ENTRY) for digest in wanted}
+        """Entries' files by their digests; several at a time are read from the server."""
+        kept = {digest: self._cache.get(digest) for digest in dict.fromkeys(digests)}
+        found = {digest: data for digest, data in kept.items() if data is not None}
+        missing = [digest for digest in kept if digest not in found]
+        fetched = partial(self._fetched, most=LARGEST_ENTRY)
+        if len(missing) <= 1:
+            return found | {digest: fetched(entry_path(digest), digest) for digest in missing}
         with ThreadPoolExecutor(max_workers=AT_ONCE) as pool:
-            files = pool.map(lambda digest: self._file(entry_path(digest), digest, LARGEST_ENTRY), wanted)
-            return dict(zip(wanted, files, strict=True))
+            return found | dict(
+                zip(missing, pool.map(fetched, map(entry_path, missing), missing), strict=True)
+            )
 
-    def _file(self, path: str, digest: str, most: int) -> bytes:
-        """A file by its digest: from the cache, else from the server.
+    def _fetched(self, path: str, digest: str, most: int) -> bytes:
+        """A file from the server, verified, and from now on in the cache.
 
         Raises:
             _StaleError: the server has another one.
             RegistryError: it cannot be reached.
         """
-        if (data := self._cache.get(digest)) is not None:
-            return data
         try:
             data = fetch(f"{self.url}{path}", most=most, fresh=self._is_retry).data or b""
         except FetchError as error:
@@ -182,7 +196,7 @@ class Published:
             raise RegistryError(f"{error}{hint}") from None
         if sha256(data) != digest:
             raise _StaleError(f"{self.url}{path}: is not the file that {ROOT_FILE} vouches for")
-        self._cache.keep(data)
+        self._cache.keep(data, digest)
         return data
 
     def _settled(self, work: Callable[[], Found]) -> Found:
@@ -298,6 +312,14 @@ def _record(kind: type[Kind], data: bytes, source: str) -> Kind:
         return from_json(kind, parse_json(data, source=source), source=source)
     except InputError as error:
         raise RegistryError(str(error)) from None
+
+
+def _verified_record(kind: type[Kind], data: bytes, source: str) -> Kind:
+    """The same of a file that the root vouches for, read in one step; the slower one says what is wrong with it."""
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except (msgspec.MsgspecError, UnicodeDecodeError):
+        return _record(kind, data, source)
 
 
 def _root_text(url: str, data: bytes) -> str:

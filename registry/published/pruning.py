@@ -1,0 +1,145 @@
+"""What of the cache goes, so that its size stays bounded: files that no kept root leads to, the oldest first.
+
+What the last root of a registry leads to stays, however much that is: a person who is offline resolves from it.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from calibrary.errors import CalibraryError
+from calibrary.records import from_json
+from calibrary.registry.published.cache import FILES, ROOTS, cached_root
+from calibrary.registry.published.layout import PublishedCamera, PublishedRegistry, PublishedTree, sha256
+
+__all__ = ["CACHE_MIB", "prune", "prune_if_due"]
+
+CACHE_MIB: Final = "CALIBRARY_CACHE_MIB"
+"""The variable that says how large the cache of published registries may grow, in MiB."""
+USUAL_MIB: Final = 256
+LONGEST_S: Final = 30 * 86_400
+"""For which a file stays that no root leads to any more."""
+LONGEST_UNREAD_S: Final = 365 * 86_400
+"""For which a root stays that is not read; the newest of all stays for ever."""
+EVERY_S: Final = 86_400
+STAMP: Final = "pruned"
+OFTEN: Final = 16
+"""A process looks again when it has written this part of the bound."""
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    path: Path
+    size: int
+    time_s: float
+
+
+def prune_if_due(folder: Path, written: int | None, more: int) -> int:
+    """Prune where it was not done for a day, or much was written since; the bytes written since it was done.
+
+    Args:
+        folder: of the cache.
+        written: by this process since; None where it has not written yet.
+        more: bytes that it has just written.
+    """
+    total = (written or 0) + more
+    if total <= _limit() // OFTEN and (written is not None or time.time() - _time(folder / STAMP) <= EVERY_S):
+        return total
+    prune(folder)
+    return 0
+
+
+def prune(folder: Path, *, limit: int | None = None) -> int:
+    """Remove what is old or too much; how many files.
+
+    Args:
+        folder: of the cache.
+        limit: bytes; by $CALIBRARY_CACHE_MIB when left out.
+    """
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / STAMP).touch()
+    now = time.time()
+    files = {one.path.name: one for one in _below(folder / FILES)}
+    needed = _needed(folder / ROOTS, files, now)
+    loose = sorted((one for name, one in files.items() if name not in needed), key=lambda one: one.time_s)
+    total, removed = sum(one.size for one in files.values()), 0
+    for one in loose:
+        if now - one.time_s <= LONGEST_S and total <= (_limit() if limit is None else limit):
+            break
+        with suppress(OSError):
+            one.path.unlink()
+            total -= one.size
+            removed += 1
+    return removed
+
+
+def _needed(roots: Path, files: Mapping[str, _File], now: float) -> set[str]:
+    """The digests of files that kept roots lead to; a root that was not read for a long time goes."""
+    found = [(cached_root(one.path), one) for one in _below(roots)]
+    newest = max((root.read for root, _ in found if root is not None), default=None)
+    needed: set[str] = set()
+    for root, file in found:
+        is_kept = root is not None and root.read == newest
+        if not is_kept and now - file.time_s > LONGEST_UNREAD_S:
+            with suppress(OSError):
+                file.path.unlink()
+        elif root is not None:
+            with suppress(msgspec.MsgspecError, CalibraryError):
+                state = from_json(PublishedRegistry, msgspec.json.decode(root.text))
+                needed.update(_led_to(state.tree, state.depth, files))
+    return needed
+
+
+def _led_to(tree: Mapping[str, str], depth: int, files: Mapping[str, _File]) -> Iterator[str]:
+    """Of the files that are here, those that a part of the tree leads to."""
+    for digest in tree.values():
+        data = _content(files.get(digest))
+        if data is None:
+            continue
+        yield digest
+        with suppress(msgspec.MsgspecError, CalibraryError):
+            if depth:
+                yield from _led_to(msgspec.json.decode(data, type=PublishedTree).tree, depth - 1, files)
+                continue
+            for row in msgspec.json.decode(data, type=PublishedCamera).entries:
+                yield from (row.sha256, *(one.sha256 for one in row.earlier))
+
+
+def _content(file: _File | None) -> bytes | None:
+    if file is None:
+        return None
+    try:
+        data = file.path.read_bytes()
+    except OSError:
+        return None
+    return data if sha256(data) == file.path.name else None
+
+
+def _below(folder: Path) -> Iterator[_File]:
+    for at, _, names in os.walk(folder):
+        for name in names:
+            path = Path(at, name)
+            with suppress(OSError):
+                found = path.stat()
+                yield _File(path, found.st_size, found.st_mtime)
+
+
+def _time(file: Path) -> float:
+    try:
+        return file.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _limit() -> int:
+    stated = os.environ.get(CACHE_MIB, "")
+    return (int(stated) if stated.isdecimal() else USUAL_MIB) << 20
