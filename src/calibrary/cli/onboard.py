@@ -292,7 +292,9 @@ def _show_written(screen: Screen, done: Onboarding, written: Mapping[str, Writte
         if entry is not None and one_outcome.decision.value == "draft proposed":
             # A draft lies in proposals/, at the path that the entry will have in cameras/.
             file = f"/{entry.id}.yaml"
-            branch = next(name for name in written if any(path.endswith(file) for path in written[name].paths))
+            branch = next(
+                name for name in written if any(path.endswith(file) for path in written[name].paths)
+            )
             _say(screen, f"look at it: calibrary registry show {entry.id}@{branch}")
 
 
