@@ -159,7 +159,8 @@ class ReadContext:
             InputError: they differ; a calibration is read in its own frame and scaled afterwards.
         """
         given = self.image_size
-        if found is None and given is None:
+        size = found or given
+        if size is None:
             raise MissingSizeError(
                 "the file does not state its image size; give it with --image-size WxH, or take twice the principal "
                 "point with --size-from-centre",
@@ -171,8 +172,6 @@ class ReadContext:
                 "leave it out, and scale the calibration once it is read",
                 source=self.name,
             )
-        size = found or given
-        assert size is not None  # noqa: S101  narrows the type; both None was refused above
         return size
 
     def provenance(

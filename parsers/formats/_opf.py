@@ -24,7 +24,7 @@ from collections.abc import Mapping
 
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, FisheyePolynomial, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content
@@ -173,8 +173,7 @@ def internals(K: Intrinsics, distortion: Distortion | None) -> dict[str, Json]:
             "polynomial": [*polynomial, k4 * RIGHT_ANGLE**3] if k4 else polynomial,
             "is_p0_zero": True,
         }
-    brown = exact(distortion or NoDistortion(), BrownConrady)
-    assert isinstance(brown, BrownConrady)  # noqa: S101  the capacity lets nothing else through
+    brown = required(distortion, BrownConrady)
     return {
         "type": "perspective",
         **centre,

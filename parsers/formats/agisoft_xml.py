@@ -40,7 +40,7 @@ from xml.sax.saxutils import escape
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, ThinPrismFisheye
 from calibrary.distortion.equidistant import EquidistantDistortion, PlanarPolynomial
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import required
 from calibrary.distortion.metashape import MetashapeFrame
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -179,8 +179,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     if isinstance(distortion, KannalaBrandt | MetashapeFisheye):
         projection, coefficients = "fisheye", distortion.coefficients
     else:
-        frame = exact(distortion or NoDistortion(), MetashapeFrame)
-        assert frame is not None  # noqa: S101  CAPACITY lets nothing else through
+        frame = required(distortion, MetashapeFrame)
         projection, coefficients = "frame", frame.coefficients
         coefficients = {
             name: value for name, value in coefficients.items() if value or name not in {"k4", "p3", "p4"}

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import required
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -79,8 +79,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     """Two lines; the count of iterations that stands last is not a part of the camera."""
     [calibration] = calibrations
     native = CONVENTION.native(calibration.intrinsics)
-    lens = exact(calibration.distortion or NoDistortion(), BrownConrady)
-    assert isinstance(lens, BrownConrady)  # noqa: S101  CAPACITY lets nothing else through
+    lens = required(calibration.distortion, BrownConrady)
     coefficients = (lens.k1, lens.k2, lens.p1, lens.p2, lens.k3, 0.0)
     iterations = dict(calibration.extras).get(ITERATIONS, str(MOST_ITERATIONS if any(coefficients) else 0))
     numbers = (native.cx, native.cy, native.fx, native.fy, *coefficients)

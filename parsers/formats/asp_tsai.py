@@ -47,7 +47,7 @@ from calibrary.distortion import (
     NoDistortion,
     OffCentreBrown,
 )
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import exact, required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -176,8 +176,7 @@ def _lens_rows(distortion: Distortion) -> tuple[str, dict[str, float]]:
         return "FISHEYE", distortion.coefficients
     if isinstance(distortion, FieldOfView):
         return "FOV", {"k1": distortion.omega}
-    brown = exact(distortion, BrownConrady)
-    assert brown is not None  # noqa: S101  CAPACITY lets nothing else through
+    brown = required(distortion, BrownConrady)
     return "TSAI", {name: brown.coefficients[name] for name in ("k1", "k2", "k3", "p1", "p2")}
 
 

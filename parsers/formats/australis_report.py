@@ -37,7 +37,7 @@ from dataclasses import dataclass, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Quality
 from calibrary.distortion import Australis, Distortion, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import required
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -222,8 +222,7 @@ def _distortion(values: dict[str, float]) -> Distortion:
 
 
 def _lens_rows(distortion: Distortion | None, focal: float) -> dict[str, float]:
-    lens = exact(distortion or NoDistortion(), Australis)
-    assert isinstance(lens, Australis)  # noqa: S101  CAPACITY lets nothing else through
+    lens = required(distortion, Australis)
     k1, k2, k3 = per_length((lens.k1, lens.k2, lens.k3), focal)
     P1, P2 = CONVENTION.tangential_to_file(lens.p1, lens.p2)
     return {"K1": k1, "K2": k2, "K3": k3, "P1": P1 / focal, "P2": P2 / focal, "B1": lens.b1, "B2": -lens.b2}

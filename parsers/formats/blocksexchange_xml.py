@@ -31,7 +31,7 @@ from xml.sax.saxutils import escape
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import required
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -140,8 +140,7 @@ def _photogroup(calibration: Calibration, number: int) -> str:
         f"<PrincipalPoint><x>{native.cx!r}</x><y>{native.cy!r}</y></PrincipalPoint>",
     ]
     if calibration.distortion is not None:
-        lens = exact(calibration.distortion, BrownConrady)
-        assert isinstance(lens, BrownConrady)  # noqa: S101  CAPACITY lets nothing else through
+        lens = required(calibration.distortion, BrownConrady)
         values = (lens.k1, lens.k2, lens.k3, *CONVENTION.tangential_to_file(lens.p1, lens.p2))
         terms = "".join(
             f"<{name}>{value!r}</{name}>" for name, value in zip(CONVENTION.coefficients, values, strict=True)

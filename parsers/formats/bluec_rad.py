@@ -27,7 +27,7 @@ from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -93,8 +93,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     """The lines in the places where the programs look for them."""
     [calibration] = calibrations
     native = CONVENTION.native(calibration.intrinsics)
-    lens = exact(calibration.distortion or NoDistortion(), BrownWithoutK3)
-    assert lens is not None  # noqa: S101  CAPACITY lets nothing else through
+    lens = required(calibration.distortion, BrownWithoutK3)
     K = (native.fx, 0.0, native.cx, 0.0, native.fy, native.cy, 0.0, 0.0, 1.0)
     rows = [f"{name} = {value!r}" for name, value in zip(MATRIX, K, strict=True)]
     rows += ["", *(f"{n} = {v!r}" for n, v in zip(COEFFICIENTS, lens.coefficients.values(), strict=True)), ""]

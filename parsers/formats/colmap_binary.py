@@ -83,7 +83,8 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     parts = [COUNT.pack(len(calibrations))]
     for number, camera in records(calibrations):
         model = model_named(camera.model)
-        assert model is not None  # noqa: S101  the name is from the same table
+        if model is None:
+            raise UnsupportedModelError(f"COLMAP has no model {camera.model}")
         parts.append(HEAD.pack(number, model.number, camera.width, camera.height))
         parts.append(struct.pack(f"<{model.count}d", *camera.params))
     return b"".join(parts)

@@ -37,7 +37,7 @@ from xml.sax.saxutils import escape
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, Distortion, InverseBrown, NoDistortion, OffCentreBrown
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import exact, required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -113,8 +113,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     native = CONVENTION.native(calibration.intrinsics)
     lens = calibration.distortion or NoDistortion()
     convention = C2M if isinstance(lens, InverseBrown) else M2C
-    full = exact(lens, MODELS[convention])
-    assert full is not None  # noqa: S101  CAPACITY lets nothing else through
+    full = required(lens, MODELS[convention])
     width, height = calibration.intrinsics.image_size
     rows = [
         ("KnownConv", convention),

@@ -28,7 +28,7 @@ from collections.abc import Sequence
 
 from calibrary.calibration import ASPECT_TOLERANCE, Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -94,8 +94,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     sensor = _sensor_of(calibration)
     width, height = calibration.intrinsics.image_size
     native = CONVENTION.native(calibration.intrinsics, sensor_mm=(sensor[0], sensor[0] * height / width))
-    brown = exact(calibration.distortion or NoDistortion(), BrownConrady)
-    assert isinstance(brown, BrownConrady)  # noqa: S101  CAPACITY lets nothing else through
+    brown = required(calibration.distortion, BrownConrady)
     rows = (
         "Pix4D camera calibration file 0",
         f"#Focal Length mm assuming a sensor width of {sensor[0]!r}x{sensor[1]!r}mm",

@@ -70,20 +70,22 @@ def sniff(content: Content) -> Sniff | None:
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, by its serial."""
     root = parse_xml(data, source=context.name, max_bytes=MAX_BYTES)
-    found = [element for element in root.iter("camera") if element.find("intrinsic") is not None]
+    found = [(each, lens) for each in root.iter("camera") if (lens := each.find("intrinsic")) is not None]
     if len(found) > MAX_CAMERAS:
         raise ParseError(f"{len(found)} cameras, expected at most {MAX_CAMERAS}")
-    names = [element.get("serial", "") or f"camera {index}" for index, element in enumerate(found)]
+    names = [element.get("serial", "") or f"camera {index}" for index, (element, _) in enumerate(found)]
     if len(set(names)) != len(names):
         raise ParseError("two cameras have the same serial")
     several = len(found) > 1
-    return [_camera(e, context, name, several=several) for e, name in zip(found, names, strict=True)]
+    return [
+        _camera(element, lens, context, name, several=several)
+        for (element, lens), name in zip(found, names, strict=True)
+    ]
 
 
-def _camera(element: _Element, context: ReadContext, name: str, *, several: bool) -> Calibration:
-    intrinsic = element.find("intrinsic")
-    assert intrinsic is not None  # noqa: S101  cameras without one were left out
-
+def _camera(
+    element: _Element, intrinsic: _Element, context: ReadContext, name: str, *, several: bool
+) -> Calibration:
     def number(key: str) -> float:
         return strict.number(intrinsic.get(key, ""), place=f"{name}, {key}")
 

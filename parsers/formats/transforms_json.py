@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import required
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -288,8 +288,7 @@ def _written(calibration: Calibration) -> dict[str, Writable]:
     lens = calibration.distortion
     if isinstance(lens, KannalaBrandt):
         return {**numbers, **lens.coefficients}
-    brown = exact(lens or NoDistortion(), BrownConrady)
-    assert brown is not None  # noqa: S101  the capacity lets nothing else through
+    brown = required(lens, BrownConrady)
     coefficients = {name: value for name, value in brown.coefficients.items() if value or name != "k3"}
     return {**numbers, **coefficients}
 

@@ -21,7 +21,7 @@ from calibrary.distortion import (
     ThinPrism,
     Tilted,
 )
-from calibrary.distortion.equivalence import exact
+from calibrary.distortion.equivalence import exact, required
 from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.fit import adapt, compare, refit
@@ -48,6 +48,14 @@ def test_a_plainer_model_holds_a_richer_one_whose_own_terms_are_zero() -> None:
     zeros = dict.fromkeys(Tilted.names(), 0.0) | {"k1": -0.1}
     assert exact(Tilted(**zeros), BrownConrady) == BrownConrady(k1=-0.1, k2=0.0, p1=0.0, p2=0.0)
     assert exact(Tilted(**zeros | {"tau_x": 0.01}), ThinPrism) is None
+
+
+def test_a_writer_gets_the_model_it_needs_or_an_error() -> None:
+    for unbent in (None, NoDistortion()):
+        assert set(required(unbent, Rational).coefficients.values()) == {0.0}
+    assert required(RATIONAL, Rational) is RATIONAL
+    with pytest.raises(UnsupportedModelError, match="Rational cannot be written as BrownConrady"):
+        required(RATIONAL, BrownConrady)
 
 
 def test_metashapes_lens_reaches_opencvs_models_through_browns() -> None:

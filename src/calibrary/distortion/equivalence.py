@@ -6,11 +6,14 @@ What has no closed form here is fitted, and measured, by :mod:`calibrary.parsers
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational, ThinPrism, Tilted
+from calibrary.errors import UnsupportedModelError
 
-__all__ = ["Convertible", "exact"]
+__all__ = ["Convertible", "exact", "required"]
+
+Model = TypeVar("Model", bound=Distortion)
 
 NESTED: tuple[type[Distortion], ...] = (NoDistortion, BrownConrady, Rational, ThinPrism, Tilted)
 """OpenCV's perspective models: each holds the ones before it, coefficient by coefficient of the same name."""
@@ -32,15 +35,28 @@ class Convertible(Protocol):
         ...
 
 
-def exact(distortion: Distortion, target: type[Distortion]) -> Distortion | None:
+def required(distortion: Distortion | None, target: type[Model]) -> Model:
+    """The same map in the model ``target``, as a writer needs it; an unknown lens is written as having none.
+
+    Raises:
+        UnsupportedModelError: that model has no exact place for it: the format's capacity should have excluded it.
+    """
+    lens = distortion or NoDistortion()
+    found = exact(lens, target)
+    if found is None:
+        raise UnsupportedModelError(f"{type(lens).__name__} cannot be written as {target.__name__}")
+    return found
+
+
+def exact(distortion: Distortion, target: type[Model]) -> Model | None:
     """The same map in the model ``target``, None when that has no exact place for it."""
     for same in _equals(distortion, (target,)):
-        if type(same) is target:
+        if isinstance(same, target) and type(same) is target:
             return same
     if issubclass(target, Convertible):
         for same in _equals(distortion):
             converted = target.from_equivalent(same)
-            if converted is not None:
+            if isinstance(converted, target):
                 return converted
     return None
 

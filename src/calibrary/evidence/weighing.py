@@ -27,8 +27,9 @@ def weigh(
     stale = _stale_focal_plane(estimates)
     kept = [one for one in estimates if one is not stale]
     dropped: tuple[Dropped, ...] = ()
-    if stale is not None and scene.listed is not None:
-        found = _width_mm(scene.metadata, stale)
+    focal_mm = scene.metadata.focal_mm
+    if stale is not None and scene.listed is not None and focal_mm is not None:
+        found = _width_mm(focal_mm, scene.metadata, stale)
         reason = (
             f"would be a sensor {found:.2f} mm wide, and {scene.listed.source} list {scene.listed.mm:g} mm: "
             f"assumed that {RESIZED}, and the tag kept"
@@ -64,7 +65,6 @@ def _agree(one: SourceEstimate, other: SourceEstimate, within: float) -> bool:
     return abs(one.intrinsics.fx / other.intrinsics.fx - 1.0) <= within
 
 
-def _width_mm(metadata: ImageMetadata, estimate: SourceEstimate) -> float:
-    assert metadata.focal_mm is not None  # noqa: S101  an estimate by the focal plane has one
+def _width_mm(focal_mm: float, metadata: ImageMetadata, estimate: SourceEstimate) -> float:
     scale = max(files_frame(metadata)) / max(metadata.size)
-    return metadata.focal_mm * max(files_frame(metadata)) / (estimate.intrinsics.fx * scale)
+    return focal_mm * max(files_frame(metadata)) / (estimate.intrinsics.fx * scale)

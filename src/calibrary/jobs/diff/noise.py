@@ -148,7 +148,7 @@ def significance(
     whitening = _whitening(difference.noise)
     z = np.linalg.norm(np.einsum("rcij,rcj->rci", whitening, np.nan_to_num(difference.vectors)), axis=-1)
     z = np.where(difference.region, z, 0.0)
-    tail = _tail(difference, whitening)
+    tail = _tail(whitening @ difference.noise, difference.region)
     large: BoolArray = np.asarray(difference.region & (np.nan_to_num(difference.lengths_px) >= matters_px))
     by_pixel = min(1.0, tail * _rayleigh(float(z.max(initial=0.0))))
     of_large = min(1.0, tail * _rayleigh(float(z[large].max(initial=0.0))))
@@ -172,17 +172,16 @@ def _whitening(noise: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
 
 
-def _tail(difference: ProjectionDifference, whitening: FloatArray) -> float:
+def _tail(whitened: FloatArray, region: BoolArray) -> float:
     """How many times likelier the maximum over all pixels exceeds a large z than one pixel does.
 
     Drawn, at the z that the maximum exceeds with a chance of 1 %; the ratio hardly changes beyond.
     """
-    assert difference.noise is not None  # noqa: S101 — only called where it is known
     rows = (slice(None, None, EVERY), slice(None, None, EVERY))
-    inside = difference.region[rows]
+    inside = region[rows]
     if not inside.any():
         return 1.0
-    noise = (whitening @ difference.noise)[rows][inside]
+    noise = whitened[rows][inside]
     draws = np.random.default_rng(0).standard_normal((noise.shape[-1], DRAWS))
     fields = (noise.reshape(-1, noise.shape[-1]) @ draws).reshape(len(noise), 2, DRAWS)
     z = float(np.quantile(np.sqrt((fields**2).sum(axis=1).max(axis=0)), 1 - TAIL))

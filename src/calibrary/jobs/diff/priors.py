@@ -129,15 +129,15 @@ def _prior(calibration: Calibration, names: tuple[str, ...]) -> FloatArray:
     C[:2, :2] = np.outer(f, f) * prior.focal**2
     C[1, 1] += (K.fy * prior.aspect) ** 2
     C[2, 2] = C[3, 3] = (K.image_size[0] * prior.centre) ** 2
-    for at, name in enumerate(names[4:], start=4):
-        C[at, at] = _lens_std(calibration, name, prior.lens) ** 2
+    # Only a lens has coefficients.
+    if calibration.distortion is not None:
+        for at, name in enumerate(names[4:], start=4):
+            C[at, at] = _lens_std(calibration, calibration.distortion, name, prior.lens) ** 2
     return C
 
 
-def _lens_std(calibration: Calibration, name: str, share: float) -> float:
+def _lens_std(calibration: Calibration, lens: Distortion, name: str, share: float) -> float:
     """The change of one coefficient that moves the frame's edge by a share of what all of them move it."""
-    lens = calibration.distortion
-    assert lens is not None  # noqa: S101 — only a lens has coefficients
     rays = _edge_rays(calibration)
     bend = _furthest(calibration.project(rays) - _pinhole(calibration, rays))
     value = lens.coefficients[name]

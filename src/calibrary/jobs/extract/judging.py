@@ -140,16 +140,15 @@ def _camera(
             no_k_remedy=remedy,
         )
     best = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
-    carriers = [one for one in with_k if one[1].chosen and one[1].chosen.rank[0] == best]
-    reference = min(carriers, key=lambda one: len(edits(one[0].metadata)))
-    key_with_firmware = _dated(key, [state for state, _ in heard])
-    calibration = _own(key_with_firmware, *reference)
-    assert calibration is not None  # noqa: S101  its evidence has a chosen estimate
+    dated = _dated(key, [state for state, _ in heard])
+    own = [_own(dated, *one) if one[1].chosen and one[1].chosen.rank[0] == best else None for one in heard]
+    carriers = [(one, made) for one, made in zip(heard, own, strict=True) if made is not None]
+    reference, calibration = min(carriers, key=lambda carrier: len(edits(carrier[0][0].metadata)))
     judged = tuple(
-        _judged(one, calibration if one is reference else _own(key_with_firmware, *one), policy, edited)
-        if one in carriers
+        _judged(one, made, policy, edited)
+        if made is not None
         else _inheriting(one, reference, calibration, policy, edited)
-        for one in heard
+        for one, made in zip(heard, own, strict=True)
     )
     chosen = next(one for one in judged if one.state is reference[0])
     spread = _spread([evidence.chosen for _, evidence in with_k if evidence.chosen], reference[1])
@@ -173,10 +172,8 @@ def _around(one: Heard, edited: dict[str, str]) -> Circumstances:
     return replace(around, edits=tuple(edited[edit] for edit in edits(state.metadata)))
 
 
-def _judged(
-    one: Heard, calibration: Calibration | None, policy: Policy, edited: dict[str, str]
-) -> JudgedState:
-    report = validate(calibration, policy, _around(one, edited)) if calibration is not None else None
+def _judged(one: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]) -> JudgedState:
+    report = validate(calibration, policy, _around(one, edited))
     return JudgedState(state=one[0], evidence=one[1], calibration=calibration, report=report)
 
 
@@ -268,20 +265,18 @@ def _changes(judged: Sequence[JudgedState], policy: Policy, *, one_unit: bool) -
 
     Where nothing proves one unit they may be of two; one K is right for the images of one of them only either way.
     """
-    groups: list[list[JudgedState]] = []
+    groups: list[tuple[Calibration, list[JudgedState]]] = []
     for one in judged:
         if one.calibration is None or one.calibration.grade not in MEASURED:
             continue
-        alike = next((g for g in groups if not _differ(g[0].calibration, one.calibration, policy)), None)
+        alike = next((states for made, states in groups if not _differ(made, one.calibration, policy)), None)
         if alike is None:
-            groups.append([one])
+            groups.append((one.calibration, [one]))
         else:
             alike.append(one)
     if len(groups) < 2:
         return
-    first, other = (group[0].calibration for group in groups[:2])
-    assert first is not None  # noqa: S101  groups are of calibrations
-    assert other is not None  # noqa: S101
+    (first, _), (other, _) = groups[:2]
     measured = other.intrinsics.fx / first.intrinsics.fx - 1.0
     what = "the calibration of one unit changed" if one_unit else "the calibration differs"
     more = f"; and {len(groups) - 2} more" if len(groups) > 2 else ""
@@ -290,15 +285,13 @@ def _changes(judged: Sequence[JudgedState], policy: Policy, *, one_unit: bool) -
         severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
         measured=measured,
         limit=policy.drift_focal,
-        message=f"{what} between {_called(groups[0])} and {_called(groups[1])}{more}: {measured:+.2%} of fx",
+        message=f"{what} between {_called(*groups[0])} and {_called(*groups[1])}{more}: {measured:+.2%} of fx",
         remedy="put the images of each into a separate folder; 'calibrary diff' compares the two",
     )
 
 
-def _called(group: Sequence[JudgedState]) -> str:
+def _called(calibration: Calibration, group: Sequence[JudgedState]) -> str:
     """A group by its firmware, its calibration's date and an image, as far as they are stated."""
-    calibration = group[0].calibration
-    assert calibration is not None  # noqa: S101  see _changes
     versions = dict.fromkeys(version for one in group if (version := firmware(one.state.metadata)))
     [first, *_] = group
     images = sum(one.state.count for one in group)
@@ -310,9 +303,7 @@ def _called(group: Sequence[JudgedState]) -> str:
     )
 
 
-def _differ(one: Calibration | None, other: Calibration | None, policy: Policy) -> bool:
-    assert one is not None  # noqa: S101  see _changes
-    assert other is not None  # noqa: S101
+def _differ(one: Calibration, other: Calibration, policy: Policy) -> bool:
     a, b = one.intrinsics, other.intrinsics
     moved = max(abs(getattr(a, name) - getattr(b, name)) for name in ("fx", "fy", "cx", "cy"))
     if moved > policy.drift_focal * a.fx:

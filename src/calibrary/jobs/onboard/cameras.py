@@ -10,7 +10,7 @@ from typing import Final
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize, same_aspect
-from calibrary.errors import InputError, MissingTagError
+from calibrary.errors import InputError, MissingSizeError, MissingTagError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.judging import judge
@@ -69,8 +69,13 @@ class PayloadCamera:
 
     @property
     def size(self) -> ImageSize:
-        """(width, height) px of its images, or of its calibration."""
-        assert self.key.image_size is not None  # noqa: S101  every camera has one
+        """(width, height) px of its images, or of its calibration.
+
+        Raises:
+            MissingSizeError: neither states one.
+        """
+        if self.key.image_size is None:
+            raise MissingSizeError(f"{self.key} states no image size")
         return self.key.image_size
 
 

@@ -81,12 +81,14 @@ class EstimateComparison:
 
     Attributes:
         chosen: the estimate whose K is proposed.
+        calibration: that K.
         others: all other estimates, each compared with it.
         overruled: those that disagree and are overruled, by the other sources or by the user.
         dispute: why no estimate can be chosen; None where one can.
     """
 
     chosen: Estimate
+    calibration: Calibration
     others: tuple[ComparedEstimate, ...]
     overruled: tuple[ComparedEstimate, ...] = ()
     dispute: str | None = None
@@ -131,17 +133,18 @@ def compare_estimates(
     if trusted is not None:
         able = [one for one in estimates if one.kind is trusted and one.rank is not None]
         estimates = [*able[:1], *(one for one in estimates if one not in able[:1])]
-    if not estimates or estimates[0].rank is None:
+    if not estimates or estimates[0].rank is None or estimates[0].calibration is None:
         return None
-    chosen = estimates[0]
+    chosen, calibration = estimates[0], estimates[0].calibration
     others = tuple(_compared(chosen, one, policy) for one in estimates[1:])
     against = tuple(one for one in others if one.disagrees)
     for_it = {chosen.origin, *(one.estimate.origin for one in others if not one.disagrees)}
     against_it = {one.estimate.origin for one in against} - for_it
     is_trusted = trusted is not None and chosen.kind is trusted
     if not against or is_trusted or (len(for_it) >= 2 and len(for_it) > len(against_it)):
-        return EstimateComparison(chosen=chosen, others=others, overruled=against)
-    return EstimateComparison(chosen=chosen, others=others, dispute=_dispute(chosen, against, for_it))
+        return EstimateComparison(chosen=chosen, calibration=calibration, others=others, overruled=against)
+    dispute = _dispute(chosen, against, for_it)
+    return EstimateComparison(chosen=chosen, calibration=calibration, others=others, dispute=dispute)
 
 
 def _compared(chosen: Estimate, other: Estimate, policy: Policy) -> ComparedEstimate:

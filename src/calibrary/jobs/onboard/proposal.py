@@ -60,14 +60,13 @@ def entry_for(
         InputError: make or model is missing, or K is a guess.
     """
     chosen = comparison.chosen
-    assert chosen.calibration is not None  # noqa: S101  only a whole calibration is chosen
     key = _key(camera, comparison, serves)
     if chosen.kind is Kind.BOARD and board is not None:
         named = replace(board.calibration, camera=replace(key, firmware=camera.firmware))
         entry = entry_of(replace(board, calibration=named), SolveRequest(operator=stated.operator))
         calibration = entry.calibration
     else:
-        calibration = replace(chosen.calibration, camera=key, extras=())
+        calibration = replace(comparison.calibration, camera=key, extras=())
         entry = Entry.of(calibration)
     made = calibration.provenance
     own = _own_source(camera, comparison, payload)

@@ -172,9 +172,7 @@ def _outcome(camera: PayloadCamera, payload: Payload, square_mm: float, request:
             f"believe: {_trusts(heard)}"
         )
         return replace(so_far, reason=comparison.dispute, advice=advice)
-    calibration = comparison.chosen.calibration
-    assert calibration is not None  # noqa: S101  only a whole calibration is chosen
-    report = held_against(calibration, camera, comparison, request.policy)
+    report = held_against(comparison.calibration, camera, comparison, request.policy)
     so_far = replace(so_far, report=report)
     refused = refused_by(report)
     if refused is not None:

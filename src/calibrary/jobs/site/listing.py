@@ -71,7 +71,11 @@ def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
         table = Table(
             caption="Every camera of the registry; its name leads to its page",
             columns=COLUMNS,
-            rows=tuple(_row(card) for card in readable),
+            rows=tuple(
+                _row(card, card.page, card.status)
+                for card in cards
+                if card.page is not None and card.status is not None
+            ),
         )
         sections.insert(0, Section(title="Cameras", anchor="cameras", blocks=(table,)))
     else:
@@ -89,12 +93,11 @@ def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
     return render_page(page, script=_script() if readable else None)
 
 
-def _row(card: Card) -> tuple[Cell, ...]:
-    assert card.page is not None and card.status is not None  # noqa: S101, PT018  only readable ones are listed
+def _row(card: Card, page: str, status: Status) -> tuple[Cell, ...]:
     return (
-        Link(card.id, way(INDEX, card.page)),
+        Link(card.id, way(INDEX, page)),
         card.label or "–",
-        Badge(card.status.value, STATUSES[card.status]),
+        Badge(status.value, STATUSES[status]),
         Badge(*card.verdict) if card.verdict is not None else "–",
         card.grade,
         f"{card.fx:.2f}" if card.fx is not None else "–",
