@@ -31,11 +31,11 @@ REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary n
 %d.%d. Name a newer one (make PYTHON=python3.12), after removing $(VENV) if it is there." \
 % ((sys.executable,) + tuple(sys.version_info[:2])))
 
-.PHONY: help demo test test-floors lint format bench fuzz schemas docs man pictures dist lock clean
+.PHONY: help demo test test-floors test-thorough lint format bench fuzz schemas docs man pictures dist lock clean
 .DEFAULT_GOAL := help
 
 help: ## List what can be made
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
 demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
 	@rm -rf $(DEMO) $(DEMO_RESULT)
@@ -52,6 +52,9 @@ demo: $(INSTALLED) ## Synthesise the flight of a mixed fleet and judge it
 
 test: $(INSTALLED) ## Run the whole test suite on all processors (ARGS="-k name -n 0" narrows it, on one)
 	$(BIN)/pytest -n auto --dist worksteal $(ARGS)
+
+test-thorough: $(INSTALLED) ## Run the suite with many more, and ever new, examples of every property
+	HYPOTHESIS_PROFILE=thorough $(BIN)/pytest -n auto --dist worksteal $(ARGS)
 
 # The oldest libraries meet the newest of what these need themselves, and are told that their ways are dated.
 test-floors: $(INSTALLED) ## Run the suite with the oldest libraries that pyproject.toml allows, in .venv-floors

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -27,6 +28,7 @@ from calibrary.parsers import formats
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX
 from calibrary.policy import FLEET, SOURCE
 from calibrary.schemas import require
+from tests.cli.desk import typed
 from tests.house.project import ROOT
 from tests.imagery import (
     ExifTags,
@@ -54,17 +56,24 @@ for word in "$@"; do printf '%s\\n' "$word"; done >> colmap.log
 """COLMAP, as far as the README needs it."""
 
 
-def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    environment = {
-        name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))
-    }
-    environment |= {
-        f"GIT_{role}_{what}": "reader" for role in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")
-    }
-    environment["PATH"] = os.pathsep.join([str(folder / "bin"), str(BIN), environment["PATH"]])
-    return subprocess.run(
-        ["/bin/sh", "-c", command], cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
+@contextmanager
+def reader(folder: Path) -> Iterator[None]:
+    """The desk of somebody who has installed the program, and git under a name."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in [name for name in os.environ if name.startswith(("MAKE", "MFLAGS"))]:
+            patch.delenv(name)
+        for role in ("AUTHOR", "COMMITTER"):
+            for what in ("NAME", "EMAIL"):
+                patch.setenv(f"GIT_{role}_{what}", "reader")
+        patch.setenv("PATH", os.pathsep.join([str(folder / "bin"), str(BIN), os.environ["PATH"]]))
+        patch.chdir(folder)
+        yield
+
+
+def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """What a line of the README does; a shell of its own only where it takes one."""
+    with reader(folder):
+        return typed(command)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +104,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def ran(folder: Path) -> dict[str, subprocess.CompletedProcess[str]]:
     """Every command for a reader's own images, run in the README's order."""
-    return {command: shell(command, folder) for command in OWN_COMMANDS}
+    return {command: run(command, folder) for command in OWN_COMMANDS}
 
 
 @pytest.fixture(scope="module")
@@ -108,8 +117,8 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [write] = re.findall(r"calibrary demo \S+", recipe)
     extract = re.findall(r"calibrary extract \S.*?\.npy", recipe)[0]
     [result] = re.findall(r"--output-matrix (\S+)/", extract)
-    assert shell(write, folder).returncode == 0
-    assert shell(extract, folder).returncode == 1
+    assert run(write, folder).returncode == 0
+    assert run(extract, folder).returncode == 1
     (folder / result).rename(folder / "result")
     (folder / write.rsplit(" ", 1)[1]).rename(folder / "flight")
     return folder
@@ -150,7 +159,7 @@ def test_colmap_is_given_the_images_and_their_k(folder: Path) -> None:
 @pytest.mark.usefixtures("ran")
 def test_the_registry_stands_in_where_the_images_have_no_k(folder: Path, tmp_path: Path) -> None:
     write_jpeg(tmp_path / "input/a.jpg", (5472, 3648), exif=ExifTags(make="DJI", model="FC6310R"))
-    done = shell(f"calibrary extract --registry {folder / 'fleet'}", tmp_path)
+    done = run(f"calibrary extract --registry {folder / 'fleet'}", tmp_path)
     assert done.returncode == 0, done.stderr
     assert np.load(tmp_path / "K_matrix.npy")[0, 0] == 3659.5
 

@@ -13,6 +13,7 @@ import pytest
 
 from calibrary.cli.main import build_parser, leaves
 from calibrary.registry.registry import Registry
+from tests.cli.desk import typed
 from tests.cli.registry.fleets import xml
 from tests.house.project import ROOT
 from tests.jobs.extract.fleet import DEWARP, picture
@@ -47,11 +48,12 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     if "DIGEST" in command:
         [digest] = Registry.open(folder / "fleet").snapshot().proposed.values()
         command = command.replace("DIGEST", str(digest))
-    environment = {**os.environ, "CALIBRARY_REGISTRY": "fleet"} if "init" not in command else {**os.environ}
-    environment["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), environment["PATH"]])
-    return subprocess.run(
-        ["/bin/sh", "-c", command], cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
+    with pytest.MonkeyPatch.context() as patch:
+        if "init" not in command:
+            patch.setenv("CALIBRARY_REGISTRY", "fleet")
+        patch.setenv("PATH", os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
+        patch.chdir(folder)
+        return typed(command)
 
 
 def test_every_command_of_the_page_runs_in_its_order(desk: Path) -> None:

@@ -17,6 +17,7 @@ from calibrary.calib.solve import solve
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import CalibrationError
+from tests.thorough import examples
 
 from .faults import SESSIONS, blurred, flexing, miscounted, refocusing, rolling, stabilised, two_zooms
 from .solving import SIZE, Session, camera, moved, shoot
@@ -29,7 +30,7 @@ CAUSES = {
     Cause.BOARD_FLEXES: flexing,
     Cause.MOTION_BLUR: blurred,
 }
-SEEDS = tuple(range(8))
+SEEDS = tuple(range(examples(3, 16)))
 
 
 def _misfit(seen: Observations) -> Misfit:

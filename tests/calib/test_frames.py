@@ -25,6 +25,7 @@ from calibrary.calib.image_head import check_complete, read_head
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, ParseError, UnknownFormatError
 from tests.calib.photographs import Gray, encoded, photograph
+from tests.thorough import examples
 
 MOTTLED: Gray = np.clip(np.random.default_rng(3).normal(120, 40, (96, 128)), 0, 255).astype(np.uint8)
 COLOUR: Gray = np.dstack([MOTTLED, MOTTLED[::-1], MOTTLED[:, ::-1]])
@@ -162,7 +163,7 @@ class TestRefusals:
                 with pytest.raises(InputError, match="give the frames as files"):
                     read(path)
 
-    @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @settings(max_examples=examples(40), suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(st.sampled_from(["JPEG", "PNG", "TIFF"]), st.data())
     def test_no_damage_raises_anything_but_a_parse_error(self, kind: str, data: st.DataObject) -> None:
         content = bytearray(encoded(COLOUR, kind))

@@ -23,6 +23,7 @@ from calibrary.distortion import (
     Unified,
 )
 from calibrary.errors import FrameError, InputError, UnsupportedModelError
+from tests.thorough import examples
 
 SIZE = (480, 320)
 BROWN = BrownConrady(k1=-0.28, k2=0.09, p1=0.0011, p2=-0.0007, k3=-0.012)
@@ -244,7 +245,7 @@ def test_alpha_0_leaves_no_pixel_empty_and_hardly_loses_more_than_it_must() -> N
     assert ((x > 0) & (x < SIZE[0]) & (y > 0) & (y < SIZE[1])).any()
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(12))
 @given(k1=st.floats(-0.2, 0.3), k2=st.floats(0, 0.1), p1=st.floats(-2e-3, 2e-3), alpha=st.floats(0, 1))
 def test_more_alpha_keeps_more_and_leaves_more_empty(k1: float, k2: float, p1: float, alpha: float) -> None:
     calibration = camera(BrownConrady(k1=k1, k2=k2, p1=p1, p2=0.0, k3=0.0))

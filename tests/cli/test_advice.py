@@ -51,6 +51,7 @@ def advised() -> list[tuple[str, str]]:
     found = {
         (where, next(filter(None, match.groups())))
         for where, text in texts
+        if "calibrary" in text
         for pattern in (QUOTED, UNQUOTED)
         for match in pattern.finditer(re.sub(r"\n +", " ", text))
     }

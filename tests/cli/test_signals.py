@@ -107,7 +107,7 @@ def gone(group: int) -> bool:
 @pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize(
     "module",
-    ["calibrary.cli.parser", "calibrary.cli.main", "numpy", "calibrary.jobs.extract.run"],
+    ["calibrary.cli.parser", "calibrary.jobs.extract.run"],
 )
 def test_start_up_is_interrupted_in_order(
     tmp_path: Path, flight: Path, number: signal.Signals, module: str
@@ -119,7 +119,7 @@ def test_start_up_is_interrupted_in_order(
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-@pytest.mark.parametrize("count", [2, 3, 4, 5])
+@pytest.mark.parametrize("count", [2, 5])
 def test_worker_processes_end_with_the_command_and_say_nothing(
     tmp_path: Path, flight: Path, number: signal.Signals, count: int
 ) -> None:

@@ -15,6 +15,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intr
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import FrameError, InputError
 from tests.strategies import DISTORTIONS, brown, calibration, cameras, grid
+from tests.thorough import examples
 
 K = Intrinsics(fx=3651.13, fy=3648.79, cx=2719.61, cy=1851.37, skew=0.7, image_size=(5472, 3648))
 LENS = BrownConrady(k1=-0.2613, k2=0.1071, p1=0.00079, p2=-0.00013, k3=-0.0321)
@@ -96,7 +97,7 @@ def test_scaling_and_cropping_carry_the_frame_into_the_cameras_key() -> None:
     assert camera.scaled((1368, 912)).distortion == LENS
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(24))
 @given(cameras(), st.sampled_from([0.5, 0.25, 2.0, 3.0]))
 def test_projecting_and_scaling_commute(camera: Calibration, scale: float) -> None:
     width, height = camera.intrinsics.image_size
@@ -107,7 +108,7 @@ def test_projecting_and_scaling_commute(camera: Calibration, scale: float) -> No
     assert np.allclose(scaled, camera.project(rays) * scale, rtol=0, atol=1e-10, equal_nan=True)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(24))
 @given(cameras(), st.integers(0, 100), st.integers(0, 100))
 def test_projecting_and_cropping_commute(camera: Calibration, left: int, top: int) -> None:
     width, height = camera.intrinsics.image_size
@@ -122,7 +123,7 @@ def in_view(camera: Calibration) -> np.ndarray:
     return pixels[np.isfinite(camera.unproject(pixels)).all(axis=1)]
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(24))
 @given(cameras())
 def test_a_ray_is_seen_at_the_pixel_it_came_from(camera: Calibration) -> None:
     pixels = in_view(camera)
@@ -130,7 +131,7 @@ def test_a_ray_is_seen_at_the_pixel_it_came_from(camera: Calibration) -> None:
     assert np.abs(seen - pixels).max(initial=0.0) <= 1e-9
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(24))
 @given(cameras(), st.floats(0.02, 0.98), st.floats(0, 6.28))
 def test_a_point_is_found_again_in_its_direction(camera: Calibration, part: float, turn: float) -> None:
     assert camera.distortion is not None
@@ -140,7 +141,7 @@ def test_a_point_is_found_again_in_its_direction(camera: Calibration, part: floa
     assert np.abs(back - ray).max() <= 1e-11
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(24))
 @given(cameras(brown(radial=0.05)))
 def test_a_lens_that_folds_outside_the_frame_shows_something_everywhere(camera: Calibration) -> None:
     corner = np.abs(grid(camera.intrinsics.image_size) - [camera.intrinsics.cx, camera.intrinsics.cy]).max()
@@ -150,7 +151,7 @@ def test_a_lens_that_folds_outside_the_frame_shows_something_everywhere(camera: 
     assert np.isfinite(camera.unproject(grid(camera.intrinsics.image_size))).all()
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(24))
 @given(cameras())
 def test_rays_have_unit_length(camera: Calibration) -> None:
     rays = camera.unproject(in_view(camera))
@@ -192,7 +193,7 @@ def test_skew_leans_the_columns() -> None:
     assert seen[0] == pytest.approx([2719.61 + 0.07, 1851.37 + 364.879])
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(24))
 @given(cameras(DISTORTIONS["kannala-brandt"]), st.floats(1.58, 3.1), st.floats(0, 6.28))
 def test_a_fisheye_sees_behind_itself_up_to_its_fold(camera: Calibration, angle: float, turn: float) -> None:
     lens = camera.distortion

@@ -21,8 +21,9 @@ from calibrary.distortion import MODELS, Distortion, distortion_from
 from calibrary.errors import InputError
 from tests.core.distortion_formulas import CORRECTIONS, PROJECTIONS
 from tests.strategies import DISTORTIONS, calibration
+from tests.thorough import examples
 
-QUICK = settings(max_examples=12)
+QUICK = settings(max_examples=examples(8))
 EVERY_MODEL = pytest.mark.parametrize("model", MODELS)
 
 NAMES = {

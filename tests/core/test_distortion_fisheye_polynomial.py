@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from calibrary.distortion import BrownConrady, FisheyePolynomial, KannalaBrandt, distortion_from
 from calibrary.distortion.equivalence import exact
+from tests.thorough import examples
 
 LENSES = st.builds(
     FisheyePolynomial, k2=st.floats(-0.1, 0.1), k3=st.floats(-0.1, 0.1), k4=st.floats(-0.05, 0.05)
@@ -51,7 +52,7 @@ def test_without_even_powers_it_is_opencvs_fisheye() -> None:
     np.testing.assert_allclose(seen, by_cv2, rtol=0, atol=1e-14)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(24), deadline=None)
 @given(lens=LENSES)
 def test_from_the_limit_on_there_is_nothing(lens: FisheyePolynomial) -> None:
     limit = lens.max_angle_rad()

@@ -25,10 +25,11 @@ from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError
 from tests.core.distortion_formulas import PROJECTIONS
 from tests.strategies import DISTORTIONS
+from tests.thorough import examples
 
 Array = NDArray[np.float64]
 
-QUICK = settings(max_examples=60, deadline=None)
+QUICK = settings(max_examples=examples(24), deadline=None)
 
 
 def rays(lens: Distortion, share: float = 1.0) -> Array:

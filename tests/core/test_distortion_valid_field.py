@@ -20,6 +20,7 @@ from calibrary.distortion import (
     Tilted,
 )
 from tests.strategies import DISTORTIONS, brown, perspective_distortions
+from tests.thorough import examples
 
 NOTHING = dict.fromkeys(Tilted.names(), 0.0)
 TURN = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
@@ -84,7 +85,7 @@ def test_ends_that_can_be_worked_out_by_hand(model: Distortion, radius: float) -
     assert model.valid_radius() == pytest.approx(radius, rel=1e-14)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(20))
 @given(brown(radial=0.5, tangential=0.05))
 def test_the_closed_form_and_the_search_agree(model: BrownConrady) -> None:
     # The least tilt there is sends the same lens through the search without moving a digit.
@@ -100,7 +101,7 @@ def upright(model: Distortion) -> Distortion:
     return ThinPrism(**{n: v for n, v in model.coefficients.items() if n in ThinPrism.names()})
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(20))
 @given(perspective_distortions())
 def test_the_determinant_is_positive_inside_and_gone_at_the_limit(model: Distortion) -> None:
     radius = model.valid_radius()
@@ -115,7 +116,7 @@ def test_the_determinant_is_positive_inside_and_gone_at_the_limit(model: Distort
         assert determinant(model, circle(radius * 1.001)).min() < 0
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(20))
 @given(perspective_distortions())
 def test_what_is_seen_beyond_the_rim_has_no_ray(model: Distortion) -> None:
     radius = model.valid_radius()

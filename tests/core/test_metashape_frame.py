@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from calibrary.distortion import BrownConrady, MetashapeFrame
+from tests.thorough import examples
 
 MILD = MetashapeFrame(k1=-0.1131, k2=0.0247, k3=-0.0062, k4=0.0021, p1=8.1e-4, p2=-3.7e-4, p3=-0.31, p4=0.12)
 LENSES = st.builds(
@@ -46,7 +47,7 @@ def disc(radius: float, rings: int = 40) -> NDArray[np.float64]:
     return np.column_stack([(r * np.cos(angle)).ravel(), (r * np.sin(angle)).ravel()])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(24), deadline=None)
 @given(lens=LENSES)
 def test_it_folds_where_the_determinant_first_vanishes(lens: MetashapeFrame) -> None:
     radius = lens.valid_radius()

@@ -17,11 +17,12 @@ from calibrary.errors import InputError
 from tests.imagery import ExifTags, Segment, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.imagery.jpeg import JFIF, assemble, flat_scan, icc_segments, pixel_scan, xmp_segments
 from tests.imagery.xmp import DRONE_DJI
+from tests.thorough import examples
 
 PACKET = XmpPacket(descriptions=(XmpDescription(items=attributes(DRONE_DJI, DewarpFlag="0")),))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=examples(12))
 @given(width=st.integers(1, 70), height=st.integers(1, 70))
 def test_a_flat_frame_of_any_size_is_mid_grey(width: int, height: int) -> None:
     image = Image.open(io.BytesIO(assemble([], flat_scan((width, height)))))

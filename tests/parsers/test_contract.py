@@ -31,6 +31,7 @@ from calibrary.parsers.reading import identified
 from calibrary.records import replace
 from tests.parsers.cameras import SIZE, calibrations, camera, rays
 from tests.parsers.samples import Sample, exported
+from tests.thorough import examples
 
 FORMATS = parsers.formats()
 READABLE = [pytest.param(record, id=record.name) for record in FORMATS if record.read is not None]
@@ -53,7 +54,9 @@ FILES = [
 
 NOISE = st.one_of(st.binary(max_size=300), st.text(max_size=200).map(str.encode))
 PATIENT = settings(
-    deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
+    deadline=None,
+    max_examples=examples(12),
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 
 

@@ -28,13 +28,14 @@ from calibrary.parsers.fit import adapt, compare, refit
 from calibrary.parsers.format import Capacity
 from calibrary.records import replace
 from tests.parsers.cameras import BROWN, camera, distortions
+from tests.thorough import examples
 
 FIVE_TERMS = MetashapeFrame(k1=-0.1131, k2=0.0247, k3=-0.0062, k4=0.0121, p1=8.1e-4, p2=-3.7e-4)
 RATIONAL = Rational(k1=0.31, k2=0.05, p1=-0.0004, p2=0.0008, k3=-0.002, k4=0.42, k5=0.02, k6=0.001)
 
 
 @pytest.mark.parametrize("target", [BrownConrady, Rational, ThinPrism, Tilted, MetashapeFrame])
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 @given(lens=distortions((BrownConrady, NoDistortion)))
 def test_a_richer_model_holds_a_plainer_one_exactly(target: type[Distortion], lens: Distortion) -> None:
     same = exact(lens, target)
@@ -121,7 +122,7 @@ def test_the_error_is_measured_over_the_whole_image_corners_included() -> None:
     assert (fit.covered, fit.exact) == (1.0, False)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(4), deadline=None)
 @given(lens=distortions((KannalaBrandt,)), target=st.sampled_from([BrownConrady, Rational]))
 def test_a_fisheye_of_ordinary_width_can_be_fitted(lens: KannalaBrandt, target: type[Distortion]) -> None:
     found = refit(camera(lens), target)

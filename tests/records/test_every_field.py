@@ -32,6 +32,7 @@ from calibrary.schemas import require
 from tests.house.project import ROOT
 from tests.records.declared import neighbours, strategy_for
 from tests.registry.entries import an_entry
+from tests.thorough import examples
 
 KINDS: tuple[type[Record], ...] = (
     CameraKey, Intrinsics, Covariance, Quality, SourceFile, Provenance, Calibration, FirmwareRange, Alias, Sensor,
@@ -44,7 +45,7 @@ DOCUMENTS: Mapping[str, type[Record]] = {
 }
 """Every document that has a schema file, by the schema's name."""
 SLOW = settings(
-    max_examples=8,
+    max_examples=examples(4),
     deadline=None,
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=[*HealthCheck],
@@ -52,7 +53,7 @@ SLOW = settings(
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-@settings(SLOW, max_examples=4)
+@settings(SLOW, max_examples=examples(2))
 @given(data=st.data())
 def test_a_document_fits_its_schema_file_and_comes_back_from_its_json(name: str, data: st.DataObject) -> None:
     kind = DOCUMENTS[name]
@@ -171,7 +172,7 @@ def _wild(record: Record) -> Iterator[tuple[str, Record]]:
 @pytest.mark.parametrize(
     "kind", [SourceFile, Alias, Sensor, Validity, FirmwareRange, Pin, Lock, KnownCamera, Entry]
 )
-@settings(SLOW, max_examples=3)
+@settings(SLOW, max_examples=examples(2))
 @given(data=st.data())
 def test_what_can_be_made_can_be_read_back(kind: type[Record], data: st.DataObject) -> None:
     for path, record in _wild(data.draw(strategy_for(kind))):

@@ -21,6 +21,7 @@ from calibrary.registry.firmware import FirmwareRange
 from calibrary.schemas import require
 from calibrary.strictyaml import load_yaml
 from tests.registry.entries import an_entry, covariance, entries, texts
+from tests.thorough import examples
 
 FIRST_CUT = """\
 schema: calibrary/entry-1
@@ -44,7 +45,7 @@ def changed(pattern: str, replacement: str, entry: Entry | None = None) -> bytes
     return text.encode()
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(12))
 @given(entries())
 def test_the_file_gives_the_entry_back_bit_for_bit(entry: Entry) -> None:
     data = entry_yaml(entry)
@@ -53,7 +54,7 @@ def test_the_file_gives_the_entry_back_bit_for_bit(entry: Entry) -> None:
     assert entry_yaml(again) == data
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(12))
 @given(entries())
 def test_what_is_written_keeps_to_the_schema_and_other_readers_read_the_same(entry: Entry) -> None:
     data = entry_yaml(entry)

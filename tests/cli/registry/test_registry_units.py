@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import shutil
 from collections.abc import Callable
 from datetime import date
 from pathlib import Path
@@ -25,7 +26,7 @@ from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import commit_of, held, printed, run, xml
 from tests.jobs.extract.fleet import DEWARP, picture
 from tests.registry.entries import FILE, an_entry
-from tests.registry.git.repositories import git
+from tests.registry.git.repositories import git, seclude
 
 SERIALS = [f"0V2LG3H0{number}" for number in range(6)]
 LABELS = [f"P4R-{number:02}" for number in range(1, 7)]
@@ -38,9 +39,25 @@ def a_unit(number: int, **fields: object) -> Entry:
     return an_entry(serial=hash_serial("DJI", SERIALS[number]), **stated)  # type: ignore[arg-type]
 
 
+@pytest.fixture(scope="module")
+def labelled(begun: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A registry to copy: six units; the first has a second frame size, the third is not calibrated."""
+    folder = tmp_path_factory.mktemp("units")
+    fleet = shutil.copytree(begun, folder / "fleet")
+    with pytest.MonkeyPatch.context() as patch:
+        seclude(patch, folder)
+        _add_six(fleet)
+    return fleet
+
+
 @pytest.fixture
-def six(fleet: Path) -> Path:
-    """Six units with their labels; the first has a second frame size, the third is not calibrated."""
+def six(labelled: Path, fleet: Path) -> Path:
+    """Six units with their labels, in the registry that commands take for the one that is meant."""
+    shutil.rmtree(fleet)
+    return shutil.copytree(labelled, fleet)
+
+
+def _add_six(fleet: Path) -> None:
     small = a_unit(0, image_size=(4864, 3648), fx=3654.0)
     units = [a_unit(number, grade=Grade.DESIGN if number == 2 else Grade.CALIBRATED) for number in range(6)]
     put(fleet, small, *units)
@@ -54,7 +71,6 @@ def six(fleet: Path) -> Path:
                 if one.entry.calibration.camera.serial == hash_serial("DJI", serial)
             ),
         )
-    return fleet
 
 
 def listed(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str | None]:

@@ -16,6 +16,7 @@ from calibrary.registry.git.commits import Person
 from calibrary.registry.git.history import Revision
 from calibrary.registry.history import EntryRevision
 from tests.registry.entries import entries
+from tests.thorough import examples
 
 SOMEBODY = Person(name="Ada Keeper", email="ada@example.com")
 NOON = datetime(2026, 5, 1, 12, tzinfo=UTC)
@@ -36,7 +37,7 @@ def revised(number: int, entry: Entry, before: Entry | None) -> EntryRevision:
     return EntryRevision(revision=revision, entry=entry, before=before)
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(10))
 @given(entries(), entries())
 def test_any_entry_has_a_page(old: Entry, new: Entry) -> None:
     place = Place.of(new.path, proper=True)

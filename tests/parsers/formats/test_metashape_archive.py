@@ -15,6 +15,7 @@ from calibrary.errors import ParseError, UnknownFormatError
 from calibrary.parsers.formats.metashape_archive import MAX_BYTES
 from tests.parsers.cameras import numbers
 from tests.parsers.samples import Sample
+from tests.thorough import examples
 
 DOCUMENT = b"""<document version="1.4.0"><chunk label="c"><sensors><sensor id="0" label="FC6310" type="frame">
 <resolution width="5472" height="3648"/><calibration type="frame" class="adjusted">
@@ -87,7 +88,7 @@ def test_an_archive_cut_short_is_damaged() -> None:
             parsers.decode(data[:end], name="a.psz", format="metashape_archive")
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=examples(40))
 @given(at=st.integers(0, 10_000), value=st.integers(0, 255))
 def test_a_damaged_byte_is_noticed_or_changes_nothing(at: int, value: int) -> None:
     data = bytearray(archive(("doc.xml", DOCUMENT)))

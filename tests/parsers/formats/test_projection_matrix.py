@@ -13,6 +13,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import MissingTagError, ParseError, UnknownFormatError
 from tests.parsers.samples import Sample
+from tests.thorough import examples
 
 SIZE = (1920, 1080)
 K = np.array([[1604.3, 1.7, 963.7], [0, 1601.1, 541.9], [0, 0, 1]])
@@ -36,7 +37,7 @@ def read(data: bytes, **options: str) -> Calibration:
 SAMPLES = {"projection_matrix": Sample(text(matrix(1)))}
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=examples(12))
 @given(seed=st.integers(0, 2**32 - 1), factor=st.sampled_from([1.0, -1.0, 3e-4, -2e5]))
 def test_k_is_what_the_matrix_was_made_of(seed: int, factor: float) -> None:
     found = read(text(matrix(seed, factor)), origin="corner").intrinsics.matrix

@@ -24,6 +24,7 @@ from tests.imagery import (
 from tests.imagery.jpeg import Segment, exif_segment, xmp_segments
 from tests.imagery.xmp import DRONE_DJI, PIX4D_1
 from tests.parsers.imagery.build import SCAN, box, heif, jpeg, jpeg_with_exif, packet, png, rdf, source_of
+from tests.thorough import examples
 from tests.work import calls
 
 EXIF = ExifTags(
@@ -106,7 +107,7 @@ def test_any_boxes(kinds: list[bytes], body: bytes) -> None:
 
 
 @given(seed=st.sampled_from(sorted(SEEDS)), data=st.data())
-@settings(max_examples=400)
+@settings(max_examples=examples(100))
 def test_mutated_heads(seed: str, data: st.DataObject) -> None:
     whole = bytearray(SEEDS[seed])
     for _ in range(data.draw(st.integers(1, 6))):
