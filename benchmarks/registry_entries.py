@@ -20,6 +20,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -32,6 +33,7 @@ from calibrary.registry.check_registry import check_all
 from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.git.commits import File, Person, Step, stream
 from calibrary.registry.git.maintenance import create, maintain
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.index import index_at
@@ -44,6 +46,7 @@ else:
     # A program's own folder is where Python looks first.
     from extract import interleaved, ratio, row
 
+KEEPER = Person(name="Fleet Keeper", email="keeper@example.com")
 MAKES = 20
 NAMED_EVERY = 100
 ASKED = 500
@@ -226,18 +229,32 @@ def commands(snapshot: Snapshot, entries: int, repeats: int) -> None:
         row(name, f"{median(seconds):.2f} s", median(seconds), at_most=goal)
 
 
-def revisions(folder: Path, count: int, repeats: int) -> None:
-    """The log of one entry that was changed very often."""
-    repo = create(folder, bare=True, durable=False)
-    base = None
+def revised(folder: Path, count: int) -> Entry:
+    """A packed bare registry of one entry that was changed very often; the entry as it was at first."""
+    repo, one = create(folder, bare=True, durable=False), entry(0)
     write(repo, [Change(path="registry.yaml", data=configuration_yaml())], "Begin\n")
-    for number in range(count):
-        data = entry_yaml(replace(entry(0), tolerance=(number + 1) / (count + 1)))
-        base = write(repo, [Change(path=entry(0).path, data=data, base=base)], f"Change {number}\n").paths[
-            entry(0).path
-        ]
+    start = datetime(2026, 1, 1, tzinfo=UTC)
+    steps = [
+        Step(
+            files=[File(path=one.path, data=entry_yaml(replace(one, tolerance=(number + 1) / (count + 1))))],
+            message=f"Change {number}\n\nCamera: {one.id}\n",
+            author=KEEPER,
+            authored=start + timedelta(minutes=number),
+            committer=KEEPER,
+            committed=start + timedelta(minutes=number),
+        )
+        for number in range(count)
+    ]
+    commands = stream("refs/heads/main", repo.tip(), steps)
+    repo.run("fast-import", "--quiet", "--date-format=raw", "--force", stdin=commands)
     maintain(repo)
     repo.close()
+    return one
+
+
+def revisions(folder: Path, count: int, repeats: int) -> None:
+    """The log of one entry that was changed very often."""
+    revised(folder, count)
     command = [
         sys.executable,
         "-m",

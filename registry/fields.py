@@ -25,8 +25,11 @@ __all__ = [
     "NOT_SHOWN",
     "Field",
     "FieldChange",
+    "Row",
+    "Value",
     "differences",
     "entry_fields",
+    "entry_row",
     "entry_rows",
     "entry_text",
     "known_fields",
@@ -34,6 +37,9 @@ __all__ = [
 ]
 
 Field: TypeAlias = str | int | float | bool | None
+Value: TypeAlias = bool | int | float | str | tuple[str, ...]
+Row: TypeAlias = Mapping[str, Value]
+"""What is known of an entry, by field; what it does not state is not in it."""
 
 NOT_SHOWN: Final = frozenset({"schema", "digest", "intrinsics.pixel_origin"})
 """The fields of an entry's file that no view shows: the same in every entry, or a seal over what is shown."""
@@ -66,6 +72,15 @@ def entry_fields(entry: Entry) -> dict[str, Field]:
     if document["distortion"] is None:
         document["distortion"] = "unknown"
     return {name: value for name, value in flat(document).items() if name not in NOT_SHOWN}
+
+
+def entry_row(entry: Entry) -> dict[str, Value]:
+    """All fields of an entry that it may be chosen and sorted by: those of its file, and its unit and firmware."""
+    row: dict[str, Value] = {name: value for name, value in entry_fields(entry).items() if value is not None}
+    row |= {name: value for name, value in (("tags", entry.tags), ("notes", entry.notes)) if value}
+    firmware = entry.calibration.provenance.firmware or (str(entry.firmware) if entry.firmware else None)
+    stated = {"firmware": firmware, "unit": entry.calibration.camera.serial}
+    return row | {name: value for name, value in stated.items() if value is not None}
 
 
 @cache

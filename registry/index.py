@@ -24,15 +24,17 @@ from platformdirs import user_cache_path
 from calibrary.errors import InputError
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
+from calibrary.registry.fields import Row, Value, entry_row
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.index_file import IndexFile, Mention
+from calibrary.registry.index_file import ENTRIES, ROWS, IndexFile, Mention
 from calibrary.registry.paths import CAMERAS, PROPOSALS, folder_of, is_entry, is_proposal, match_key
 from calibrary.registry.resolution import AliasMap, is_keyed
 from calibrary.strictyaml import load_yaml
 
 __all__ = [
     "ALIAS",
+    "IRREGULAR",
     "LABEL",
     "SUPERSEDES",
     "Index",
@@ -43,16 +45,17 @@ __all__ = [
     "said",
 ]
 
-VERSION: Final = f"1 {' '.join(Entry.__struct_fields__)}"
+VERSION: Final = f"2 {' '.join(Entry.__struct_fields__)}"
 """Version of the stored form; an index of another version is rebuilt."""
 BLOCK: Final = 500
 
 LINE_OF_LABEL: Final = re.compile(rb"^label:.*$", re.MULTILINE)
 T = TypeVar("T")
-ALIAS, LABEL, SUPERSEDES = "alias", "label", "supersedes"
+ALIAS, LABEL, SUPERSEDES, IRREGULAR = "alias", "label", "supersedes", "irregular"
 SAYING: Final = (b"aliases", b"supersedes")
 """Words of a file that may say something; others are not read as entries for it."""
 _PACKED: Final = msgspec.msgpack.Decoder(Entry)
+_ROW: Final = msgspec.msgpack.Decoder(dict[str, Value])
 
 
 def said(path: str, entry: Entry) -> Iterator[Mention]:
@@ -133,7 +136,7 @@ class Index:
     @cached_property
     def irregular(self) -> tuple[str, ...]:
         """Paths in ``cameras/`` that no camera's key gives."""
-        return tuple(path for path in self.files if not is_proposal(path) and not is_keyed(path))
+        return tuple(path for path, *_ in self.mentions(IRREGULAR))
 
     def parsed(self, files: Iterable[tuple[str, str, bytes]]) -> Iterator[tuple[str, Entry | InputError]]:
         """The entries in files, by their path; one that cannot be read is the error.
@@ -143,15 +146,41 @@ class Index:
         """
         source = iter(files)
         while block := [*islice(source, BLOCK)]:
-            kept = self._file.entries([oid for oid, _, _ in block])
+            kept = self._file.kept(ENTRIES, [oid for oid, _, _ in block])
             new: dict[str, bytes] = {}
             for oid, path, data in block:
-                entry = _unpacked(kept.get(oid)) or parsed_or_error(path, data)
+                entry = _unpacked(_PACKED, kept.get(oid)) or parsed_or_error(path, data)
                 if oid not in kept and isinstance(entry, Entry):
                     new[oid] = msgspec.msgpack.encode(entry)
                 yield path, entry
             if new:
-                self._file.keep(new)
+                self._file.keep(ENTRIES, new)
+
+    def rows(self, files: Iterable[tuple[str, str]]) -> Iterator[tuple[str, Row | InputError]]:
+        """The fields of the entries in files, by their path; one that cannot be read is the error.
+
+        Args:
+            files: the id and path of each; only those are read of which nothing was kept.
+
+        Raises:
+            RegistryError: a file is not in the repository.
+        """
+        source = iter(files)
+        while block := [*islice(source, BLOCK)]:
+            packed = self._file.kept(ROWS, [oid for oid, _ in block])
+            kept = {oid: row for oid in packed if (row := _unpacked(_ROW, packed[oid])) is not None}
+            missing = [one for one in block if one[0] not in kept]
+            contents = self._repo.read_many([oid for oid, _ in missing])
+            read = self.parsed((oid, path, data) for (oid, path), data in zip(missing, contents, strict=True))
+            new = {path: entry_row(entry) if isinstance(entry, Entry) else entry for path, entry in read}
+            for oid, path in block:
+                yield path, new[path] if path in new else kept[oid]
+            if new:
+                rows = {oid: new[path] for oid, path in missing}
+                self._file.keep(
+                    ROWS,
+                    {oid: msgspec.msgpack.encode(row) for oid, row in rows.items() if isinstance(row, dict)},
+                )
 
     def _asked(self, ask: Callable[[], tuple[str, T] | None]) -> tuple[str, T] | None:
         """What the file answers, once it is at a commit from which this one can be reached."""
@@ -209,6 +238,8 @@ def index_at(repo: Repository, commit: str, *, folder: Path | None = None) -> In
 def _all_said(repo: Repository, files: Mapping[str, str]) -> Iterator[Mention]:
     paths: Sequence[str] = [path for path in files if is_entry(path)]
     for path, data in zip(paths, repo.read_many([files[path] for path in paths]), strict=True):
+        if not is_proposal(path) and not is_keyed(path):
+            yield path, IRREGULAR, "", ""
         if any(word in data for word in SAYING):
             entry = parsed_or_error(path, data, require_digest=False)
             if isinstance(entry, Entry):
@@ -238,8 +269,8 @@ def parsed_or_error(path: str, data: bytes, *, require_digest: bool = True) -> E
         return error
 
 
-def _unpacked(packed: bytes | None) -> Entry | None:
+def _unpacked(decoder: msgspec.msgpack.Decoder[T], packed: bytes | None) -> T | None:
     try:
-        return _PACKED.decode(packed) if packed is not None else None
+        return decoder.decode(packed) if packed is not None else None
     except (msgspec.DecodeError, InputError):
         return None

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 from zlib import crc32
 
-__all__ = ["IndexFile", "Mention"]
+__all__ = ["ENTRIES", "ROWS", "IndexFile", "Mention"]
 
 Mention: TypeAlias = tuple[str, str, str, str]
 """Path of the entry, kind of what it says, the word that is looked up, and what else there is to it."""
@@ -32,7 +32,11 @@ CREATE TABLE IF NOT EXISTS mentions (path TEXT NOT NULL, kind TEXT NOT NULL, wor
 CREATE INDEX IF NOT EXISTS by_path ON mentions (path);
 CREATE INDEX IF NOT EXISTS by_kind ON mentions (kind);
 CREATE TABLE IF NOT EXISTS entries (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS rows (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
 """
+ENTRIES: Final = "entries"
+ROWS: Final = "rows"
+"""Fields of entries, which are read in a fraction of the time of a whole entry."""
 FILES: Final = "SELECT path, oid FROM files ORDER BY path"
 FILES_AT: Final = "SELECT path, oid FROM files WHERE path"
 MENTIONS: Final = "SELECT path, kind, word, other FROM mentions WHERE kind = ?"
@@ -78,7 +82,8 @@ class IndexFile:
             meta = {**self._stamp, "commit": commit}
             _insert(db, meta, [*files.items()], mentions)
             db.executemany("INSERT INTO meta VALUES (?, ?)", [*meta.items()])
-            db.execute("DELETE FROM entries WHERE oid NOT IN (SELECT oid FROM files)")
+            for table in (ENTRIES, ROWS):
+                db.execute(f"DELETE FROM {table} WHERE oid NOT IN (SELECT oid FROM files)")  # noqa: S608  as above
             db.execute("COMMIT")
 
     def advance(
@@ -111,8 +116,8 @@ class IndexFile:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", [*meta.items()])
             db.execute("COMMIT")
 
-    def entries(self, oids: Sequence[str]) -> dict[str, bytes]:
-        """What was kept of entries, by the id of their file, as far as it is there and whole."""
+    def kept(self, table: str, oids: Sequence[str]) -> dict[str, bytes]:
+        """What was kept in one of the tables of entries, by the id of their file, as far as it is there and whole."""
         found: dict[str, bytes] = {}
         with self._opened() as db:
             if db is None or not self._meta(db):
@@ -121,19 +126,19 @@ class IndexFile:
                 chunk = oids[start : start + CHUNK]
                 marks = ",".join("?" * len(chunk))
                 rows = db.execute(
-                    f"SELECT oid, packed, crc FROM entries WHERE oid IN ({marks})",  # noqa: S608  question marks
+                    f"SELECT oid, packed, crc FROM {table} WHERE oid IN ({marks})",  # noqa: S608  question marks
                     chunk,
                 )
                 found.update({oid: packed for oid, packed, crc in rows if _crc(oid, packed) == crc})
         return found
 
-    def keep(self, entries: Mapping[str, bytes]) -> None:
-        """Keep entries by the id of their file, as far as it can be written."""
+    def keep(self, table: str, entries: Mapping[str, bytes]) -> None:
+        """Keep something of entries by the id of their file, as far as it can be written."""
         with self._opened(writes=True) as db:
             if db is not None and self._meta(db):
                 rows = [(oid, packed, _crc(oid, packed)) for oid, packed in entries.items()]
                 db.execute("BEGIN IMMEDIATE")
-                db.executemany("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", rows)
+                db.executemany(f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?)", rows)  # noqa: S608  a name of our own
                 db.execute("COMMIT")
 
     def _read(self, table: str, query: str, words: Sequence[str]) -> tuple[str, list[Row]] | None:

@@ -23,8 +23,8 @@ from calibrary.registry.entry import Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.resolution import RegistryIndex
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.resolution import Earlier, RegistryIndex
+from calibrary.registry.snapshot import Snapshot, StoredEntry, used_before
 from calibrary.strictyaml import line_of, load_yaml
 
 __all__ = [
@@ -114,12 +114,16 @@ def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
         blob = repo.read(lock.commit, pin.path)
         if blob is not None:
             files[pin.path] = blob.data
-    return Locked(index=_pinned_index(lock, files, lock_file), warnings=_since(snapshot, lock, lock.commit))
+    # What an entry was before is pinned with the commit: its history is part of that commit's id.
+    index = _pinned_index(lock, files, lock_file, earlier=partial(used_before, repo, lock.commit))
+    return Locked(index=index, warnings=_since(snapshot, lock, lock.commit))
 
 
-def _pinned_index(lock: Lock, files: Mapping[str, bytes], lock_file: Path) -> RegistryIndex:
+def _pinned_index(
+    lock: Lock, files: Mapping[str, bytes], lock_file: Path, *, earlier: Earlier | None = None
+) -> RegistryIndex:
     refuse_drift(lock, [_pin(path, data) for path, data in files.items()], name=str(lock_file))
-    return RegistryIndex(files, files.__getitem__, require_digest=False)
+    return RegistryIndex(files, files.__getitem__, earlier=earlier, require_digest=False)
 
 
 def _since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ...]:

@@ -315,8 +315,10 @@ def find_paths(paths: Collection[str], key: str) -> list[str]:
     asked = [part for part in key.removeprefix(ROOT).removesuffix(SUFFIX).split("/") if part.strip()]
     if not asked:
         return []
-    found = [path for path in paths if _fits(id_of(path).split("/"), asked)]
-    return sorted(found)
+    # Of a hundred thousand paths few have the last word in them at all.
+    low, slugged = asked[-1].lower(), slug(asked[-1])
+    near = (path for path in paths if low in path or slugged in path)
+    return sorted(path for path in near if _fits(id_of(path).split("/"), asked))
 
 
 def _fits(parts: Sequence[str], asked: Sequence[str]) -> bool:

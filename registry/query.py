@@ -17,28 +17,24 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import cached_property
 from operator import ge, gt, le, lt
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 from calibrary.errors import InputError
-from calibrary.registry.fields import entry_fields, known_fields
-from calibrary.registry.paths import PROPOSED, UNIT, in_use_path, is_proposal, match_key, unit_folder
-from calibrary.registry.snapshot import StoredEntry
+from calibrary.registry.entry import Status
+from calibrary.registry.fields import Row, Value, known_fields
+from calibrary.registry.paths import PROPOSED, UNIT, id_of, in_use_path, is_proposal, match_key, unit_folder
 
 __all__ = [
     "SHORT_NAMES",
     "Condition",
-    "Row",
     "Selection",
     "find_field",
     "parse_where",
     "select",
     "short_ids",
 ]
-
-Value: TypeAlias = "bool | int | float | str | tuple[str, ...]"
-Row: TypeAlias = Mapping[str, Value]
-"""What is known of an entry, by field; what it does not state is not in it."""
 
 SHORT_NAMES: Final[Mapping[str, str]] = {
     **{name: f"camera.{name}" for name in ("make", "model", "sub_camera", "lens", "serial")},
@@ -58,6 +54,7 @@ OWN: Final = ("id", "label", "unit", "tags", "notes", "status", "grade", "firmwa
 """Fields that are not, or not so, in the file."""
 DATES: Final = frozenset({"provenance.date", "validity.from", "validity.until"})
 SHORTEST: Final = 4
+UNIT_FOLDER: Final = f"/{UNIT}"
 _CONDITION = re.compile(
     r"""\s*(?P<not>!)?(?P<field>[A-Za-z_][\w.-]*)(?:(?P<op>!=|!~|<=|>=|=|~|<|>)(?P<value>(?:"[^"]*"|'[^']*'|[^\s"'])*))?(?=\s|$)"""
 )
@@ -148,19 +145,22 @@ def _unquoted(text: str) -> str:
     return re.sub(r"""["']""", "", text)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Selection:
     """Entries, chosen and sorted.
 
     Attributes:
-        entries: in their order.
+        paths: of the entries, in their order.
         rows: what is known of each.
-        known: every field that one may be asked for.
     """
 
-    entries: tuple[StoredEntry, ...]
+    paths: tuple[str, ...]
     rows: tuple[Row, ...]
-    known: frozenset[str]
+
+    @cached_property
+    def known(self) -> frozenset[str]:
+        """Every field that one may be asked for."""
+        return known_fields().union(*self.rows)
 
     def columns(self, names: str) -> tuple[str, ...]:
         """The fields that ``name,name`` means; errors as of :func:`find_field`."""
@@ -168,38 +168,37 @@ class Selection:
 
 
 def select(
-    entries: Sequence[StoredEntry], where: Sequence[Condition] = (), sort: str | None = None
+    found: Sequence[tuple[str, Row]], where: Sequence[Condition] = (), sort: str | None = None
 ) -> Selection:
     """The entries for which all conditions hold, in the order of ``field,-field``: - for the largest first.
+
+    Args:
+        found: path and fields of each.
+        where: the conditions.
+        sort: the fields.
 
     Raises:
         InputError: there is no such field, or a value is of another type than its field.
     """
-    rows = [row_of(one) for one in entries]
-    known = known_fields().union(*rows)
-    asked = [(condition, find_field(condition.field, known)) for condition in where]
+    paths, rows = [path for path, _ in found], [row for _, row in found]
+    every = Selection(paths=tuple(paths), rows=tuple(rows))
+    asked = [(condition, find_field(condition.field, every.known)) for condition in where]
     order = [
-        (find_field(name.strip().removeprefix("-"), known), name.strip().startswith("-"))
+        (find_field(name.strip().removeprefix("-"), every.known), name.strip().startswith("-"))
         for name in (sort or "").split(",")
         if name.strip()
     ]
     fits = [at for at, row in enumerate(rows) if all(one.holds(row, field) for one, field in asked)]
     chosen = [fits[at] for at in sort_rows([rows[at] for at in fits], order)]
-    return Selection(
-        entries=tuple(entries[at] for at in chosen), rows=tuple(rows[at] for at in chosen), known=known
-    )
+    if len(chosen) == len(rows) and not order:
+        return every
+    return Selection(paths=tuple(paths[at] for at in chosen), rows=tuple(rows[at] for at in chosen))
 
 
-def row_of(stored: StoredEntry) -> dict[str, Value]:
-    """All fields of an entry: those of its file, and its own id, unit, firmware and proposal."""
-    entry = stored.entry
-    row: dict[str, Value] = {name: value for name, value in entry_fields(entry).items() if value is not None}
-    row |= {name: value for name, value in (("tags", entry.tags), ("notes", entry.notes)) if value}
-    row["id"] = stored.id
-    row["proposed"] = stored.is_pending
-    firmware = entry.calibration.provenance.firmware or (str(entry.firmware) if entry.firmware else None)
-    stated = {"firmware": firmware, "proposal": stored.proposal, "unit": entry.calibration.camera.serial}
-    return row | {name: value for name, value in stated.items() if value is not None}
+def row_of(path: str, stated: Row, proposal: str | None) -> dict[str, Value]:
+    """The fields of an entry and what its place says: its id, and whether it or another is proposed there."""
+    row = {**stated, "id": id_of(path), "proposed": is_proposal(path) or stated["status"] == Status.DRAFT}
+    return row if proposal is None else row | {"proposal": proposal}
 
 
 def find_field(name: str, known: Collection[str]) -> str:
@@ -252,24 +251,33 @@ def _sortable(value: Value) -> tuple[int, float, str]:
     return 1, 0.0, re.sub(r"\d+", lambda digits: digits[0].zfill(12), match_key(text))
 
 
-def short_ids(paths: Iterable[str]) -> dict[str, str]:
-    """By path, ids with the hash of a unit cut as short as it can be: ``dji/fc6310r/sn-0e25/5472x3648``."""
-    ids = {path: path.partition("/")[2].removesuffix(".yaml") for path in paths}
-    hashes: dict[str, set[str]] = {}
-    for path in ids:
-        if (unit := unit_folder(path)) is not None:
-            model, _, digits = unit[:-1].rpartition(f"/{UNIT}")
-            hashes.setdefault(model, set()).add(digits)
+def short_ids(paths: Sequence[str], every: Collection[str]) -> list[str]:
+    """The ids of entries, the hash of a unit cut as short as it can be: ``dji/fc6310r/sn-0e25/5472x3648``.
+
+    Args:
+        paths: of the entries.
+        every: the paths of all entries, of which none may have the same id.
+    """
+    models = {_model_and_hash(path)[0] for path in paths if UNIT_FOLDER in path}
+    hashes: dict[str, set[str]] = {model: set() for model in models}
+    for path in every if models else ():
+        if UNIT_FOLDER in path and (named := _model_and_hash(path))[0] in hashes:
+            hashes[named[0]].add(named[1])
     lengths = {model: _shortest(digits) for model, digits in hashes.items()}
-    found = {}
-    for path, id_ in ids.items():
-        unit, short = unit_folder(path), id_
-        if unit is not None:
-            model, _, digits = unit[:-1].rpartition(f"/{UNIT}")
-            short = id_.replace(f"/{UNIT}{digits}/", f"/{UNIT}{digits[: lengths[model]]}/")
-        beside = is_proposal(path) and in_use_path(path) in ids
-        found[path] = f"{PROPOSED}{short}" if beside else short
+    shown, found = set(paths), []
+    for path in paths:
+        short = id_of(path)
+        if UNIT_FOLDER in path:
+            model, digits = _model_and_hash(path)
+            short = short.replace(f"/{UNIT}{digits}/", f"/{UNIT}{digits[: lengths[model]]}/")
+        beside = is_proposal(path) and in_use_path(path) in shown
+        found.append(f"{PROPOSED}{short}" if beside else short)
     return found
+
+
+def _model_and_hash(path: str) -> tuple[str, str]:
+    model, _, digits = (unit_folder(path) or "/")[:-1].rpartition(f"/{UNIT}")
+    return model, digits
 
 
 def _shortest(digits: Collection[str]) -> int:

@@ -28,6 +28,7 @@ from calibrary.registry.paths import (
 
 __all__ = [
     "AliasMap",
+    "Earlier",
     "RegistryIndex",
     "RejectedEntry",
     "Resolution",
@@ -38,6 +39,8 @@ __all__ = [
     "scan_aliases",
 ]
 
+Earlier: TypeAlias = Callable[[str], Iterable[tuple[str, Entry]]]
+"""Gives the commit and content of an entry's earlier revisions that were in use, newest first, by its path."""
 AliasMap: TypeAlias = Mapping[tuple[str, str], frozenset[str]]
 """The folders whose entries go by another (make, model), both as match keys."""
 
@@ -180,7 +183,7 @@ class RegistryIndex:
         *,
         proposed: Iterable[str] = (),
         aliases: Callable[[], AliasMap] | None = None,
-        earlier: Callable[[str], Iterable[tuple[str, Entry]]] | None = None,
+        earlier: Earlier | None = None,
         require_digest: bool = True,
     ) -> None:
         """List a registry; nothing is read yet.

@@ -23,6 +23,7 @@ from calibrary.records import Json, Meta, Record
 from calibrary.registry.configuration import Configuration
 from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
+from calibrary.registry.fields import Row, entry_row
 from calibrary.registry.git.history import history
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
@@ -266,6 +267,37 @@ class Snapshot:
         paths = sorted(filter(where, (path for path in self.proposed if is_entry(path))))
         return self._stored(zip(paths, self.read_many(paths), strict=True), unreadable)
 
+    def rows(
+        self, paths: Iterable[str], *, unreadable: Callable[[RegistryError], None]
+    ) -> Iterator[tuple[str, Row]]:
+        """What the entries at some paths state, by field, in the order of the paths; without making entries of them.
+
+        Args:
+            paths: in ``cameras/`` and ``proposals/``.
+            unreadable: called with the error of each entry that cannot be read.
+        """
+        wanted = sorted(paths)
+        if self.repo is None:
+            files = self._read_as_entries(zip(wanted, self.read_many(wanted), strict=True))
+            found: Iterable[tuple[str, Row | InputError]] = (
+                (path, entry_row(entry) if isinstance(entry, Entry) else entry) for path, entry in files
+            )
+        else:
+            found = self.contents.rows((self._oid(path) or "", path) for path in wanted)
+        for path, row in found:
+            if isinstance(row, InputError):
+                unreadable(RegistryError(str(row)))
+            else:
+                yield path, row
+
+    def stored(self, paths: Sequence[str]) -> tuple[StoredEntry, ...]:
+        """The entries at some paths, in the order of these.
+
+        Raises:
+            RegistryError: one is not there, or cannot be read.
+        """
+        return tuple(self._stored(zip(paths, self.read_many(paths), strict=True), None))
+
     def _stored(
         self, files: Iterable[tuple[str, bytes]], unreadable: Callable[[RegistryError], None] | None
     ) -> Iterator[StoredEntry]:
@@ -286,14 +318,18 @@ class Snapshot:
         return self.contents.parsed((self._oid(path) or "", path, data) for path, data in files)
 
     def _as_stored(self, entry: Entry, path: str) -> StoredEntry:
-        beside = proposal_path(path)
         return StoredEntry(
             entry=entry,
             path=path,
             oid=self._oid(path),
             commit=self.commit,
-            proposal=beside if beside != path and beside in self.proposed else None,
+            proposal=self.beside(path),
         )
+
+    def beside(self, path: str) -> str | None:
+        """The path of what is proposed to take the place of an entry; None where nothing is."""
+        proposal = proposal_path(path)
+        return proposal if proposal != path and proposal in self.proposed else None
 
     def at(self, path: str) -> StoredEntry | None:
         """The entry at a path; None where there is none.
@@ -339,7 +375,10 @@ class Snapshot:
 
     def find(self, key: str) -> str:
         """The path of the entry that a KEY means; errors as of :meth:`get`."""
-        return the_one(self.matching(key), {*self.paths, *map(in_use_path, self.proposed)}, key)
+        found = self.matching(key)
+        # The names of all are for the message that there is none.
+        every = {*self.paths, *map(in_use_path, self.proposed)} if not found else found
+        return the_one(found, every, key)
 
     def matching(self, key: str) -> list[str]:
         """The paths of all entries that a KEY may mean; the proposals, where nothing of that name is in use.

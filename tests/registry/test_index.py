@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NoReturn
 
 import msgspec
 import pytest
@@ -18,11 +19,12 @@ from calibrary.records import replace
 from calibrary.registry import index
 from calibrary.registry.entry import Alias, Entry
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
+from calibrary.registry.fields import Value, entry_row
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, said
 from calibrary.registry.init import init
 from calibrary.registry.reader import open_snapshot
-from calibrary.registry.resolution import scan_aliases
+from calibrary.registry.resolution import is_keyed, scan_aliases
 from tests.cli.registry.direct import put, put_bytes
 from tests.registry.entries import KEY, an_entry, entries
 from tests.registry.git.repositories import git, nobodys_git
@@ -57,6 +59,11 @@ def require_what_git_says(repo: Repository, at: Index, commit: str) -> None:
     assert sorted(one for kind in (ALIAS, LABEL, SUPERSEDES) for one in at.mentions(kind)) == expected
     contents = ((oid, path, repo.blob(oid)) for path, oid in files.items())
     assert [*at.parsed(contents)] == parsed
+    assert [*at.rows((oid, path) for path, oid in files.items())] == [
+        (path, entry_row(entry)) for path, entry in parsed
+    ]
+    used = [path for path in files if path.startswith("cameras/")]
+    assert [*at.irregular] == [path for path in used if not is_keyed(path)]
 
 
 def random_entry(dice: random.Random) -> Entry:
@@ -112,6 +119,14 @@ def test_after_any_history_it_says_what_git_says(repo: Repository, tmp_path: Pat
 
 
 @given(entry=entries())
+def test_fields_that_are_kept_are_the_fields(entry: Entry) -> None:
+    row = entry_row(entry)
+    again = msgspec.msgpack.decode(msgspec.msgpack.encode(row), type=dict[str, Value])
+    assert again == row
+    assert [type(value) for value in again.values()] == [type(value) for value in row.values()]
+
+
+@given(entry=entries())
 def test_an_entry_that_is_kept_is_the_entry(entry: Entry) -> None:
     again = msgspec.msgpack.decode(msgspec.msgpack.encode(entry), type=Entry)
     assert again == entry
@@ -126,7 +141,7 @@ def test_only_what_changed_is_read_again(
     put(repo.path, replace(NAMED, aliases=(Alias(make="Third", model="Name"),)), an_entry(model="New"))
     put_bytes(repo.path, {an_entry(model="Plain").path: None})
 
-    def refuse(*_: object) -> None:
+    def refuse(*_: object) -> NoReturn:
         raise AssertionError("everything was read again")
 
     monkeypatch.setattr(Index, "_read_whole", refuse)
@@ -137,8 +152,12 @@ def test_only_what_changed_is_read_again(
     monkeypatch.undo()
     files = [(oid, path, repo.blob(oid)) for path, oid in at.files.items()]
     first = [*at.parsed(files)]
+    rows = [*at.rows((oid, path) for oid, path, _ in files)]
     monkeypatch.setattr(index, "parsed_or_error", refuse)
     assert [*index_at(repo, tip(repo), folder=kept).parsed(files)] == first
+    # Nor are files read for the fields of what was read once.
+    monkeypatch.setattr(Repository, "read_many", lambda _, oids: iter(()) if not oids else refuse())
+    assert [*index_at(repo, tip(repo), folder=kept).rows((oid, path) for oid, path, _ in files)] == rows
 
 
 def damaged(file: Path) -> Iterator[bytes]:

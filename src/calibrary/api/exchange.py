@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-from calibrary.atomic import write_files
-from calibrary.errors import RegistryError
 from calibrary.jobs.audit.answers import named
 from calibrary.jobs.audit.report import report_of as audit_report
 from calibrary.jobs.audit.run import LEVELS, Audit, Request, audit
@@ -18,12 +16,9 @@ from calibrary.jobs.exchange.export import Export, export
 from calibrary.jobs.exchange.export import report_of as export_report
 from calibrary.jobs.exchange.import_ import Import, write_import
 from calibrary.jobs.exchange.import_ import report_of as import_report
-from calibrary.jobs.extract.flight_entries import flight_entries
 from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written
-from calibrary.registry.locking import Lock, lock_yaml, pinned, usable_paths
-from calibrary.registry.paths import the_one
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding
@@ -34,12 +29,10 @@ __all__ = [
     "AuditResult",
     "ExportResult",
     "ImportResult",
-    "LockResult",
     "Reading",
     "Stated",
     "audited",
     "exported",
-    "locked",
     "named",
 ]
 
@@ -86,26 +79,6 @@ class ExportResult:
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/registry-export-1.schema.json)."""
         return to_json(export_report(self.export, self.commit))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LockResult:
-    """A lock of entries as they are, and what has no entry."""
-
-    lock: Lock
-    unanswered: tuple[str, ...]
-
-    def write(self, path: Path) -> None:
-        """Write the lock's file.
-
-        Raises:
-            InputError: it cannot be written.
-        """
-        write_files({path: lock_yaml(self.lock)})
-
-    def to_dict(self) -> dict[str, Json]:
-        """As plain data for JSON (schemas/lock-1.schema.json)."""
-        return to_json(self.lock)
 
 
 @dataclass(slots=True, eq=False)
@@ -157,23 +130,3 @@ def exported(
     """As :meth:`calibrary.Fleet.export`."""
     stored = [one for one in snapshot.entries() if one.entry.status.value in statuses]
     return ExportResult(export(stored, form, out, max_error_px=max_error_px), snapshot.commit)
-
-
-def locked(snapshot: Snapshot, what: Sequence[str | Path], *, recursive: bool) -> LockResult:
-    """As :meth:`calibrary.Fleet.lock`."""
-    paths: list[str] = []
-    unanswered: list[str] = []
-    for one in what:
-        if Path(one).is_dir():
-            found, without = flight_entries(snapshot, Path(one), recursive=recursive)
-            paths += found
-            unanswered += without
-        else:
-            paths.append(the_one(snapshot.in_use(str(one)), snapshot.paths, str(one)))
-    if not what:
-        paths = usable_paths(snapshot)
-    if not paths:
-        raise RegistryError(
-            "no entry to pin: none is approved or held; 'calibrary registry approve KEY' puts one to use"
-        )
-    return LockResult(pinned(snapshot, paths), tuple(unanswered))

@@ -20,14 +20,15 @@ from calibrary.registry.configuration import plain_folder, require_registry
 from calibrary.registry.entry import Entry
 from calibrary.registry.fields import differences
 from calibrary.registry.history import recorded
-from calibrary.registry.paths import id_of, in_use_path
-from calibrary.registry.query import parse_where, select
+from calibrary.registry.paths import id_of, in_use_path, is_entry, is_proposal
+from calibrary.registry.query import parse_where, row_of, select
 from calibrary.registry.reader import RegistryReader, open_snapshot
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 
 if TYPE_CHECKING:
     from calibrary.api.changes import FleetChanges
-    from calibrary.api.exchange import AuditResult, ExportResult, LockResult
+    from calibrary.api.exchange import AuditResult, ExportResult
+    from calibrary.api.locks import LockResult
     from calibrary.jobs.site.building import Site
     from calibrary.jobs.site.server import Server
     from calibrary.registry.contribution import Contribution
@@ -60,7 +61,9 @@ class FleetView:
     @cached_property
     def snapshot(self) -> Snapshot:
         """Its entries; also of a plain folder, where it is named so: ``folder:PATH``."""
-        return open_snapshot(self.place, self.at)
+        if plain_folder(self.place) is not None:
+            return open_snapshot(self.place, self.at)
+        return self.registry.snapshot(self.at)
 
     @cached_property
     def registry(self) -> RegistryReader:
@@ -153,29 +156,28 @@ class FleetView:
         >>> [stored.id for stored in calibrary.open_registry("fleet").listing(["fc6310r"]).entries]
         ['dji/fc6310r/5472x3648']
         """
+        snapshot, lowered, wants_drafts = self.snapshot, [word.lower() for word in words], "draft" in statuses
         unreadable: list[RegistryError] = []
-        lowered = [word.lower() for word in words]
+        labels = snapshot.labels if lowered else {}
 
         def is_named(path: str) -> bool:
-            called = f"{id_of(path)} {labels.get(in_use_path(path), '')}".lower()
+            called = id_of(path)
+            if labels:
+                called = f"{called} {labels.get(in_use_path(path), '')}".lower()
             return all(word in called for word in lowered)
 
-        snapshot, wants_drafts = self.snapshot, "draft" in statuses
-        labels = snapshot.labels if lowered else {}
-        waiting = (
-            stored
-            for stored in snapshot.proposals(unreadable=unreadable.append, where=is_named)
-            if wants_drafts or in_use_path(stored.path) not in snapshot.paths
-        )
-        found = tuple(
-            stored
-            for stored in (*snapshot.entries(unreadable=unreadable.append, where=is_named), *waiting)
-            if (not statuses or stored.entry.status.value in statuses)
-            and (not grades or stored.entry.calibration.grade.value in grades)
-        )
+        in_use = snapshot.paths
+        named = [*filter(is_named, in_use), *filter(is_named, filter(is_entry, snapshot.proposed))]
+        found = [
+            (path, row_of(path, row, snapshot.beside(path)))
+            for path, row in snapshot.rows(named, unreadable=unreadable.append)
+            if (not statuses or row["status"] in statuses)
+            and (not grades or row["grade"] in grades)
+            and (not is_proposal(path) or wants_drafts or in_use_path(path) not in in_use)
+        ]
+        found.sort(key=lambda one: str(one[1]["id"]))
         conditions = [one for text in where for one in parse_where(text)]
-        chosen = select(sorted(found, key=lambda one: one.id), conditions, sort)
-        return EntryListing(chosen.entries, tuple(unreadable), chosen, {*snapshot.paths, *snapshot.proposed})
+        return EntryListing(select(found, conditions, sort), tuple(unreadable), snapshot)
 
     def show(self, key: str, *, against: str | None = None) -> ShownEntry:
         """One entry.
@@ -380,7 +382,7 @@ class FleetView:
         Raises:
             RegistryError: there is no such entry, or none to pin.
         """
-        from calibrary.api.exchange import locked
+        from calibrary.api.locks import locked
 
         return locked(self.snapshot, what, recursive=recursive)
 

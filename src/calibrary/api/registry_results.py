@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import date
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
 from calibrary.records import Json, to_json
-from calibrary.registry import history, snapshot
+from calibrary.registry import history
+from calibrary.registry import snapshot as stored_entries
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.fields import FieldChange, entry_rows, entry_text
 from calibrary.registry.history import (
@@ -23,7 +24,7 @@ from calibrary.registry.history import (
 )
 from calibrary.registry.query import Selection, short_ids
 from calibrary.registry.resolution import RejectedEntry
-from calibrary.registry.snapshot import StoredEntry
+from calibrary.registry.snapshot import Snapshot, StoredEntry
 
 if TYPE_CHECKING:
     from calibrary.jobs.exchange.resolve import Answer
@@ -107,30 +108,33 @@ class FleetAnswer:
         return to_json(resolution_report(self.answer, on=self.on))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class EntryListing:
     """Entries of a registry, and what is wrong with those that cannot be read.
 
     Attributes:
-        entries: chosen and sorted.
+        chosen: the entries, chosen and sorted, by their fields.
         unreadable: of entries that cannot be read.
-        chosen: the same with every field of each.
-        paths: of all entries of the registry.
+        snapshot: of the registry.
     """
 
-    entries: tuple[StoredEntry, ...]
-    unreadable: tuple[RegistryError, ...]
     chosen: Selection
-    paths: Collection[str]
+    unreadable: tuple[RegistryError, ...]
+    snapshot: Snapshot
+
+    @cached_property
+    def entries(self) -> tuple[StoredEntry, ...]:
+        """The same as entries, which are read when they are first asked for."""
+        return self.snapshot.stored(self.chosen.paths)
 
     def short_ids(self) -> list[str]:
         """KEYs of the entries, with the hashes of units as short as they may be."""
-        short = short_ids(self.paths)
-        return [short[one.path] for one in self.entries]
+        every = (*self.snapshot.paths, *self.snapshot.proposed)
+        return short_ids(self.chosen.paths, every)
 
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
-        return to_json(snapshot.EntryListing.of(self.entries))
+        return to_json(stored_entries.EntryListing.of(self.entries))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

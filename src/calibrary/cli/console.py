@@ -118,9 +118,12 @@ def _words(text: str) -> Iterator[tuple[int, int]]:
 
 def printable(text: str) -> str:
     """Text from a file or a tag without control characters, which a terminal would obey."""
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
 
 
 def plain(text: str) -> str:
     """The same without markup, for strings in which rich looks for it."""
-    return escape(printable(text))
+    text = printable(text)
+    return escape(text) if "[" in text or "\\" in text else text

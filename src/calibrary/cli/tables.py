@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
     from rich.text import Text
 
 __all__ = ["Column", "facts", "fitted", "single_lines"]
+
+_Cell: TypeAlias = tuple[str, tuple[tuple[int, int, str], ...]]
+"""A cell's text, and from where to where which style is."""
 
 GAP = 2
 BELOW = 4
@@ -86,11 +90,14 @@ def single_lines(
     The columns of the highest ranks leave until the table is no wider than ``width``; those of rank 0 never do, and
     make longer lines rather than more of them. Cells are in rich's markup.
     """
-    from rich.text import Text
+    from rich.text import Span, Text
 
-    cells = [[Text.from_markup(cell, style=columns[i].style) for i, cell in enumerate(row)] for row in rows]
-    kept = [i for i in range(len(columns)) if any(row[i].plain for row in cells)]
-    widths = {i: max(_wide(columns[i].name), *(row[i].cell_len for row in cells)) for i in kept}
+    # Ten thousand rows: a line is put together as a string, and becomes rich's once.
+    cells = [
+        [_with_styles(cell, column.style) for cell, column in zip(row, columns, strict=True)] for row in rows
+    ]
+    kept = [i for i in range(len(columns)) if any(row[i][0] for row in cells)]
+    widths = {i: max(_wide(columns[i].name), *(_wide(row[i][0]) for row in cells)) for i in kept}
     left_out = []
     while sum(widths[i] + GAP for i in kept) - GAP > width:
         leaving = max(kept, key=lambda i: (columns[i].rank, i))
@@ -99,21 +106,39 @@ def single_lines(
         kept.remove(leaving)
         left_out.append(columns[leaving].name)
     lines = []
-    for row in ([Text(column.name, "bold") for column in columns], *cells):
-        line = Text()
+    header: list[_Cell] = [(column.name, ((0, len(column.name), "bold"),)) for column in columns]
+    for row in (header, *cells):
+        line, spans = "", []
         for i in kept:
-            padding = " " * (widths[i] - row[i].cell_len)
-            gap = " " * GAP if i != kept[0] else ""
-            line += Text(gap) + (Text(padding) + row[i] if columns[i].right else row[i] + Text(padding))
-        line.rstrip()
-        lines.append(line)
+            cell, styles = row[i]
+            padding = " " * (widths[i] - _wide(cell))
+            line += (" " * GAP if i != kept[0] else "") + (padding if columns[i].right else "")
+            spans += [Span(len(line) + start, len(line) + end, style) for start, end, style in styles]
+            line += cell if columns[i].right else cell + padding
+        lines.append(Text(line.rstrip(), spans=spans))
     return lines, left_out
 
 
-def _wide(name: str) -> int:
+def _with_styles(markup: str, style: str) -> _Cell:
+    """A cell's text, and from where to where which style is."""
+    text, styles = _read_markup(markup) if "[" in markup or "\\" in markup else (markup, ())
+    return text, ((0, len(text), style), *styles) if style else styles
+
+
+@lru_cache(maxsize=256)
+def _read_markup(markup: str) -> _Cell:
+    from rich.text import Text
+
+    text = Text.from_markup(markup)
+    return text.plain, tuple((span.start, span.end, str(span.style)) for span in text.spans)
+
+
+def _wide(text: str) -> int:
+    if text.isascii():
+        return len(text)
     from rich.cells import cell_len
 
-    return cell_len(name)
+    return cell_len(text)
 
 
 def facts(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:

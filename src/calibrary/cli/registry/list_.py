@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from calibrary.api.registry_results import EntryListing
     from calibrary.cli.console import Screen
-    from calibrary.registry.snapshot import StoredEntry
+    from calibrary.registry.fields import Row
 
 __all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "add_where_flag", "run"]
 
@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
         print_json(found.to_dict())
     elif arguments.format == "csv":
         _print_csv(found, named)
-    elif found.entries:
+    elif found.chosen.rows:
         _show(out(arguments), note(arguments), found, named)
     elif not found.unreadable:
         note(arguments).say("no entry fits; 'calibrary registry add FILE' puts one in")
@@ -151,32 +151,30 @@ def _show(screen: Screen, remarks: Screen, found: EntryListing, named: Sequence[
         rows = [tuple(plain(_text(row.get(field))) for field in named) for row in found.chosen.rows]
     else:
         columns = COLUMNS
-        rows = [_row(one, short) for one, short in zip(found.entries, found.short_ids(), strict=True)]
+        rows = [_row(row, short) for row, short in zip(found.chosen.rows, found.short_ids(), strict=True)]
     lines, left_out = single_lines(columns, rows, screen.width)
     screen.show(lines)
     if left_out and remarks.is_terminal:
         remarks.say(f"[dim]left out in this width: {', '.join(left_out)}; --columns chooses others[/]")
 
 
-def _row(stored: StoredEntry, short: str) -> tuple[str, ...]:
+def _row(row: Row, short: str) -> tuple[str, ...]:
     from calibrary.cli.console import plain
 
-    entry, status = stored.entry, stored.entry.status.value
-    calibration = entry.calibration
-    K, lens = calibration.intrinsics, calibration.distortion
-    state = "proposed" if stored.is_pending else status
-    state += ", proposal pending" if stored.proposal is not None else ""
+    status = str(row["status"])
+    state, tags = "proposed" if row["proposed"] else status, row.get("tags")
+    state += ", proposal pending" if "proposal" in row else ""
     return (
-        plain(entry.label or ""),
+        plain(str(row.get("label", ""))),
         plain(short),
         f"[{STYLES[status]}]{state}[/]",
-        f"{K.fx:.2f}",
-        calibration.grade.value,
-        plain((calibration.provenance.date or "")[:10]),
-        plain(" ".join(entry.tags)),
-        lens.model if lens is not None else "unknown",
-        f"{K.cx:.2f}",
-        f"{K.cy:.2f}",
+        f"{row['intrinsics.fx']:.2f}",
+        str(row["grade"]),
+        plain(str(row.get("provenance.date", ""))[:10]),
+        plain(" ".join(tags) if isinstance(tags, tuple) else ""),
+        str(row.get("distortion.model", "unknown")),
+        f"{row['intrinsics.cx']:.2f}",
+        f"{row['intrinsics.cy']:.2f}",
     )
 
 

@@ -1,0 +1,58 @@
+"""Entries pinned as they are, and the file that says so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibrary.atomic import write_files
+from calibrary.errors import RegistryError
+from calibrary.records import Json, to_json
+from calibrary.registry.locking import Lock, lock_yaml, pinned, usable_paths
+from calibrary.registry.paths import the_one
+from calibrary.registry.snapshot import Snapshot
+
+__all__ = ["LockResult", "locked"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LockResult:
+    """A lock of entries as they are, and what has no entry."""
+
+    lock: Lock
+    unanswered: tuple[str, ...]
+
+    def write(self, path: Path) -> None:
+        """Write the lock's file.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        write_files({path: lock_yaml(self.lock)})
+
+    def to_dict(self) -> dict[str, Json]:
+        """As plain data for JSON (schemas/lock-1.schema.json)."""
+        return to_json(self.lock)
+
+
+def locked(snapshot: Snapshot, what: Sequence[str | Path], *, recursive: bool) -> LockResult:
+    """As :meth:`calibrary.Fleet.lock`."""
+    paths: list[str] = []
+    unanswered: list[str] = []
+    for one in what:
+        if Path(one).is_dir():
+            from calibrary.jobs.extract.flight_entries import flight_entries
+
+            found, without = flight_entries(snapshot, Path(one), recursive=recursive)
+            paths += found
+            unanswered += without
+        else:
+            paths.append(the_one(snapshot.in_use(str(one)), snapshot.paths, str(one)))
+    if not what:
+        paths = usable_paths(snapshot)
+    if not paths:
+        raise RegistryError(
+            "no entry to pin: none is approved or held; 'calibrary registry approve KEY' puts one to use"
+        )
+    return LockResult(pinned(snapshot, paths), tuple(unanswered))

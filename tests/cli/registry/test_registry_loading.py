@@ -1,0 +1,50 @@
+"""What the commands that only read a registry load: nothing of what changes one, reads files, or asks the web."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.registry.direct import put
+from tests.registry.entries import an_entry
+
+CHANGES = {"calibrary.registry.registry", "calibrary.registry.proposals", "calibrary.registry.git.remotes"}
+READERS = {"calibrary.parsers", "calibrary.jobs.exchange.add", "PIL", "exifread", "lxml"}
+WEB = {"http.client", "ssl", "calibrary.registry.published.read"}
+DRAWS = {"matplotlib", "jinja2", "cv2", "scipy", "jsonschema"}
+JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.check"}
+
+
+@pytest.mark.parametrize(
+    ("command", "besides"),
+    [
+        (["list"], JUDGES),
+        (["list", "--where", "fx>1000", "--sort", "date"], JUDGES),
+        (["show", "fc6310r"], JUDGES),
+        (["log", "fc6310r"], JUDGES),
+        (["lock", "--out", "calibrary.lock"], JUDGES),
+        (["check"], set()),
+        # It compares its answer with the catalogue's.
+        (["resolve", "dji/fc6310r"], {"calibrary.registry.check"}),
+    ],
+    ids=lambda words: words[0] if isinstance(words, list) else "",
+)
+def test_a_command_that_reads_loads_no_more(
+    fleet: Path, tmp_path: Path, command: list[str], besides: set[str]
+) -> None:
+    put(fleet, an_entry())
+    code = (
+        "import sys\nfrom calibrary.cli.main import main\n"
+        f"code = main({['registry', *command, '--registry', str(fleet)]!r})\n"
+        "print(code, *sys.modules, file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    status, *loaded = done.stderr.splitlines()[-1].split()
+    assert status == "0"
+    assert {"git", "numpy", "sqlite3"} <= {*loaded}
+    assert {*loaded} & (CHANGES | READERS | WEB | DRAWS | besides) == set()
