@@ -1,8 +1,9 @@
 """``calibrary.lock``: pinning the entries that a run uses, so that a later run uses the same or is refused.
 
 A git registry still has the entries as they were, so a run is repeated from the pinned commit whatever has changed in
-the registry since, and the changes are reported. A plain folder has only its current files: if they differ, the run
-is refused.
+the registry since, and the changes are reported. With a commit its history is pinned: images of an earlier period get
+the revision that was in use for it, up to that commit. A plain folder has only its current files: if they differ, the
+run is refused.
 """
 
 from __future__ import annotations

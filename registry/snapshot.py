@@ -377,7 +377,7 @@ class Snapshot:
         """The path of the entry that a KEY means; errors as of :meth:`get`."""
         found = self.matching(key)
         # The names of all are for the message that there is none.
-        every = {*self.paths, *map(in_use_path, self.proposed)} if not found else found
+        every = found or {*self.paths, *map(in_use_path, self.proposed)}
         return the_one(found, every, key)
 
     def matching(self, key: str) -> list[str]:

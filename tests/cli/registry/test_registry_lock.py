@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from calibrary.cli.main import build_parser, main
 from calibrary.cli.registry import lock
 from calibrary.records import replace
-from calibrary.registry.entry import Status
+from calibrary.registry.entry import Status, Validity
 from calibrary.registry.locking import LOCK_FILE, read_lock
 from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, add, printed, run, xml
@@ -120,6 +121,19 @@ class TestLockedRun:
         assert "was retired (lens was swapped)" in told
         put_bytes(fleet, {ENTRY.path: None})
         assert "is gone" in extracted(capsys, "--registry", fleet, "--locked")[2]
+
+    def test_an_earlier_period_gets_its_k_as_the_pinned_commit_has_it(
+        self, fleet: Path, flight: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        spring, autumn = Validity(first=date(2026, 3, 1)), Validity(first=date(2026, 9, 1))
+        put(fleet, replace(ENTRY, validity=spring))
+        put(fleet, an_entry(focal_mm=None, fx=3670.0, validity=autumn))
+        run(capsys, "lock")
+        put(fleet, an_entry(focal_mm=None, fx=3680.0, validity=autumn))
+        for taken, expected in (("2026:05:05", 3661.25), ("2026:10:10", 3670.0)):
+            picture(flight / "a.jpg", **TAGS, date_time=f"{taken} 12:00:00")
+            code, fx, _ = extracted(capsys, "--registry", fleet, "--locked")
+            assert (code, fx) == (0, expected)
 
     def test_a_bare_registry_is_read_alike(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -129,6 +129,25 @@ def test_a_unit_without_a_serial_number_is_not_the_whole_model(
     assert entry.path.startswith(f"cameras/{ENTRY}/sn-")
 
 
+def test_the_label_is_the_units_and_stays(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    onboard(capsys, payload, *UNIT, "--label", "M3M-02", "--yes")
+    [entry] = drafted(fleet)
+    assert (entry.unit is not None, entry.label) == (True, "M3M-02")
+    run(capsys, "approve", *looked_at(fleet, entry.id, rev=BRANCH), "--from", BRANCH)
+    # The next calibration of the unit is called as the unit is.
+    xml(payload / "papers" / "camera.xml", 969.5, (1280, 960), 4.5)
+    assert onboard(capsys, payload, *UNIT, "--yes")[0] == 0
+    [again] = drafted(fleet)
+    assert (again.calibration.intrinsics.fx, again.label) == (969.5, "M3M-02")
+
+
+def test_a_whole_model_has_no_label(fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    onboard(capsys, payload, "--for", "model", "--label", "M3M-02", "--yes")
+    assert [(entry.unit, entry.label) for entry in drafted(fleet)] == [(None, None)]
+
+
 def test_another_source_is_another_draft(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
