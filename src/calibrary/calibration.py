@@ -53,6 +53,8 @@ ASPECT_TOLERANCE = 0.01
 CHUNK_ROWS = 1 << 18
 """Points projected at a time, so that an image's worth of them needs little memory beside the result."""
 
+_PINHOLE = NoDistortion()
+
 
 class CameraKey(Record):
     """Which camera a calibration is of. EXIF Model alone is not a key: four sub-cameras may share it.
@@ -267,6 +269,11 @@ class Calibration(Record):
         rays = as_rows(points, 3)
         to_distorted = perspective if self.distortion is None else self.distortion.distort_rays
         K = self.intrinsics
+        if len(rays) == 1:
+            seen = (self.distortion or _PINHOLE).distort_ray(*rays[0].tolist())
+            if seen is not None:
+                x, y = seen
+                return np.array([[K.fx * x + (K.skew * y + K.cx), K.fy * y + K.cy]])
         px = np.empty((len(rays), 2))
         for rows in blocks(len(rays), CHUNK_ROWS):
             x, y = to_distorted(rays[rows]).T
@@ -286,6 +293,12 @@ class Calibration(Record):
         px = as_rows(pixels, 2)
         cast = unit_rays if self.distortion is None else self.distortion.undistort_to_rays
         K = self.intrinsics
+        if len(px) == 1:
+            [(x, y)] = px.tolist()
+            y = (y - K.cy) / K.fy
+            ray = (self.distortion or _PINHOLE).undistort_to_ray((x - K.cx - K.skew * y) / K.fx, y)
+            if ray is not None:
+                return np.array([ray])
         rays = np.empty((len(px), 3))
         for rows in blocks(len(px), CHUNK_ROWS):
             x, y = px[rows].T

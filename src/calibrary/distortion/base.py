@@ -100,6 +100,14 @@ class Distortion(Record, tag_field="model"):
         """(N, 2) distorted coordinates to (N, 3) unit directions; NaN where nothing is seen."""
         return unit_rays(self.undistort(xy))
 
+    def distort_ray(self, _x: float, _y: float, _z: float, /) -> tuple[float, float] | None:
+        """One direction as :meth:`distort_rays`, without an array's overhead; None where that has to decide."""
+        return None
+
+    def undistort_to_ray(self, _x: float, _y: float, /) -> tuple[float, float, float] | None:
+        """One point as :meth:`undistort_to_rays`, without an array's overhead; None where that has to decide."""
+        return None
+
 
 def perspective(rays: FloatArray) -> FloatArray:
     """(N, 3) directions to (N, 2) x/z, y/z; NaN for what is not in front of the camera."""
@@ -121,6 +129,12 @@ def unit_rays(xy: FloatArray) -> FloatArray:
         return x * depth, y * depth, depth
 
     return by_columns(scaled, xy, 2, 3)
+
+
+def unit_ray(x: float, y: float) -> tuple[float, float, float]:
+    """x/z, y/z to a unit direction."""
+    depth = 1.0 / math.hypot(x, y, 1.0)
+    return x * depth, y * depth, depth
 
 
 def by_columns(function: Callable[..., Columns], values: ArrayLike, columns: int, into: int) -> FloatArray:

@@ -7,12 +7,12 @@ names the terms it has. This class is what they compute with and no model of its
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
-from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.opencv import OpenCVDistortion
-from calibrary.distortion.polynomial import Jacobian, PolynomialMap, trimmed
+from calibrary.distortion.polynomial import Jacobian, Number, PolynomialMap, trimmed
 from calibrary.errors import InputError
 
 __all__ = ["BrownMap", "BrownPolynomial"]
@@ -70,7 +70,7 @@ class BrownPolynomial(OpenCVDistortion):
         )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class BrownMap(PolynomialMap):
     """OpenCV's map with two more radial terms, tangential terms that grow, and an affinity.
 
@@ -95,27 +95,27 @@ class BrownMap(PolynomialMap):
     b1: float = 0.0
     b2: float = 0.0
 
-    @property
+    @cached_property
     def numerator(self) -> list[float]:
         """1 + k1·s + … + r10·s⁵, constant term first, without trailing zeros."""
         return trimmed([1.0, self.k1, self.k2, self.k3, self.r8, self.r10])
 
-    @property
+    @cached_property
     def has_growth(self) -> bool:
         """Whether the tangential terms grow."""
         return bool((self.t2 or self.t4) and (self.p1 or self.p2))
 
-    @property
+    @cached_property
     def has_affinity(self) -> bool:
         """Whether the affinity is at work."""
         return bool(self.b1 or self.b2)
 
-    @property
+    @cached_property
     def has_prism(self) -> bool:
         """Whether the limit must be searched for, as with a prism: no closed form holds."""
         return bool(self.s1 or self.s2 or self.s3 or self.s4 or self.has_growth or self.has_affinity)
 
-    def image(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def image(self, x: Number, y: Number) -> tuple[Number, Number]:
         """(x, y) to (x', y')."""
         u, v = PolynomialMap.image(self, x, y)
         if self.has_growth:
@@ -128,7 +128,7 @@ class BrownMap(PolynomialMap):
             u = u + (self.b1 * x + self.b2 * y)
         return u, v
 
-    def image_and_jacobian(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Jacobian]:
+    def image_and_jacobian(self, x: Number, y: Number) -> tuple[Number, Number, Jacobian[Number]]:
         """(x, y) to (x', y'), and the four derivatives there."""
         u, v, (ux, uy, vx, vy) = PolynomialMap.image_and_jacobian(self, x, y)
         if self.has_growth:
@@ -147,7 +147,7 @@ class BrownMap(PolynomialMap):
             u, ux, uy = u + (self.b1 * x + self.b2 * y), ux + self.b1, uy + self.b2
         return u, v, (ux, uy, vx, vy)
 
-    def _tangential(self, x: FloatArray, y: FloatArray, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _tangential(self, x: Number, y: Number, r2: Number) -> tuple[Number, Number]:
         """The tangential terms before they grow."""
         across = 2.0 * (self.p2 * x + self.p1 * y)
         return x * across + self.p2 * r2, y * across + self.p1 * r2

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -122,7 +123,7 @@ def _directions(points: FloatArray) -> FloatArray:
     return by_columns(direction, points, 2, 3)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class _Map(PolynomialMap):
     """OpenCV's map with three more radial terms in its numerator; nothing else about it changes."""
 
@@ -132,7 +133,7 @@ class _Map(PolynomialMap):
     r10: float = 0.0
     r12: float = 0.0
 
-    @property
+    @cached_property
     def numerator(self) -> list[float]:
         """1 + k1·s + … + r12·s⁶, constant term first, without trailing zeros."""
         return trimmed([1.0, self.k1, self.k2, self.k3, self.r8, self.r10, self.r12])

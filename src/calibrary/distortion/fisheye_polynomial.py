@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Distortion
 from calibrary.distortion.kannala_brandt import KannalaBrandt
+from calibrary.distortion.polynomial import Number
 from calibrary.distortion.radial_fisheye import RadialFisheye
 from calibrary.distortion.roots import first_positive_root
 
@@ -50,10 +50,10 @@ class FisheyePolynomial(RadialFisheye):
             return None
         return cls(k2=0.0, k3=other.k1)
 
-    def _image(self, theta: FloatArray) -> FloatArray:
+    def _image(self, theta: Number) -> Number:
         """θd of θ."""
         return theta * (1.0 + theta * (self.k2 + theta * (self.k3 + theta * self.k4)))
 
-    def _slope(self, theta: FloatArray) -> FloatArray:
+    def _slope(self, theta: Number) -> Number:
         """dθd/dθ."""
         return 1.0 + theta * (2.0 * self.k2 + theta * (3.0 * self.k3 + theta * (4.0 * self.k4)))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from calibrary.arrays import FloatArray
 from calibrary.distortion.polynomial import PolynomialMap
 
-__all__ = ["Inversion"]
+__all__ = ["NEWTON_STEPS", "SETTLED", "WELL_CONDITIONED", "Inversion", "solved"]
 
 TABLE_NODES = 1024
 
@@ -32,6 +32,9 @@ SETTLED = 1e-9
 """A Newton step this short, relative to the point, leaves an error of its square: nothing in float64."""
 
 NEWTON_STEPS = 8
+
+WELL_CONDITIONED = 0.05
+"""Below it a step in the image says little of the step before the lens, and ways that end elsewhere differ."""
 
 DAMPED_STEPS = 120
 
@@ -104,7 +107,7 @@ class Inversion:
     def of(cls, lens: PolynomialMap, radius: float, farthest: float) -> Inversion:
         """Prepare ``lens``, one-to-one up to ``radius``, for distorted points up to ``farthest`` from the axis."""
         reach = min(_unit(lens), radius)
-        while reach < radius and lens.radial(np.array([reach]))[0] < farthest:
+        while reach < radius and lens.radial(np.float64(reach)) < farthest:
             reach = min(2.0 * reach, radius)
         return cls._reaching(lens, radius, reach)
 
@@ -147,6 +150,34 @@ class Inversion:
         scale = np.interp(rho, self.seen_at, self.seen_from)
         np.divide(scale, rho, out=scale, where=rho > 0)
         return u * scale, v * scale
+
+
+def solved(lens: PolynomialMap, u: float, v: float, radius: float) -> tuple[float, float] | None:
+    """What is seen at one point, by full Newton steps in plain floats.
+
+    Returns:
+        x, y inside the valid field, where the solution is unique; None where this way does not settle, where next to
+        the limit it may end elsewhere, and where there is no solution: :class:`Inversion` decides those.
+    """
+    try:
+        rho = math.sqrt(u * u + v * v)
+        image = lens.radial(rho)
+        scale = rho / image if image > 0 else 1.0
+        x, y = u * scale, v * scale
+        for _ in range(NEWTON_STEPS):
+            at_u, at_v, (ux, uy, vx, vy) = lens.image_and_jacobian(x, y)
+            at_u -= u
+            at_v -= v
+            det = ux * vy - uy * vx
+            dx, dy = (uy * at_v - vy * at_u) / det, (vx * at_u - ux * at_v) / det
+            settled = dx * dx + dy * dy <= SETTLED**2 * (x * x + y * y)
+            x, y = x + dx, y + dy
+            if settled:
+                steep = det > WELL_CONDITIONED * (ux * ux + uy * uy + vx * vx + vy * vy)
+                return (x, y) if steep and x * x + y * y < radius * radius else None
+    except ArithmeticError:
+        return None
+    return None
 
 
 def _unit(lens: PolynomialMap) -> float:

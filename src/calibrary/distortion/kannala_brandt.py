@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.distortion.polynomial import Number
 from calibrary.distortion.radial_fisheye import RadialFisheye
 from calibrary.distortion.roots import first_positive_root
 
@@ -42,21 +40,23 @@ class KannalaBrandt(RadialFisheye):
         slope_by_square = (1.0, 3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3, 9.0 * self.k4)
         return min(math.pi, math.sqrt(first_positive_root(slope_by_square)))
 
-    def _image(self, theta: FloatArray) -> FloatArray:
+    def _image(self, theta: Number) -> Number:
         """θd of θ."""
         square = theta * theta
-        value = np.full_like(theta, self.k4)
-        for k in (self.k3, self.k2, self.k1, 1.0):
-            value *= square
+        value = square * self.k4
+        for k in (self.k3, self.k2, self.k1):
             value += k
+            value *= square
+        value += 1.0
         value *= theta
         return value
 
-    def _slope(self, theta: FloatArray) -> FloatArray:
+    def _slope(self, theta: Number) -> Number:
         """dθd/dθ."""
         square = theta * theta
-        value = np.full_like(theta, 9.0 * self.k4)
-        for slope in (7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1, 1.0):
-            value *= square
+        value = square * (9.0 * self.k4)
+        for slope in (7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1):
             value += slope
+            value *= square
+        value += 1.0
         return value

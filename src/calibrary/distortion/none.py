@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Distortion, as_rows, finite_pair
+from calibrary.distortion.base import Distortion, as_rows, finite_pair, unit_ray
 
 __all__ = ["NoDistortion"]
 
@@ -25,6 +25,14 @@ class NoDistortion(Distortion):
     def undistort(self, xy: FloatArray) -> FloatArray:
         """The same coordinates; a row that is not finite becomes NaN."""
         return _copied(xy)
+
+    def distort_ray(self, x: float, y: float, z: float, /) -> tuple[float, float] | None:
+        """One direction, without an array's overhead."""
+        return (x / z, y / z) if z > 0 and math.isfinite(x / z) and math.isfinite(y / z) else None
+
+    def undistort_to_ray(self, x: float, y: float, /) -> tuple[float, float, float] | None:
+        """One point, without an array's overhead."""
+        return unit_ray(x, y) if math.isfinite(x) and math.isfinite(y) else None
 
     def valid_radius(self) -> float:
         """Infinite: a pinhole has no limit."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -9,8 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import Columns, Distortion, as_rows, blocks, by_columns, finite_pair
-from calibrary.distortion.inversion import Inversion
+from calibrary.distortion.base import (
+    Columns,
+    Distortion,
+    as_rows,
+    blocks,
+    by_columns,
+    finite_pair,
+    unit_ray,
+)
+from calibrary.distortion.inversion import Inversion, solved
 from calibrary.distortion.polynomial import PolynomialMap
 from calibrary.distortion.valid_field import monotonic_radius
 
@@ -73,6 +82,26 @@ class OpenCVDistortion(Distortion):
             for part in blocks(len(left)):
                 out[left[part], 0], out[left[part], 1] = inverse.patient(*image(left[part]))
         return out
+
+    def distort_ray(self, x: float, y: float, z: float, /) -> tuple[float, float] | None:
+        """One direction; nothing where the sensor is tilted or the point is beyond the limit."""
+        ready = _prepared(self)
+        if not z > 0 or ready.sensor is not None:
+            return None
+        x, y = x / z, y / z
+        if not x * x + y * y < ready.radius * ready.radius:
+            return None
+        try:
+            u, v = ready.lens.image(x, y)
+        except ArithmeticError:
+            return None
+        return (u, v) if math.isfinite(u) and math.isfinite(v) else None
+
+    def undistort_to_ray(self, x: float, y: float, /) -> tuple[float, float, float] | None:
+        """One point; nothing where the sensor is tilted or the point is next to the limit or beyond it."""
+        ready = _prepared(self)
+        found = solved(ready.lens, x, y, ready.radius) if ready.sensor is None else None
+        return unit_ray(*found) if found is not None else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,17 +14,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self, TypeAlias
+from functools import cached_property
+from typing import ClassVar, Self, TypeAlias, TypeVar
 
 from calibrary.arrays import FloatArray
 
-__all__ = ["Jacobian", "PolynomialMap", "trimmed"]
+__all__ = ["Jacobian", "Number", "PolynomialMap", "trimmed"]
 
-Jacobian: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+Number = TypeVar("Number", float, FloatArray)
+"""One point in plain floats, or any number of them in arrays: the same arithmetic."""
+
+Jacobian: TypeAlias = tuple[Number, Number, Number, Number]
 """∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PolynomialMap:
     """The coefficients of the formula above; what a model has not got is zero."""
 
@@ -47,27 +51,27 @@ class PolynomialMap:
     s3: float = 0.0
     s4: float = 0.0
 
-    @property
+    @cached_property
     def numerator(self) -> list[float]:
         """N, constant term first, without trailing zeros."""
         return trimmed([1.0, self.k1, self.k2, self.k3])
 
-    @property
+    @cached_property
     def denominator(self) -> list[float]:
         """D, constant term first, without trailing zeros."""
         return trimmed([1.0, self.k4, self.k5, self.k6])
 
-    @property
+    @cached_property
     def is_radial(self) -> bool:
         """Whether every point moves along its own radius."""
         return not (self.p1 or self.p2 or self.has_prism)
 
-    @property
+    @cached_property
     def has_prism(self) -> bool:
         """Whether a thin-prism term is at work."""
         return bool(self.s1 or self.s2 or self.s3 or self.s4)
 
-    @property
+    @cached_property
     def octave(self) -> int:
         """A power of two just below the radius at which the strongest coefficient moves a point by itself.
 
@@ -89,12 +93,12 @@ class PolynomialMap:
             **{name: math.ldexp(getattr(self, name), power * octave) for name, power in self.POWERS.items()}
         )
 
-    def radial(self, r: FloatArray) -> FloatArray:
+    def radial(self, r: Number) -> Number:
         """Where the radial part alone puts radius ``r``."""
         r2 = r * r
         return r * _horner(self.numerator, r2) / _horner(self.denominator, r2)
 
-    def image(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def image(self, x: Number, y: Number) -> tuple[Number, Number]:
         """Undistorted to distorted."""
         r2 = x * x
         r2 += y * y
@@ -114,7 +118,7 @@ class PolynomialMap:
             v += r2 * (self.s3 + self.s4 * r2)
         return u, v
 
-    def image_and_jacobian(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Jacobian]:
+    def image_and_jacobian(self, x: Number, y: Number) -> tuple[Number, Number, Jacobian[Number]]:
         """Undistorted to distorted, and the four derivatives there."""
         x2, y2 = 2.0 * x, 2.0 * y
         r2 = x * x + y * y
@@ -143,18 +147,22 @@ class PolynomialMap:
             vy += self.s4 * r2_twice * y2
         return u, v, (ux, uy, vx, vy)
 
-    def _gain_and_slope(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
+    @cached_property
+    def _slopes(self) -> tuple[list[float], list[float]]:
+        """The derivatives of N and D by r²."""
+        return _derivative(self.numerator), _derivative(self.denominator)
+
+    def _gain_and_slope(self, r2: Number) -> tuple[Number, Number]:
         """N/D and its derivative by r²."""
-        top, bottom = self.numerator, self.denominator
-        gain, slope = _horner(top, r2), _horner(_derivative(top), r2)
-        if len(bottom) > 1:
-            divisor = _horner(bottom, r2)
+        gain, slope = _horner(self.numerator, r2), _horner(self._slopes[0], r2)
+        if len(self.denominator) > 1:
+            divisor = _horner(self.denominator, r2)
             gain = gain / divisor
-            slope = (slope - gain * _horner(_derivative(bottom), r2)) / divisor
+            slope = (slope - gain * _horner(self._slopes[1], r2)) / divisor
         return gain, slope
 
 
-def _horner(coefficients: Sequence[float], s: FloatArray) -> FloatArray:
+def _horner(coefficients: Sequence[float], s: Number) -> Number:
     """The polynomial with the constant term first, at ``s``."""
     if len(coefficients) == 1:
         return s * 0.0 + coefficients[0]

@@ -11,7 +11,9 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Columns, by_columns, finite_pair
+from calibrary.distortion.inversion import NEWTON_STEPS, SETTLED, WELL_CONDITIONED
 from calibrary.distortion.omnidirectional import Omnidirectional
+from calibrary.distortion.polynomial import Number
 from calibrary.distortion.roots import Rising, inverse_of_rising
 
 __all__ = ["RadialFisheye"]
@@ -23,11 +25,11 @@ class RadialFisheye(Omnidirectional):
     """A model that puts a ray at θ from the axis at the image radius θd(θ), which rises up to a limiting angle."""
 
     @abstractmethod
-    def _image(self, theta: FloatArray) -> FloatArray:
+    def _image(self, theta: Number) -> Number:
         """θd of θ."""
 
     @abstractmethod
-    def _slope(self, theta: FloatArray) -> FloatArray:
+    def _slope(self, theta: Number) -> Number:
         """dθd/dθ."""
 
     def distort_rays(self, rays: FloatArray) -> FloatArray:
@@ -61,6 +63,33 @@ class RadialFisheye(Omnidirectional):
             return x * stretch, y * stretch
 
         return by_columns(undistorted, xy, 2, 2)
+
+    def distort_ray(self, x: float, y: float, z: float, /) -> tuple[float, float] | None:
+        """One direction; nothing on the axis and from the limit on."""
+        r = math.hypot(x, y)
+        theta = math.atan2(r, z)
+        if not r > 0 or not theta < _prepared(self).limit:
+            return None
+        stretch = self._image(theta) / r
+        u, v = x * stretch, y * stretch
+        return (u, v) if math.isfinite(u) and math.isfinite(v) else None
+
+    def undistort_to_ray(self, x: float, y: float, /) -> tuple[float, float, float] | None:
+        """One point, by Newton's method; nothing on the axis and where that does not settle below the limit."""
+        rho = theta = math.sqrt(x * x + y * y)
+        if not rho > 0:
+            return None
+        for _ in range(NEWTON_STEPS):
+            slope = self._slope(theta)
+            if not slope > WELL_CONDITIONED:
+                return None
+            step = (self._image(theta) - rho) / slope
+            theta -= step
+            if abs(step) <= SETTLED * theta:
+                stretch = math.sin(theta) / rho
+                ray = x * stretch, y * stretch, math.cos(theta)
+                return ray if theta < _prepared(self).limit else None
+        return None
 
     def _distorted(self, limit: float, x: FloatArray, y: FloatArray, z: FloatArray) -> Columns:
         r = np.hypot(x, y)
