@@ -1,6 +1,6 @@
 """A flight of any number of 20-megapixel frames with 60 kB of metadata each, to measure on.
 
-    python benchmarks/corpus.py OUT --images N [--distinct D] [--file-mb M]
+    python -m benchmarks.corpus OUT --images N [--distinct D] [--file-mb M] [--cameras C]
 
 What a reader of metadata meets is as a Phantom 4 RTK writes it, in kind and in size: EXIF with a 30 kB
 MakerNote and a thumbnail, an XMP segment filled up to 8 kB, the multi-picture index, a colour profile, the
@@ -10,8 +10,10 @@ What it does not meet is cheap. The scan is one flat grey frame of 78 kB. Behind
 the camera appends its preview, a hole brings the file to its usual length and takes no disk: a program that
 reads whole files gets through that part faster than it would. Frames beyond the first D are hard links to
 those D in turn, so 100 000 images with D = 2000 take 0.3 GB. They are opened and read like any others, but
-the page cache holds the D only once, so nothing here measures a cold disk. Copy the folder with a tool that
-keeps holes and links, or make it anew.
+the page cache holds the D only once; :func:`forgotten` drops them from it, for a measure of the disk. Copy the folder
+with a tool that keeps holes and links, or make it anew.
+
+With C cameras the frames are taken by each in turn; they differ in the model that EXIF names.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import io
 import os
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
@@ -51,7 +53,9 @@ LINKS_PER_FILE = 60_000
 """ext4 allows 65 000 names of one file."""
 
 
-def write_corpus(out: Path, images: int, *, distinct: int = 2000, file_bytes: int = 8_000_000) -> list[Path]:
+def write_corpus(
+    out: Path, images: int, *, distinct: int = 2000, file_bytes: int = 8_000_000, cameras: int = 1
+) -> list[Path]:
     """Write ``images`` frames, 999 to a folder, of which ``distinct`` are files of their own.
 
     Returns:
@@ -65,7 +69,7 @@ def write_corpus(out: Path, images: int, *, distinct: int = 2000, file_bytes: in
         if index % PER_FOLDER == 0:
             path.parent.mkdir(parents=True, exist_ok=True)
         if index < distinct:
-            path.write_bytes(assemble(head_segments(index), scan))
+            path.write_bytes(assemble(head_segments(index, cameras), scan))
             os.truncate(path, max(file_bytes, path.stat().st_size))
         else:
             path.hardlink_to(paths[index % distinct])
@@ -73,10 +77,20 @@ def write_corpus(out: Path, images: int, *, distinct: int = 2000, file_bytes: in
     return paths
 
 
-def head_segments(index: int) -> Iterator[Segment]:
+def forgotten(paths: Iterable[Path]) -> None:
+    """Have the operating system drop what it remembers of files."""
+    for path in paths:
+        descriptor = os.open(path, os.O_RDONLY)
+        os.posix_fadvise(descriptor, 0, 0, os.POSIX_FADV_DONTNEED)
+        os.close(descriptor)
+
+
+def head_segments(index: int, cameras: int = 1) -> Iterator[Segment]:
     """All that stands before the scan of frame ``index``."""
     head = phantom_4_rtk(_shot(index))
     exif = head.exif or ExifTags()
+    if cameras > 1:
+        exif = replace(exif, model=f"{exif.model}-{index % cameras}")
     yield exif_segment(replace(exif, maker_note=_maker_note(), thumbnail=_thumbnail()))
     if head.xmp is not None:
         yield from xmp_segments(head.xmp)
@@ -147,15 +161,22 @@ def main() -> None:
     parser.add_argument(
         "--distinct", type=int, default=2000, metavar="D", help="the rest are hard links to them"
     )
+    parser.add_argument("--cameras", type=int, default=1, metavar="C", help="that take the frames in turn")
     parser.add_argument("--file-mb", type=float, default=8.0, metavar="M", help="apparent length of a file")
     arguments = parser.parse_args()
-    if arguments.images < 1 or arguments.distinct < 1:
-        parser.error("--images and --distinct want at least 1")
+    if min(arguments.images, arguments.distinct, arguments.cameras) < 1:
+        parser.error("--images, --distinct and --cameras want at least 1")
     if arguments.out.exists() and any(arguments.out.iterdir()):
         parser.error(f"{arguments.out} is not empty")
     start = time.perf_counter()
     file_bytes = int(arguments.file_mb * 1e6)
-    paths = write_corpus(arguments.out, arguments.images, distinct=arguments.distinct, file_bytes=file_bytes)
+    paths = write_corpus(
+        arguments.out,
+        arguments.images,
+        distinct=arguments.distinct,
+        file_bytes=file_bytes,
+        cameras=arguments.cameras,
+    )
     seconds = time.perf_counter() - start
     head = 2 + sum(len(segment.encode()) for segment in head_segments(0))
     files = {status.st_ino: status.st_blocks * 512 for status in map(os.stat, paths)}

@@ -13,7 +13,7 @@ from calibrary.interop.colmap_database import write_database
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
 from calibrary.jobs.extract.hand_off import Solver, seed_command
 from calibrary.jobs.extract.outputs import STALE, Outputs, check_place, plan
-from calibrary.jobs.extract.report import encode, report_of
+from calibrary.jobs.extract.report import report_of
 from calibrary.jobs.extract.run import Request, run
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.images.places import place_of
@@ -26,7 +26,6 @@ __all__ = [
     "ExtractResult",
     "Outputs",
     "check_place",
-    "encode",
     "extract",
     "seed_command",
     "write_outputs",

@@ -198,7 +198,7 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.images import check_place, encode, extract, write_outputs
+    from calibrary.api.images import check_place, extract, write_outputs
     from calibrary.api.pages import check_page_place
     from calibrary.cli.console import note, out
     from calibrary.cli.extract_display import Display
@@ -237,7 +237,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         # The very bytes of the report's file, whatever the terminal's encoding.
         sys.stdout.flush()
-        sys.stdout.buffer.write(encode(outputs.document))
+        sys.stdout.buffer.write(outputs.report)
     display.show(result.extraction, outputs, solver=arguments.hand_off, dry_run=arguments.dry_run)
     return outputs.exit_code
 

@@ -38,10 +38,9 @@ def add_output_flags(parser: argparse.ArgumentParser) -> None:
 
 def print_json(document: Mapping[str, object] | Record, *, indent: Literal[2] | None = 2) -> None:
     """Print the document; ASCII, whatever the terminal's language."""
-    from calibrary.records import encoded, to_json
+    from calibrary.records import encoded
 
-    plain = document if isinstance(document, Mapping) else to_json(document)
-    text = encoded(plain, indent=indent or 0).decode()
+    text = encoded(document, indent=indent or 0).decode()
     sys.stdout.write((text if text.isascii() else _BEYOND_ASCII.sub(_escaped, text)) + "\n")
 
 

@@ -126,21 +126,26 @@ def to_json(record: Record) -> dict[str, Json]:
     return record._wire(fields_json(record))
 
 
-def encoded(document: Mapping[str, object], *, indent: int = 2) -> bytes:
-    """The UTF-8 text of a JSON document, without a line feed at its end.
+def encoded(document: Mapping[str, object] | Record, *, indent: int = 2) -> bytes:
+    """The UTF-8 text of a record or a JSON document, without a line feed at its end.
 
     What Python makes of a file name that is not UTF-8 is written as the JSON escape of the same character, so the
     document is valid and ``os.fsencode`` of the name it gives back is the file's.
 
     Args:
-        document: plain values, numbers finite, as :func:`to_json` gives them.
+        document: a record, or plain values whose numbers are finite.
         indent: columns for each level; 0 puts all on one line.
     """
+    # The plain values of a long report take more than its text, and are gone before it is indented.
+    return msgspec.json.format(_compact(document), indent=indent)
+
+
+def _compact(document: Mapping[str, object] | Record) -> bytes:
+    plain = to_json(document) if isinstance(document, Record) else document
     try:
-        text = msgspec.json.encode(document)
+        return msgspec.json.encode(plain)
     except UnicodeEncodeError:
-        text = json.dumps(document, ensure_ascii=False, allow_nan=False).encode(errors="backslashreplace")
-    return msgspec.json.format(text, indent=indent)
+        return json.dumps(plain, ensure_ascii=False, allow_nan=False).encode(errors="backslashreplace")
 
 
 def fields_json(record: Record) -> dict[str, Json]:

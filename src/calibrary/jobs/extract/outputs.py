@@ -30,7 +30,7 @@ from calibrary.jobs.extract.hand_off import (
     refusal,
 )
 from calibrary.jobs.extract.report import encode, report_of
-from calibrary.records import Json, replace, to_json
+from calibrary.records import replace
 from calibrary.validation import Verdict
 
 __all__ = ["STALE", "Outputs", "check_page_place", "check_place", "plan"]
@@ -45,7 +45,7 @@ class Outputs:
     Attributes:
         files: content by path.
         matrices: the K file's name by camera slug.
-        document: the report, also in ``files``.
+        report: the document, also in ``files``.
         stale: K and solver files of an earlier run that this one does not replace.
         not_handed_over: why the solver does not get a camera's K, by slug.
         hand_off_failed: why the solver gets nothing at all, where that is so.
@@ -58,7 +58,7 @@ class Outputs:
 
     files: dict[Path, bytes]
     matrices: dict[str, str]
-    document: dict[str, Json]
+    report: bytes
     stale: tuple[Path, ...] = ()
     not_handed_over: dict[str, str] = field(default_factory=dict)
     hand_off_failed: str | None = None
@@ -117,14 +117,14 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver, *, database: Pa
         *notes(solver, handed),
     )
     exit_code = 1 if failed else outcome.exit_code
-    document = to_json(replace(report_of(outcome, matrices), warnings=warnings, exit_code=exit_code))
-    files[report_path] = encode(document)
+    report = encode(replace(report_of(outcome, matrices), warnings=warnings, exit_code=exit_code))
+    files[report_path] = report
     for path in files:
         _check_replaceable(path)
     return Outputs(
         files=files,
         matrices=matrices,
-        document=document,
+        report=report,
         stale=stale,
         not_handed_over=refused,
         hand_off_failed=failed,

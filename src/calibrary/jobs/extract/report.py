@@ -207,7 +207,7 @@ def report_of(outcome: Extraction, outputs: Mapping[str, str]) -> ExtractReport:
     )
 
 
-def encode(document: Mapping[str, Json]) -> bytes:
+def encode(document: Mapping[str, Json] | Record) -> bytes:
     """A JSON file's content."""
     return encoded(document) + b"\n"
 
