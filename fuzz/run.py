@@ -30,6 +30,8 @@ FOLDER = Path("build") / "fuzz"
 LONGEST_INPUT = 16 * 1024
 HANG_SECONDS = 20
 """libFuzzer ends an input that takes longer; whether two seconds are kept is for the replay to say."""
+OVERDUE_SECONDS = 300
+"""How much longer than asked a fuzzer may take on a machine that is busy with other work."""
 OWN_MIB = 512
 """What the fuzzer itself, the instrumented code and the corpus may hold, beside what an input may."""
 
@@ -77,16 +79,19 @@ def fuzz(target: str, folder: Path, seconds: int) -> Result:
         *([f"-dict={words}"] if words.stat().st_size else []),
     ]
     command = [*NICE, sys.executable, "-m", "fuzz.harness", target, str(findings), *flags, str(corpus)]
-    done = subprocess.run(
-        command,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        check=False,
-        timeout=seconds + 300,
-    )
-    said = done.stdout + done.stderr
+    try:
+        done = subprocess.run(
+            command,
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+            timeout=seconds + OVERDUE_SECONDS,
+        )
+        said, ended = done.stdout + done.stderr, done.returncode == 0
+    except subprocess.TimeoutExpired:
+        said, ended = f"it did not end in {seconds + OVERDUE_SECONDS} s", False
     cpu_s, runs = tally.read_text().split()
     found = tuple(sorted(path for path in findings.iterdir() if breaks_a_promise(target, path)))
     covered = _COVERED.findall(said)
@@ -96,7 +101,7 @@ def fuzz(target: str, folder: Path, seconds: int) -> Result:
         cpu_s=float(cpu_s),
         covered=int(covered[-1]) if covered else 0,
         findings=found,
-        log="" if _DONE.search(said) and not done.returncode else said[-4000:],
+        log="" if ended and _DONE.search(said) else said[-4000:],
     )
 
 
@@ -193,14 +198,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return report(result, spent)
 
     codes: dict[str, int] = {}
-    waiting = wanted
+    waiting = tuple(sorted(wanted, key=lambda name: spent.seconds.get(name, 0.0)))
     with ThreadPoolExecutor(arguments.jobs) as pool:
         while waiting:
             for name, code in zip(waiting, pool.map(turn, waiting), strict=True):
                 codes[name] = max(code, codes.get(name, 0))
             # A fuzzer that could not run would not be given up otherwise.
             waiting = tuple(
-                name for name in waiting if codes[name] < 2 and spent.seconds[name] < arguments.until
+                name for name in waiting if codes[name] < 2 and spent.seconds.get(name, 0.0) < arguments.until
             )
     print(f"in {time.perf_counter() - start:.0f} s")
     return 1 if 1 in codes.values() else max(codes.values())
