@@ -14,10 +14,14 @@ In the format's own words::
 
     425 2.5                        nearest depth, interval (number, farthest)
 
-The images are undistorted; the file does not say how large they are, nor where cx and cy count from.
+The images are undistorted; the file does not say how large they are. MVSNet counts from the corner of the image: its
+converter copies COLMAP's cx and cy unchanged, and its warping has the pixels' centres at 0.5, 1.5, … of K. Its PyTorch
+descendants put them at 0, 1, … for the same files, half a pixel off; a file that was made for those is read with
+``origin=centre``.
 
-Source: MVSNet, README "Camera files" and ``mvsnet/preprocess.py``, ``load_cam``: nine numbers behind the word
-intrinsic, row by row.
+Sources: MVSNet, README "Camera files"; ``mvsnet/preprocess.py``, ``load_cam``: nine numbers behind the word intrinsic,
+row by row; ``mvsnet/colmap2mvsnet.py``, which writes them; ``mvsnet/homography_warping.py``, ``get_pixel_grids`` and
+``interpolate``; MVSNet_pytorch, ``models/module.py``, ``homo_warping``.
 """
 
 from __future__ import annotations
@@ -38,9 +42,12 @@ from calibrary.records import replace
 __all__ = ["FORMAT"]
 
 CONVENTION = Convention(
-    origin=Origin.PIXEL_CENTRE,
+    origin=Origin.CORNER,
     tangential=Tangential.NONE,
-    remarks=("undistorted images", "the origin is not stated"),
+    remarks=(
+        "undistorted images",
+        "the origin is MVSNet's own; its PyTorch descendants count from the pixel's centre",
+    ),
 )
 MOST = 16_384
 

@@ -15,8 +15,9 @@ In the formats' own words::
     width=2964
     height=1988
 
-Middlebury's images are rectified; ScanNet's colour images have a distortion that this file does not state. Where the
-principal points count from is stated by neither.
+Middlebury's images are rectified; ``doffs`` is cx1 − cx0, so that a depth is baseline · f / (disparity + doffs),
+wherever cx counts from. ScanNet's colour images have a distortion that this file does not state. Where the principal
+points count from is stated by neither.
 
 Sources: ScanNet, ``SensReader`` and README; D. Scharstein et al., "High-resolution stereo datasets", 2014, "Calibration
 file format".

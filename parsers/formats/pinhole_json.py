@@ -11,7 +11,8 @@ from, and OpenCV's is taken: ``origin`` chooses. Coefficients are OpenCV's by na
 known of the distortion. Many files do not say how large the images are.
 
 Sources: Polycam, "Raw data export", whose program is closed; nerfstudio, ``process_data/polycam_utils.py``, which
-copies the numbers unchanged to where they count from the corner.
+copies the numbers unchanged to a transforms.json, and ``cameras/cameras.py``, ``get_image_coords``, which has the
+pixels' centres at 0.5, 1.5, … of it.
 """
 
 from __future__ import annotations

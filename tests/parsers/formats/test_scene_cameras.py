@@ -79,7 +79,7 @@ SAMPLES = {
     "named_pinholes": Sample(SCANNET.encode()),
     "nuscenes": Sample(json.dumps(NUSCENES).encode()),
 }
-CORNER = {"record3d", "pinhole_json", "nsvf_intrinsics"}
+CORNER = {"record3d", "pinhole_json", "nsvf_intrinsics", "mvsnet_cam"}
 
 
 def read(document: object, **named: Any) -> Sequence[Calibration]:
@@ -190,6 +190,44 @@ def test_scannet_has_two_cameras_and_middlebury_is_rectified() -> None:
     left, right = read(MIDDLEBURY)
     assert right.intrinsics.cx - left.intrinsics.cx == pytest.approx(31.1)
     assert left.distortion == NoDistortion()
+
+
+def test_mvsnet_sees_a_pixel_where_its_own_warping_does() -> None:
+    """K⁻¹ of the pixels' centres at 0.5, 1.5, …, as ``get_pixel_grids`` has them."""
+    [item] = read(MVSNET, image_size=SIZE)
+    K = np.array([[433.2, 0, 371.6], [0, 432.9, 238.3], [0, 0, 1]])
+    centres = np.array([[0, 0], [100, 30], [751, 479]]) + 0.5
+    rays = np.linalg.solve(K, np.column_stack([centres, np.ones(3)]).T).T
+    np.testing.assert_allclose(item.project(rays), centres, rtol=0, atol=1e-9)
+    assert item.distortion == NoDistortion()
+
+
+def test_middleburys_disparity_gives_the_depth_by_its_formula() -> None:
+    left, right = read(MIDDLEBURY)
+    baseline, doffs = 193.001, 31.1
+    points = np.array([[10.0, 20.0, 2000.0], [-300.0, 5.0, 3500.0], [400.0, -250.0, 1500.0]])
+    disparity = (left.project(points) - right.project(points - [baseline, 0, 0]))[:, 0]
+    np.testing.assert_allclose(baseline * 433.2 / (disparity + doffs), points[:, 2], rtol=1e-12)
+
+
+def test_polycams_camera_is_that_of_the_transforms_json_that_nerfstudio_makes_of_it() -> None:
+    """As ``polycam_to_json`` copies the numbers."""
+    [item] = read(POLYCAM)
+    converted = {
+        "camera_model": "OPENCV",
+        "frames": [
+            {"file_path": "images/frame_00001.jpg", "transform_matrix": np.eye(4).tolist()}
+            | {"fl_x": POLYCAM["fx"], "fl_y": POLYCAM["fy"], "cx": POLYCAM["cx"], "cy": POLYCAM["cy"]}
+            | {"w": POLYCAM["width"], "h": POLYCAM["height"]}
+        ],
+    }
+    assert read(converted, format="transforms_json")[0].intrinsics == item.intrinsics
+
+
+def test_record3ds_k_runs_down_the_columns() -> None:
+    """As ``record3d_to_json`` takes it."""
+    [item] = read(RECORD3D)
+    np.testing.assert_array_equal(item.intrinsics.matrix, np.array(RECORD3D["K"]).reshape(3, 3).T)
 
 
 @pytest.mark.parametrize(
