@@ -48,12 +48,14 @@ class Content:
         data: all its bytes.
         name: the file's name, without a folder.
         max_json_bytes: longest JSON that is looked into.
+        json_error: what is wrong with the JSON, once :attr:`json` was asked for and is broken.
     """
 
     def __init__(self, data: bytes, name: str, *, max_json_bytes: int = MAX_JSON_BYTES) -> None:
         self.data = data
         self.name = name
         self.max_json_bytes = max_json_bytes
+        self.json_error: ParseError | None = None
 
     @cached_property
     def suffix(self) -> str:
@@ -122,7 +124,8 @@ class Content:
             return None
         try:
             return parse_json(self.data, source=self.name)
-        except ParseError:
+        except ParseError as error:
+            self.json_error = error
             return None
 
     @property

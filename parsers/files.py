@@ -41,7 +41,7 @@ def read_regular_file(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
     name = display_name(path)
     data = read_head(path, max_bytes + 1)
     if not data:
-        raise ParseError("the file is empty", source=name)
+        raise ParseError("the file is empty; export or copy it again", source=name)
     if len(data) > max_bytes:
         raise too_long(name, max_bytes)
     if data.startswith(_LFS):

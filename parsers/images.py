@@ -65,5 +65,9 @@ def _calibration(evidence: Evidence, name: str) -> list[Calibration]:
     if scene.is_fisheye:
         raise MissingTagError("a fisheye lens, which no pinhole K describes", source=name)
     reasons = [f"{dropped.tag}: {dropped.reason}" for dropped in evidence.dropped[:1]]
-    why = reasons[0] if reasons else "no tag and no catalogue row tells its focal length and pixel size"
-    raise MissingTagError(f"nothing in the image gives K: {why}", source=name)
+    why = reasons[0] if reasons else "no tag and no catalogue entry states its focal length and pixel size"
+    raise MissingTagError(
+        f"nothing in the image gives K: {why}; provide the original file from the camera, as programs that export "
+        "images may leave out its metadata, or a calibration file",
+        source=name,
+    )

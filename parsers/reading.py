@@ -23,13 +23,10 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, no_compan
 from calibrary.parsers.last_line import read_to_the_end
 from calibrary.parsers.on_demand import REACH, CamerasOnDemand
 from calibrary.parsers.text import shown
+from calibrary.parsers.unclaimed import described
 from calibrary.records import replace
-from calibrary.strictjson import parse_json
 
 __all__ = ["Identity", "identified", "identified_by_head", "read_content", "read_in_place"]
-
-
-LISTED_KEYS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +55,7 @@ def identified(content: Content) -> Identity:
         if content.syntax in record.syntaxes and (sniff := record.sniff(content)) is not None
     ]
     if not claims:
-        raise UnknownFormatError(_unknown(content), source=content.name)
+        raise UnknownFormatError(described(content), source=content.name)
     strongest = max(claim.sniff.sure for claim in claims)
     best = [claim for claim in claims if claim.sniff.sure == strongest]
     if strongest is Sure.WEAK and len(best) > 1:
@@ -222,31 +219,3 @@ def _checked(options: Mapping[str, str], record: Format) -> Mapping[str, str]:
         if value not in known[name].values:
             raise InputError(f"{name} is {value!r}, expected one of {', '.join(known[name].values)}")
     return options
-
-
-def _unknown(content: Content) -> str:
-    message = f"no format claims it; it begins with {content.beginning()}"
-    if content.looks_like_json and len(content.data) > content.max_json_bytes:
-        message += (
-            f", and JSON of over {content.max_json_bytes} bytes is not looked into unless --max-size "
-            "is raised"
-        )
-    elif content.looks_like_json and content.json is None:
-        try:
-            parse_json(content.data, source=content.name)
-        except ParseError as error:
-            message += f", and {error.message}" + (f" at {error.place}" if error.place else "")
-    message += _what_stands_in_it(content)
-    return f"{message}; if you know what it is, say so with --format NAME"
-
-
-def _what_stands_in_it(content: Content) -> str:
-    """The outermost keys of a file that no format claims, and whether it is one of OpenCV's other files."""
-    tags = tuple(dict.fromkeys(content.xml_tags))
-    keys = tags[:1] if len(tags) == 1 else tags[1:] if tags else content.json_keys or content.yaml_keys
-    if not keys:
-        return ""
-    listed = ", ".join(map(shown, keys[:LISTED_KEYS])) + (", …" if len(keys) > LISTED_KEYS else "")
-    if content.xml_root == "opencv_storage" or content.first_line.startswith("%YAML:1.0"):
-        return f"; it is a file of OpenCV's without a camera matrix: it contains {listed}"
-    return f"; it contains {listed}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import socket
 import subprocess
@@ -165,8 +166,28 @@ def test_an_unknown_file_is_shown_by_its_beginning() -> None:
 
 
 def test_broken_json_is_said_to_be_that() -> None:
-    with pytest.raises(UnknownFormatError, match=r"this is not JSON: .* at line 1"):
+    with pytest.raises(UnknownFormatError, match=r"this is not JSON: .* at line 1; it may be cut short"):
         parsers.decode(b'{"camera_matrix": [1, 2', name="x.json")
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (gzip.compress(b"camera_matrix: 1", mtime=0), r"compressed with gzip; decompress it first \(gunzip\)"),
+        (b"PK\x03\x04\x14\0\0\0", "a ZIP archive; unpack it"),
+        (b"%PDF-1.7\n", "a PDF; export the calibration"),
+        (
+            b"\n<!DOCTYPE html>\n<html><title>404</title></html>\n",
+            "an HTML page, .* download the file itself",
+        ),
+        (b"<html>\n<body>403</body></html>\n", "an HTML page"),
+        (b"  \n\n", "it is blank; export or copy it again"),
+    ],
+)
+def test_a_file_that_is_something_else_comes_with_the_next_step(data: bytes, said: str) -> None:
+    with pytest.raises(UnknownFormatError, match=said) as caught:
+        parsers.decode(data, name="calib.xml")
+    assert "--format" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,62 @@
+"""What to say of a file that no format claims: what it is instead, as far as its beginning shows, and the next step."""
+
+from __future__ import annotations
+
+import re
+
+from calibrary.parsers.content import Content, Syntax
+from calibrary.parsers.text import shown
+
+__all__ = ["described"]
+
+LISTED_KEYS = 8
+
+_MARKS = (
+    (b"\x1f\x8b", "it is compressed with gzip; decompress it first (gunzip)"),
+    (b"BZh", "it is compressed with bzip2; decompress it first (bunzip2)"),
+    (b"\xfd7zXZ\0", "it is compressed with xz; decompress it first (unxz)"),
+    (b"\x28\xb5\x2f\xfd", "it is compressed with Zstandard; decompress it first (unzstd)"),
+    (b"PK\x03\x04", "it is a ZIP archive; unpack it, and give the calibration file in it"),
+    (b"7z\xbc\xaf\x27\x1c", "it is a 7z archive; unpack it, and give the calibration file in it"),
+    (b"%PDF-", "it is a PDF; export the calibration from its program in a format of `calibrary formats`"),
+)
+_HTML = re.compile(r"<!doctype html|<html\b", re.IGNORECASE)
+_HTML_STEP = "it is an HTML page, as servers send in place of a file; download the file itself"
+
+
+def described(content: Content) -> str:
+    """The sentence of the error."""
+    for mark, sentence in _MARKS:
+        if content.data.startswith(mark):
+            return f"no format claims it: {sentence}"
+    text = content.text
+    if text is not None and not content.lines:
+        return "no format claims it: it is blank; export or copy it again"
+    if text is not None and _HTML.match(text.lstrip()):
+        return f"no format claims it: {_HTML_STEP}"
+    message = f"no format claims it; it begins with {content.beginning()}"
+    if content.syntax is Syntax.JSON and content.json is None:
+        # No document that begins as an object or a list is None.
+        return f"{message}, and {_why_no_json(content)}"
+    return f"{message}{_contents(content)}; if you know what it is, say so with --format NAME"
+
+
+def _why_no_json(content: Content) -> str:
+    if len(content.data) > content.max_json_bytes:
+        return f"JSON of over {content.max_json_bytes} bytes is not looked into unless --max-size is raised"
+    error = content.json_error
+    assert error is not None  # noqa: S101  a document that is neither too long nor broken is not None
+    why = f"{error.message} at {error.place}" if error.place else error.message
+    return f"{why}; it may be cut short or edited: export or copy it again"
+
+
+def _contents(content: Content) -> str:
+    """The outermost keys, and whether it is one of OpenCV's other files."""
+    tags = tuple(dict.fromkeys(content.xml_tags))
+    keys = tags[:1] if len(tags) == 1 else tags[1:] if tags else content.json_keys or content.yaml_keys
+    if not keys:
+        return ""
+    listed = ", ".join(map(shown, keys[:LISTED_KEYS])) + (", …" if len(keys) > LISTED_KEYS else "")
+    if content.xml_root == "opencv_storage" or content.first_line.startswith("%YAML:1.0"):
+        return f"; it is a file of OpenCV's without a camera matrix: it contains {listed}"
+    return f"; it contains {listed}"
