@@ -42,10 +42,9 @@ def described(content: Content) -> str:
 
 
 def _why_no_json(content: Content) -> str:
-    if len(content.data) > content.max_json_bytes:
-        return f"JSON of over {content.max_json_bytes} bytes is not looked into unless --max-size is raised"
     error = content.json_error
-    assert error is not None  # noqa: S101  a document that is neither too long nor broken is not None
+    if error is None:
+        return f"JSON of over {content.max_json_bytes} bytes is not looked into unless --max-size is raised"
     why = f"{error.message} at {error.place}" if error.place else error.message
     return f"{why}; it may be cut short or edited: export or copy it again"
 

@@ -173,7 +173,10 @@ def test_broken_json_is_said_to_be_that() -> None:
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        (gzip.compress(b"camera_matrix: 1", mtime=0), r"compressed with gzip; decompress it first \(gunzip\)"),
+        (
+            gzip.compress(b"camera_matrix: 1", mtime=0),
+            r"compressed with gzip; decompress it first \(gunzip\)",
+        ),
         (b"PK\x03\x04\x14\0\0\0", "a ZIP archive; unpack it"),
         (b"%PDF-1.7\n", "a PDF; export the calibration"),
         (
