@@ -1,0 +1,184 @@
+"""Which images of a flight to calibrate from, and which pairs of them to match.
+
+A few dozen images that overlap determine a lens as well as a thousand, provided that they differ: in height, in
+heading, in how far they look to the side. So a place of the flight is looked for over which the most kinds of images
+were taken, and the nearest of each kind are chosen in turn. Where images state no position, those in the middle of the
+flight are taken in their order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from calibrary.arrays import FloatArray
+from calibrary.parsers.imagery.position import Fix
+from calibrary.sfm.engine import FlightImage
+
+__all__ = ["Chosen", "Taken", "choose", "overlapping_pairs"]
+
+METRES_PER_DEGREE: Final = 111_320.0
+RECEIVER_STD_M: Final = (3.0, 3.0, 5.0)
+"""East, north, up, of a receiver that states none."""
+SMALL: Final = 0.6
+"""A file smaller than this share of the median is of a blurred image, or of one that shows next to nothing: neither
+leaves a JPEG much to keep."""
+HEIGHT_CLASS: Final = 0.12
+"""Images whose altitudes differ by less than this share of the flight's extent across are of one height."""
+OBLIQUE_FROM_DEG: Final = 12.0
+NEIGHBOURS: Final = 12
+"""Images that an image is matched with."""
+ALL_PAIRS: Final = 20
+"""Of so many images every pair is matched."""
+SEEDS: Final = 80
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Taken:
+    """An image of a flight and what it states of where it was taken.
+
+    Attributes:
+        image: the file; its position is filled in by :func:`choose`.
+        fix: None where it states none.
+        file_bytes: length of the file.
+    """
+
+    image: FlightImage
+    fix: Fix | None
+    file_bytes: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chosen:
+    """What a calibration is made from.
+
+    Attributes:
+        images: with their positions in a local frame.
+        pairs: to be matched.
+        left_out: how many images were not chosen, and were not sharp.
+        how: in words.
+    """
+
+    images: tuple[FlightImage, ...]
+    pairs: tuple[tuple[int, int], ...]
+    left_out: tuple[int, int]
+    how: str
+
+
+def choose(taken: Sequence[Taken], most: int) -> Chosen:
+    """At most so many images that overlap and differ.
+
+    Args:
+        taken: in the order they were taken in.
+        most: images.
+    """
+    typical = float(np.median([one.file_bytes for one in taken]))
+    sharp = [one for one in taken if one.file_bytes >= SMALL * typical]
+    known = [one for one in sharp if one.fix is not None]
+    if len(known) < max(3, len(sharp) // 2):
+        kept = sharp
+        first = max(0, (len(kept) - most) // 2)
+        images = tuple(one.image for one in kept[first : first + most])
+        how = "in the order of their names: they state no positions"
+        return _chosen(images, _in_order(len(images)), taken, sharp, how)
+    places = _local([one.fix for one in known if one.fix is not None])
+    kinds = _kinds([one.fix for one in known if one.fix is not None], places)
+    rows = _around(places, kinds, most) if len(known) > most else [*range(len(known))]
+    images = tuple(_placed(known[row], places[row]) for row in rows)
+    number = len({kinds[row] for row in rows})
+    how = f"by position, of {number} kind{'s' if number > 1 else ''} of height, heading and tilt"
+    return _chosen(images, overlapping_pairs(images), taken, sharp, how)
+
+
+def _chosen(
+    images: tuple[FlightImage, ...],
+    pairs: tuple[tuple[int, int], ...],
+    taken: Sequence[Taken],
+    sharp: Sequence[Taken],
+    how: str,
+) -> Chosen:
+    blurred = len(taken) - len(sharp)
+    return Chosen(images=images, pairs=pairs, left_out=(len(sharp) - len(images), blurred), how=how)
+
+
+def overlapping_pairs(images: Sequence[FlightImage]) -> tuple[tuple[int, int], ...]:
+    """The pairs worth matching: of each image those with its nearest neighbours, all of them where there are few."""
+    if len(images) <= ALL_PAIRS or any(image.centre_m is None for image in images):
+        return _in_order(len(images))
+    places = np.array([image.centre_m for image in images])
+    apart = np.linalg.norm(places[:, None, :2] - places[:, :2], axis=-1)
+    np.fill_diagonal(apart, math.inf)
+    nearest = np.argsort(apart, axis=1)[:, :NEIGHBOURS]
+    return tuple(sorted({(min(a, b), max(a, b)) for a, row in enumerate(nearest.tolist()) for b in row}))
+
+
+def _in_order(count: int) -> tuple[tuple[int, int], ...]:
+    """All pairs, or of many images each with the next dozen."""
+    return tuple(
+        pair
+        for pair in combinations(range(count), 2)
+        if count <= 2 * ALL_PAIRS or pair[1] - pair[0] <= NEIGHBOURS
+    )
+
+
+def _local(fixes: Sequence[Fix]) -> FloatArray:
+    """(N, 3) m east, north and up of the middle; exact to a thousandth over the few kilometres of a flight."""
+    degrees = np.array([(fix.longitude_deg, fix.latitude_deg) for fix in fixes])
+    up = np.array([fix.altitude_m for fix in fixes])
+    middle = np.median(degrees, axis=0)
+    per_degree = METRES_PER_DEGREE * np.array([math.cos(math.radians(float(middle[1]))), 1.0])
+    return np.column_stack([(degrees - middle) * per_degree, up - np.median(up)])
+
+
+def _kinds(fixes: Sequence[Fix], places: FloatArray) -> list[tuple[int, int, int]]:
+    """(height, heading, tilt) class of each image."""
+    extent = float(np.ptp(places[:, :2], axis=0).max())
+    step = max(HEIGHT_CLASS * extent, 5.0)
+    heights = np.floor((places[:, 2] - places[:, 2].min()) / step + 0.5).astype(int)
+    # Where no gimbal says it, an image's top is taken to be ahead, or behind: strips back are of one heading.
+    ahead = np.gradient(places[:, :2], axis=0) if len(places) > 1 else np.zeros((1, 2))
+    found = []
+    for fix, height, (east, north) in zip(fixes, heights.tolist(), ahead.tolist(), strict=True):
+        yaw = fix.yaw_deg if fix.yaw_deg is not None else math.degrees(math.atan2(east, north))
+        turned = int((yaw % 180.0 + 45.0) // 90.0) % 2
+        oblique = fix.pitch_deg is not None and abs(fix.pitch_deg + 90.0) > OBLIQUE_FROM_DEG
+        # Of oblique images all four directions are worth having.
+        found.append((height, int((yaw % 360.0 + 45.0) // 90.0) % 4 if oblique else turned, int(oblique)))
+    return found
+
+
+def _around(places: FloatArray, kinds: Sequence[tuple[int, int, int]], most: int) -> list[int]:
+    """The rows of the images nearest to the place over which the most kinds of them were taken."""
+    by_kind = {kind: np.array([row for row, one in enumerate(kinds) if one == kind]) for kind in set(kinds)}
+    best: tuple[float, list[int]] | None = None
+    for seed in np.linspace(0, len(places) - 1, min(len(places), SEEDS)).astype(int).tolist():
+        apart = np.linalg.norm(places[:, :2] - places[seed, :2], axis=1)
+        queues = [rows[np.argsort(apart[rows], kind="stable")].tolist() for rows in by_kind.values()]
+        rows: list[int] = []
+        while len(rows) < most and any(queues):
+            # One of each kind in turn, so that many of one leave room for the few of another.
+            rows += [queue.pop(0) for queue in queues if queue]
+        rows = sorted(rows[:most])
+        worst = float(apart[rows].max())
+        if best is None or worst < best[0]:
+            best = worst, rows
+    assert best is not None  # noqa: S101  there is a seed
+    return best[1]
+
+
+def _placed(one: Taken, place: FloatArray) -> FlightImage:
+    assert one.fix is not None  # noqa: S101  only those are placed
+    east, north, up = place.tolist()
+    image = one.image
+    return FlightImage(
+        path=image.path,
+        name=image.name,
+        size=image.size,
+        centre_m=(east, north, up),
+        centre_std_m=one.fix.std_m or RECEIVER_STD_M,
+    )

@@ -1,0 +1,163 @@
+"""Matched images in, tracks and a first scene out: COLMAP's incremental mapping, in a process of its own.
+
+Its own adjustment is only the start of :mod:`calibrary.sfm.adjust`, so it holds the principal point, which a few images
+at the beginning cannot determine, and adjusts all images together less often than COLMAP does by itself.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import tempfile
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from calibrary.arrays import FloatArray
+from calibrary.calib.lens_models import Solvable
+from calibrary.calibration import Intrinsics
+from calibrary.errors import CalibrationError
+from calibrary.progress import Progress
+from calibrary.sfm.apart import run_apart
+from calibrary.sfm.engine import FlightImage, MatchedFlight
+from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks
+
+__all__ = ["OPENCV", "OPENCV_FISHEYE", "positions_of", "reconstruct"]
+
+OPENCV: Final = ("OPENCV", 4, Solvable.K1K2P1P2)
+OPENCV_FISHEYE: Final = ("OPENCV_FISHEYE", 5, Solvable.FISHEYE)
+"""Name and number of COLMAP's model, ``sensor/models.h``, and ours, whose parameters are in the same order."""
+GLOBAL_RATIO: Final = 1.4
+"""All images are adjusted together when there are so many times more of them than the last time; COLMAP: 1.1."""
+LONGEST_S: Final = 1800
+MODEL_IMAGES: Final = 3
+
+
+def reconstruct(
+    matched: MatchedFlight, *, start: Intrinsics, fisheye: bool = False, progress: Progress | None = None
+) -> tuple[Tracks, Scene]:
+    """The largest set of images that fit together, as tracks and a scene to adjust.
+
+    Args:
+        matched: by :func:`calibrary.sfm.engine.match`.
+        start: K to begin with; from 0.7 to 1.5 times the truth it makes no difference.
+        fisheye: whether the lens is to be taken for a fisheye from the beginning.
+        progress: called with (images placed, images in all, "placed").
+
+    Raises:
+        CalibrationError: fewer than three images fit together.
+    """
+    found = run_apart(_map, progress, matched, start, OPENCV_FISHEYE if fisheye else OPENCV)
+    if found is None:
+        raise CalibrationError(
+            f"of {len(matched.images)} images no {FEWEST_IMAGES} fit together: they overlap too little, show too "
+            "little that stands still, or are blurred"
+        )
+    tracks, scene = found
+    return tracks, scene
+
+
+def positions_of(images: tuple[FlightImage, ...]) -> Positions | None:
+    """Where the images say they were taken; None where none says it."""
+    if all(image.centre_m is None for image in images):
+        return None
+    unknown = (np.nan,) * 3
+    return Positions(
+        places=np.array([image.centre_m or unknown for image in images], dtype=np.float64),
+        std=np.array([image.centre_std_m or unknown for image in images], dtype=np.float64),
+    )
+
+
+def _map(
+    report: Progress, matched: MatchedFlight, start: Intrinsics, model: tuple[str, int, Solvable]
+) -> tuple[Tracks, Scene] | None:
+    """All of it, in the process of its own."""
+    import pycolmap
+
+    pycolmap.set_random_seed(0)
+    _begin_camera(matched.database, start, model)
+    options = pycolmap.IncrementalPipelineOptions()
+    options.extract_colors = False
+    options.random_seed = 0
+    options.min_model_size = MODEL_IMAGES
+    options.max_num_models = 2
+    options.max_runtime_seconds = LONGEST_S
+    options.ba_global_frames_ratio = options.ba_global_points_ratio = GLOBAL_RATIO
+    total, placed = len(matched.images), 0
+
+    def count() -> None:
+        nonlocal placed
+        placed += 1
+        report(min(placed, total), total, "placed")
+
+    report(0, total, "placed")
+    with tempfile.TemporaryDirectory(dir=matched.folder) as out:
+        models = pycolmap.incremental_mapping(
+            matched.database,
+            matched.image_folder,
+            out,
+            options,
+            initial_image_pair_callback=count,
+            next_image_callback=count,
+        )
+    largest = max(models.values(), key=lambda one: int(one.num_reg_images()), default=None)
+    if largest is None or largest.num_reg_images() < FEWEST_IMAGES:
+        return None
+    report(total, total, "placed")
+    return _tracks(largest, matched, model[2])
+
+
+def _begin_camera(database: Path, start: Intrinsics, model: tuple[str, int, Solvable]) -> None:
+    """The database's one camera, of the model and with the K that the reconstruction begins with."""
+    size = len(model[2].parameters)
+    values = np.zeros(size)
+    values[:4] = start.fx, start.fy, start.cx, start.cy
+    with closing(sqlite3.connect(database)) as opened:
+        opened.execute(
+            "UPDATE cameras SET model = ?, params = ?, prior_focal_length = 1", (model[1], values.tobytes())
+        )
+        opened.commit()
+
+
+def _tracks(found: Any, matched: MatchedFlight, model: Solvable) -> tuple[Tracks, Scene]:
+    """A reconstruction of pycolmap's in our arrays; image i has the image_id i + 1."""
+    views = len(matched.images)
+    rotations, centres = np.tile(np.eye(3), (views, 1, 1)), np.zeros((views, 3))
+    keypoints: dict[int, FloatArray] = {}
+    for image_id in found.reg_image_ids():
+        image = found.image(image_id)
+        pose = image.cam_from_world()
+        rotations[image_id - 1] = pose.rotation.matrix()
+        centres[image_id - 1] = image.projection_center()
+        keypoints[image_id - 1] = np.array([point.xy for point in image.points2D])
+    rows: list[tuple[int, int]] = []
+    pixels, points = [], []
+    for number, point in enumerate(found.points3D.values()):
+        points.append(point.xyz)
+        seen: dict[int, int] = {}
+        for element in point.track.elements:
+            # Two features of one image on one point: neither is known to be the right one.
+            seen[element.image_id - 1] = -1 if element.image_id - 1 in seen else element.point2D_idx
+        for image_at, feature in seen.items():
+            if feature >= 0:
+                rows.append((image_at, number))
+                pixels.append(keypoints[image_at][feature])
+    pairs = np.array(rows, dtype=np.intp).reshape(-1, 2)
+    camera = next(iter(found.cameras.values()))
+    tracks = Tracks(
+        names=tuple(image.name for image in matched.images),
+        image_size=matched.images[0].size,
+        image=pairs[:, 0],
+        point=pairs[:, 1],
+        pixels=np.array(pixels).reshape(-1, 2),
+        positions=positions_of(matched.images),
+    )
+    scene = Scene(
+        model=model,
+        parameters=np.array(camera.params),
+        rotations=rotations,
+        centres=centres,
+        points=np.array(points).reshape(-1, 3),
+    )
+    return tracks.only(np.ones(len(pairs), dtype=np.bool_)), scene
