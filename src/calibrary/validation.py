@@ -30,11 +30,13 @@ __all__ = [
     "Severity",
     "Verdict",
     "group_spread",
+    "lacks_confirmation",
     "validate",
 ]
 
 REGISTER = "register the camera (--registry)"
 GIVE_FILES = "provide the original files from the camera"
+NOTHING_CONFIRMS = "alone: nothing confirms it"
 
 
 class Severity(StrEnum):
@@ -223,6 +225,11 @@ def validate(calibration: Calibration, policy: Policy, circumstances: Circumstan
     return Report(policy=policy.name, findings=findings)
 
 
+def lacks_confirmation(finding: Finding) -> bool:
+    """Whether a finding says no more than that K has a single source, so that a second one answers it."""
+    return finding.severity is Severity.UNPROVEN and finding.message.endswith(NOTHING_CONFIRMS)
+
+
 def _focal_symmetry(c: Calibration, policy: Policy, around: Circumstances) -> Iterator[Finding]:
     K = c.intrinsics
     measured = abs(K.fx - K.fy) / max(K.fx, K.fy)
@@ -317,9 +324,7 @@ def _unconfirmed(c: Calibration, policy: Policy, around: Circumstances) -> Findi
         severity, limit = Severity.ERROR, low if fx_over_w < low else high
         message = f"fx = {fx_over_w:.3f} W, expected {low:g} … {high:g} W of any lens"
     else:
-        message = (
-            f"fx = {fx_over_w:.3f} W by {c.provenance.tag or c.provenance.kind} alone: nothing confirms it"
-        )
+        message = f"fx = {fx_over_w:.3f} W by {c.provenance.tag or c.provenance.kind} {NOTHING_CONFIRMS}"
         if around.sensor_given and usual[0] <= fx_over_w <= usual[1]:
             severity, message = Severity.PASS, f"fx = {fx_over_w:.3f} W by the sensor that was given"
     return Finding(

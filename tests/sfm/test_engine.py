@@ -69,8 +69,8 @@ def test_the_progress_counts_images_then_pairs_to_the_end(
     matches: tuple[list[Matches], list[tuple[int, int, str]]],
 ) -> None:
     _, seen = matches
-    assert [seen[0], seen[-1]] == [(0, 3, "images"), (3, 3, "pairs")]
-    assert [*dict.fromkeys(what for *_, what in seen)] == ["images", "pairs"]
+    assert [seen[0], seen[-1]] == [(0, 3, "features"), (3, 3, "pairs")]
+    assert [*dict.fromkeys(what for *_, what in seen)] == ["features", "pairs"]
 
 
 def test_a_feature_in_a_reduced_image_lies_where_it_is_in_the_full_one(tmp_path: Path) -> None:

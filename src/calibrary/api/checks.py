@@ -60,6 +60,7 @@ def check(
     recursive: bool = False,
     workers: int = 0,
     altitude_m: float = 100.0,
+    verify: bool = False,
     reading: Reading | None = None,
     progress: Progress | None = None,
 ) -> CheckResult:
@@ -74,6 +75,7 @@ def check(
         recursive: go into sub-folders.
         workers: processes that read images; 0 decides by itself.
         altitude_m: height above ground, for what the difference does to a map.
+        verify: hold the K's against the pixels of a dozen images of each camera as well.
         reading: answers to what the files leave open.
         progress: called with (images read, images in all, "images").
 
@@ -96,6 +98,7 @@ def check(
                 recursive=recursive,
                 workers=workers,
                 altitude_m=altitude_m,
+                verify=verify,
                 format=said.format,
                 image_size=said.image_size,
                 options=said.options,

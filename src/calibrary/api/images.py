@@ -123,13 +123,14 @@ def extract(
     recursive: bool = False,
     workers: int = 0,
     strict_validation: bool = False,
+    verify: bool = False,
     list_images: bool = False,
     resume: PathLike | None = None,
     scheduler: str | None = None,
     cluster: str | None = None,
     progress: Progress | None = None,
 ) -> ExtractResult:
-    """Derive and validate one K per camera from what images say of themselves; no pixel is decoded.
+    """Derive and validate one K per camera from what images say of themselves; no pixel is decoded, but to verify.
 
     Args:
         images: a folder, an archive (zip, tar), a URL (https, s3, gs, az, …), an image, or a list of those.
@@ -143,14 +144,15 @@ def extract(
         recursive: go into sub-folders.
         workers: processes that read images; 0 decides by itself.
         strict_validation: raise at the first breach.
+        verify: hold K against the pixels of a dozen images of each camera as well: one more source.
         list_images: name every image of however many; else of more than 10 000 only the first few that say the same.
         resume: a folder that keeps what was read; a later run with it reads only what is missing there.
         scheduler: address of a Dask scheduler, as "tcp://host:8786", whose workers read the images.
         cluster: "local:4": so many workers of a Dask cluster on this machine do.
-        progress: called with (images read, images in all, "images").
+        progress: called with (images read, images in all, "images"); to verify also of "features", "pairs", "placed".
 
     Raises:
-        MissingExtraError: a cluster is to read, and Dask is not installed.
+        MissingExtraError: a cluster is to read, and Dask is not installed; or pycolmap is not, to verify.
         InputError: there is no image, or a file that was named cannot be read.
         RegistryError: the registry cannot be read, or has drifted from the lock.
         ValidationError: ``strict_validation`` and something breached the policy.
@@ -175,6 +177,7 @@ def extract(
                 recursive=recursive,
                 workers=workers,
                 strict=strict_validation,
+                verify=verify,
                 list_images=list_images,
                 partials=Path(resume) if resume is not None else None,
                 scheduler=scheduler,

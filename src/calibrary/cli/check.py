@@ -27,11 +27,13 @@ examples:
   calibrary check flight/ K.npy                  a K, of any format, for these images
   calibrary check flight/ camera.xml cameras.json --altitude-m 60
   calibrary check flight/ K.npy --json           the same for machines
+  calibrary check flight/ --verify               the K of tags and files against the pixels of a dozen images
 
 exit code 0: every file is right for every camera that it can be of; 1: at least one is off, or the images give no
 valid K to hold it against.
 """
 
+PIXEL_STYLES = {"agrees": "bold green", "contradicts": "bold red", "cannot tell": "bold yellow"}
 STYLES = {"right": "bold green", "off": "bold red", "unknown": "bold yellow"}
 
 
@@ -52,6 +54,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--altitude-m", type=float, default=100.0, metavar="M", help="for what it means on the ground (100)"
     )
+    parser.add_argument(
+        "--verify",
+        action="store_true",
+        help="also hold each K against the pixels of a dozen images: agrees, contradicts or cannot tell (needs "
+        "calibrary[sfm]; up to a minute a camera)",
+    )
     parser.add_argument("--policy", default="fleet", metavar="NAME|FILE", help="whose limits decide")
     add_reading_flags(parser)
     add_json_flag(parser)
@@ -64,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if not 0 < arguments.altitude_m < float("inf"):
         arguments.parser.error("--altitude-m: expected metres above ground, more than 0")
-    with Bar(note(arguments), "reading images") as bar:
+    with Bar(note(arguments), "checking") as bar:
         result = check(
             arguments.folder,
             arguments.files,
@@ -72,6 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
             registry=arguments.registry,
             recursive=arguments.recursive,
             altitude_m=arguments.altitude_m,
+            verify=arguments.verify,
             reading=reading_of(arguments),
             progress=bar,
         )
@@ -90,10 +99,23 @@ def _show(screen: Screen, result: CheckResult) -> None:
         whose = f" for {one.camera}" if one.camera is not None else ""
         screen.say(f"[{STYLES[one.verdict.value]}]{one.verdict.value}[/]  {plain(f'{one.file}{whose}')}")
         screen.say(f"  {plain(one.message)}")
+    for own in result.found.by_pixels:
+        check = own.pixels
+        told = f"{check.figures}; {check.reason}" if check.figures else check.reason
+        style = PIXEL_STYLES[check.verdict.value]
+        screen.say(f"[{style}]pixels: {check.verdict.value}[/]  {plain(f'K of {own.camera}')}")
+        screen.say(f"  {plain(told)}")
     for skipped in result.found.not_read:
         screen.say(f"[dim]not read  {plain(f'{skipped.name}: {skipped.reason}')}[/]")
     screen.say("")
     wrong = [one for one in result.files if one.verdict.value != "right"]
+    if not result.files:
+        answers = {own.pixels.verdict.value for own in result.found.by_pixels}
+        screen.say(f"[bold]the pixels say of the images' own K: {', '.join(sorted(answers)) or 'nothing'}[/]")
+        return
+    if not wrong and not result.is_right:
+        screen.say("[bold red]the pixels contradict the K that the images state[/]")
+        return
     if not wrong:
         screen.say("[bold green]the K you are about to use is right[/]")
         return

@@ -26,6 +26,7 @@ examples:
   calibrary extract flight/ --sensor-width-mm 13.2 --sensor-height-mm 8.8
   calibrary extract flight/ --registry ../fleet-registry --hand-off colmap
   calibrary extract flight/ --html flight.html   the same as a page to show
+  calibrary extract flight/ --verify             hold K against the pixels too
   calibrary extract s3://bucket/2024/ --resume parts   images where they lie; go on where it left off
   find . -name '*.JPG' | calibrary extract --from -
 
@@ -119,6 +120,12 @@ def _add_limit_flags(parser: argparse.ArgumentParser) -> None:
         type=_fraction,
         metavar="FRACTION",
         help="the same as --principal-point-tolerance-px under its clear name",
+    )
+    limits.add_argument(
+        "--verify",
+        action="store_true",
+        help="also hold K against the pixels of a dozen images of each camera: agrees, contradicts or cannot tell "
+        "(needs calibrary[sfm]; up to a minute a camera)",
     )
     limits.add_argument(
         "--strict-validation", action="store_true", help="stop at the first breach and write nothing"
@@ -223,6 +230,7 @@ def run(arguments: argparse.Namespace) -> int:
             recursive=arguments.recursive,
             workers=arguments.workers,
             strict_validation=arguments.strict_validation,
+            verify=arguments.verify,
             resume=arguments.resume,
             scheduler=arguments.scheduler,
             cluster=arguments.cluster,

@@ -21,7 +21,7 @@ from rich.text import Text
 from calibrary.api.images import STALE, seed_command
 from calibrary.cli.console import Screen, plain, printable
 from calibrary.cli.tables import Column, fitted
-from calibrary.validation import UNPROVEN_LEGEND, Verdict
+from calibrary.validation import UNPROVEN_LEGEND, Severity, Verdict
 
 if TYPE_CHECKING:
     from calibrary.jobs.extract.extraction import CameraReport, Extraction
@@ -37,11 +37,19 @@ MOST_REJECTED = 12
 WIDEST = 110
 """Sentences are no easier to read in lines longer than this."""
 
+DOING = {
+    "images": "reading images",
+    "features": "finding features",
+    "pairs": "matching pairs of images",
+    "placed": "placing images",
+}
+
 GAP = 2
 COLUMNS = {"verdict": 8, "images": 6, "fx/W": 6, "grade": 10}
 """Widths beside the camera's, which takes what is left."""
 
 CHAIN = (Column(name="step"), Column(name="outcome"), Column(name="", rank=1, wraps=True))
+PIXEL_RULES = frozenset({"pixels", "distortion-as-stated"})
 GROUP_RULES = frozenset({"one-unit", "one-calibration"})
 MOST_STATES = 6
 INDENT = COLUMNS["verdict"] + GAP
@@ -58,7 +66,7 @@ class Display:
     def __init__(self, screen: Screen, remarks: Screen) -> None:
         self._screen, self._remarks = screen, remarks
         self._progress = Progress(
-            TextColumn("reading images"),
+            TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeRemainingColumn(),
@@ -66,7 +74,7 @@ class Display:
             transient=True,
             disable=not remarks.is_terminal or remarks.quiet,
         )
-        self._task = self._progress.add_task("reading", total=None)
+        self._task = self._progress.add_task(DOING["images"], total=None)
 
     def __enter__(self) -> Self:
         self._progress.start()
@@ -77,10 +85,10 @@ class Display:
     ) -> None:
         self._progress.stop()
 
-    def progress(self, done: int, total: int, _what: str) -> None:
-        """So many images are read."""
+    def progress(self, done: int, total: int, what: str) -> None:
+        """So far is the work."""
         # How many there are of very many is not known before the last.
-        self._progress.update(self._task, completed=done, total=total or None)
+        self._progress.update(self._task, completed=done, total=total or None, description=DOING[what])
 
     def show(self, outcome: Extraction, outputs: Outputs, *, solver: str, dry_run: bool) -> None:
         """Tell the whole outcome, its verdict last."""
@@ -229,6 +237,7 @@ def _below(camera: CameraReport) -> Iterator[Text]:
         yield Text(printable(reason))
     if camera.advice:
         yield Text(f"→ {printable(camera.advice)}", "bold")
+    yield from _pixels(camera)
     evidence = camera.camera.evidence
     for conflict in evidence.conflicts:
         if conflict.other.tag not in reason:
@@ -239,6 +248,14 @@ def _below(camera: CameraReport) -> Iterator[Text]:
         if dropped.tag not in reason:
             of = "" if count == images else f" of {count} of {images} images"
             yield Text(printable(f"{dropped.tag}{of} is not believed: {dropped.reason}"), "dim")
+
+
+def _pixels(camera: CameraReport) -> Iterator[Text]:
+    """What the pixels say of K, in one line, and of its distortion."""
+    report = camera.report
+    for finding in report.findings if report is not None else ():
+        if finding.rule in PIXEL_RULES and finding.message not in (camera.reason or ""):
+            yield Text(printable(finding.message), "green" if finding.severity is Severity.PASS else "yellow")
 
 
 def _k(camera: CameraReport) -> Iterator[Text]:

@@ -24,6 +24,9 @@ Result = TypeVar("Result")
 GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+\s+\d+ [\w.]+:\d+\] ")
 """Severity, time, thread and line of source: what glog writes before what it has to say."""
 
+STACK = ("    @ ", "*** ", "PC: @")
+"""How glog begins the lines of a stack trace, which names no cause."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Step:
@@ -97,7 +100,9 @@ def _awaited(connection: Connection, progress: Progress | None) -> _Done | BaseE
 
 def _crash(error: BaseException | None, said: Path) -> str:
     lines = said.read_text(errors="replace").splitlines() if said.exists() else []
-    last = next((GLOG_PREFIX.sub("", line) for line in reversed(lines) if line.strip()), "it said nothing")
+    told = [line for line in lines if line.strip() and not line.startswith(STACK)]
+    fatal = next((line for line in told if line.startswith("F") and GLOG_PREFIX.match(line)), None)
+    last = GLOG_PREFIX.sub("", fatal or next(reversed(told), "it said nothing"))
     reason = (
         str(error) if error is not None else f"its process ended without an answer; last it wrote: {last}"
     )

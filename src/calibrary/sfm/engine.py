@@ -134,7 +134,7 @@ def match(
         pairs: places in ``images``; None for all pairs.
         max_side: px, longer side of what features are looked for in.
         features: of an image at most.
-        progress: called with (images done, images in all, "images"), then with "pairs".
+        progress: called with (images done, images in all, "features"), then with "pairs".
 
     Raises:
         MissingExtraError: pycolmap is not installed.
@@ -237,7 +237,7 @@ def _match(
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.max_image_size, extraction.num_threads = max_side, threads
     extraction.sift.max_num_features = features
-    with _counted(matched.database, "keypoints", len(names), report, "images"):
+    with _counted(matched.database, "keypoints", len(names), report, "features"):
         pycolmap.extract_features(
             matched.database, matched.image_folder, image_names=names, extraction_options=extraction,
             device=pycolmap.Device.cpu,

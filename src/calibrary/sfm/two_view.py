@@ -149,7 +149,7 @@ def _off_lines(a: FloatArray, b: FloatArray, F: FloatArray) -> tuple[FloatArray,
     return np.abs(np.einsum("ni,ij,nj->n", b, F, a)) * weights, weights
 
 
-def fundamental(one: FloatArray, other: FloatArray, *, rounds: int = ROUNDS) -> tuple[FloatArray, FloatArray]:
+def fundamental(one: FloatArray, other: FloatArray, *, rounds: int = ROUNDS) -> tuple[FloatArray, BoolArray]:
     """F with other'ᵀ F one' = 0, by least squares on Sampson's distances, and which of the matches it explains.
 
     Args:
@@ -168,7 +168,7 @@ def fundamental(one: FloatArray, other: FloatArray, *, rounds: int = ROUNDS) -> 
         U, S, Wt = np.linalg.svd(Vt[-1].reshape(3, 3))
         F = to_b.T @ (U * (S[0], S[1], 0.0)) @ Wt @ to_a
         off, weights = _off_lines(a, b, F)
-        kept = off <= max(3 * MAD_TO_STD * float(np.median(off)), 1e-9)
+        kept = np.asarray(off <= max(3 * MAD_TO_STD * float(np.median(off)), 1e-9))
         weights /= weights.mean()
     return F, kept
 

@@ -27,6 +27,7 @@ from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress
 from calibrary.records import Meta, Record
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 
 __all__ = ["Check", "CheckReport", "CheckRequest", "check", "report_of"]
 
@@ -43,6 +44,7 @@ class CheckRequest:
         recursive: go into sub-folders.
         workers: processes that read images; 0 decides by itself.
         altitude_m: above ground, of the errors on the ground.
+        verify: hold the K's against the pixels of a dozen images of each camera as well.
         format, image_size, options, max_bytes: answers to what the files leave open.
         progress: called with (images read, images in all, "images").
     """
@@ -54,11 +56,24 @@ class CheckRequest:
     recursive: bool = False
     workers: int = 0
     altitude_m: float = ALTITUDE_M
+    verify: bool = False
     format: str | None = None
     image_size: ImageSize | None = None
     options: Mapping[str, str] | None = None
     max_bytes: int = MAX_BYTES
     progress: Progress | None = field(default=None, compare=False)
+
+
+class CameraPixels(Record):
+    """What the pixels say of the K that the images, or the registry, state.
+
+    Attributes:
+        camera: name of the camera in file names.
+        pixels: of that K.
+    """
+
+    camera: str
+    pixels: PixelCheck
 
 
 class CheckReport(Record, tag_field="schema", tag="calibrary/check-1"):
@@ -68,13 +83,15 @@ class CheckReport(Record, tag_field="schema", tag="calibrary/check-1"):
         policy: the name of the policy whose limits decide.
         files: every calibration file, once for each camera that it can be of.
         not_read: files beside the images that look like calibrations and cannot be read.
-        exit_code: 0 where every file is right for every camera that it can be of.
+        exit_code: 0 where every file is right for every camera that it can be of, and no pixels contradict a K.
+        by_pixels: each camera's own K against the pixels; none where they were not asked.
     """
 
     policy: str
     files: tuple[CheckedFile, ...]
     not_read: tuple[SkippedFile, ...]
     exit_code: Annotated[int, Meta(ge=0, le=1)]
+    by_pixels: tuple[CameraPixels, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,8 +110,15 @@ class Check:
 
     @property
     def is_right(self) -> bool:
-        """Whether every file is right for every camera that it can be of."""
-        return all(one.verdict is Rightness.RIGHT for one in self.files)
+        """Whether every file is right for every camera that it can be of, and no pixels contradict a K."""
+        contradicted = any(one.pixels.verdict is PixelVerdict.CONTRADICTS for one in self.by_pixels)
+        return all(one.verdict is Rightness.RIGHT for one in self.files) and not contradicted
+
+    @property
+    def by_pixels(self) -> tuple[CameraPixels, ...]:
+        """Each camera's own K against the pixels, where they were asked."""
+        cameras = self.extraction.cameras
+        return tuple(CameraPixels(camera=c.slug, pixels=c.pixels) for c in cameras if c.pixels is not None)
 
 
 def check(request: CheckRequest) -> Check:
@@ -111,6 +135,7 @@ def check(request: CheckRequest) -> Check:
             registry=request.registry,
             recursive=request.recursive,
             workers=request.workers,
+            verify=request.verify,
             progress=request.progress,
         )
     )
@@ -119,7 +144,7 @@ def check(request: CheckRequest) -> Check:
         found = [_read(path, request, outcome) for path in request.files]
     else:
         found, not_read = [*outcome.beside], [*outcome.beside_unread]
-        if not found:
+        if not found and not request.verify:
             raise InputError(
                 "no calibration file is beside the images; name the one that is to be used",
                 source=", ".join(map(str, request.images)),
@@ -160,4 +185,5 @@ def report_of(found: Check) -> CheckReport:
         files=found.files,
         not_read=found.not_read,
         exit_code=0 if found.is_right else 1,
+        by_pixels=found.by_pixels,
     )

@@ -33,7 +33,8 @@ from calibrary.jobs.extract.fallback import MEASURED, StepName, fits
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
-from calibrary.records import Meta, Record
+from calibrary.records import Meta, Record, replace
+from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 from calibrary.validation import Verdict
 
 if TYPE_CHECKING:
@@ -95,6 +96,7 @@ class CheckedFile(Record):
         rms_px, max_px: of the difference of the projections over the frame, the camera free to turn.
         altitude_m: above ground, of the errors on the ground.
         height_cm, max_cm: error of heights there, and the largest in position.
+        pixels: what the pixels of some images say of its K; None where they were not asked.
     """
 
     file: str
@@ -110,6 +112,7 @@ class CheckedFile(Record):
     altitude_m: Annotated[float, Meta(gt=0)] = ALTITUDE_M
     height_cm: float | None = None
     max_cm: float | None = None
+    pixels: PixelCheck | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,7 +235,9 @@ def check_candidates(
         size = camera.camera.states[0].metadata.size
         fitting = [one for one in candidates.calibrations if fits(one, camera.camera.key, size)]
         if fitting:
-            checked.append(_held(candidates.label, fitting, camera, policy, altitude_m))
+            nearest = _nearest(fitting, camera)
+            held = _held(candidates.label, nearest, camera, policy, altitude_m)
+            checked.append(_by_pixels(held, nearest, camera, policy))
     if checked:
         return checked
     first = candidates.calibrations[0]
@@ -275,16 +280,33 @@ def _is_centred(calibration: Calibration) -> bool:
     return abs(K.cx / width - 0.5) < CENTRED and abs(K.cy / height - 0.5) < CENTRED
 
 
+def _nearest(fitting: Sequence[Calibration], camera: CameraReport) -> Calibration:
+    """Of a file's calibrations that fit a camera the one with the nearest focal length."""
+    reference = _reference(camera)
+    if reference is None:
+        return fitting[0]
+    over_width = reference.intrinsics.fx / reference.intrinsics.image_size[0]
+    return min(fitting, key=lambda one: abs(one.intrinsics.fx / one.intrinsics.image_size[0] - over_width))
+
+
+def _by_pixels(held: CheckedFile, K: Calibration, camera: CameraReport, policy: Policy) -> CheckedFile:
+    """The same with what the pixels say: where they contradict the file it is off, whatever the tags state."""
+    if camera.look is None:
+        return held
+    check = camera.look.check(K.scaled(_size(camera)), policy.source_agreement)
+    if check.verdict is PixelVerdict.CONTRADICTS:
+        message = f"off by the pixels of {check.images} images: {check.figures}; {check.reason}"
+        return replace(held, pixels=check, verdict=Rightness.OFF, message=message)
+    told = f"; the pixels of {check.images} images agree: {check.figures}"
+    if check.verdict is PixelVerdict.CANNOT_TELL:
+        told = f"; the pixels cannot tell: {check.reason}"
+    return replace(held, pixels=check, message=held.message + told)
+
+
 def _held(
-    label: str, fitting: Sequence[Calibration], camera: CameraReport, policy: Policy, altitude_m: float
+    label: str, nearest: Calibration, camera: CameraReport, policy: Policy, altitude_m: float
 ) -> CheckedFile:
     reference = _reference(camera)
-    nearest = fitting[0]
-    if reference is not None:
-        over_width = reference.intrinsics.fx / reference.intrinsics.image_size[0]
-        nearest = min(
-            fitting, key=lambda one: abs(one.intrinsics.fx / one.intrinsics.image_size[0] - over_width)
-        )
     if reference is None:
         return CheckedFile(
             file=label,

@@ -18,6 +18,8 @@ from calibrary.validation import Report, Verdict
 
 if TYPE_CHECKING:
     from calibrary.jobs.extract.beside import Candidates
+    from calibrary.jobs.verify.look import Look
+    from calibrary.sfm.pixel_check import PixelCheck
 
 __all__ = ["CameraReport", "Extraction", "slugs", "slugs_of"]
 
@@ -30,11 +32,15 @@ class CameraReport:
         slug: its name in file names, unique in the run.
         camera: what its images say.
         fallback: the chain that was gone through, None when it was not needed.
+        pixels: what the pixels say of the K to write; None where they were not asked or there is none.
+        look: what they show, to hold other K's against.
     """
 
     slug: str
     camera: Camera
     fallback: Fallback | None = None
+    pixels: PixelCheck | None = None
+    look: Look | None = None
 
     @property
     def calibration(self) -> Calibration | None:

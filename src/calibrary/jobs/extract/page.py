@@ -33,6 +33,7 @@ from calibrary.pages import (
 )
 from calibrary.pages.plots import Axis, Band, Interval, Role, distortion_map, intervals, radial_curve
 from calibrary.policy import Policy
+from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 from calibrary.validation import UNPROVEN_LEGEND, Report, Severity, Verdict
 
 __all__ = ["outcome_page"]
@@ -141,6 +142,8 @@ def _camera(camera: CameraReport, policy: Policy, *, drawn: bool) -> Section:
             arrows, _ = distortion_map(camera.calibration)
             plots += [arrows, radial_curve(camera.calibration)]
         blocks += [SideBySide(tuple(plots))] if plots else []
+    if camera.pixels is not None:
+        blocks += _pixels(camera.pixels)
     blocks += _findings(camera.report)
     blocks += _doubts(camera)
     if camera.fallback is not None:
@@ -234,12 +237,48 @@ def _evidence(camera: CameraReport, policy: Policy) -> Figure | None:
         )
         for estimate in evidence.estimates
     ]
+    if camera.pixels is not None:
+        rows += _of_pixels(camera.pixels)
     caption = "fx as stated by each source in the images"
-    caption += "; bars show the rounding of the source." if any(row.half_width for row in rows) else "."
+    caption += "; bars show the rounding of the source" if any(row.half_width for row in rows) else ""
+    caption += ", of the pixels ±2 σ." if camera.pixels is not None else "."
     band = _band(camera, policy)
     if band is not None:
         caption += f" Shaded: the range that {band.text} accepts."
     return intervals(rows, axis=PX, caption=caption, band=band)
+
+
+def _of_pixels(check: PixelCheck) -> Iterator[Interval]:
+    """The pixels' focal length among the sources, and that of pairs of images."""
+    agrees = Role.AGREES if check.verdict is PixelVerdict.AGREES else Role.NO_K
+    role = Role.DISAGREES if check.verdict is PixelVerdict.CONTRADICTS else agrees
+    if check.measured_fx is not None and check.std is not None:
+        half = 2 * check.std * check.measured_fx
+        yield Interval(
+            name=f"pixels of {check.images} images", value=check.measured_fx, half_width=half, role=role
+        )
+    if check.pair_fx is not None and check.pair_std is not None:
+        half = 2 * check.pair_std * check.pair_fx
+        yield Interval(
+            name=f"{check.pairs} pairs of images", value=check.pair_fx, half_width=half, role=Role.NO_K
+        )
+
+
+def _pixels(check: PixelCheck) -> Iterator[Block]:
+    """What the pixels say of K, in figures."""
+    rows = [("verdict", check.verdict.value), ("because", check.reason)]
+    rows += [("by the pixels", check.figures)] if check.figures else []
+    rows.append(("images", f"{check.images} of {check.chosen} fit one another"))
+    if check.pair_fx is not None and check.pair_std is not None:
+        rows.append(
+            ("by pairs", f"fx = {check.pair_fx:.1f} px ± {check.pair_std:.1%} of {check.pairs} pairs")
+        )
+    lens = check.distortion
+    if lens is not None:
+        seen = f"{lens.measured_px:+.1f} ± {lens.std_px:.1f} px, K states {lens.stated_px:+.1f} px"
+        rows.append(("distortion at 0.8 of the half diagonal", seen))
+    yield "K held against the pixels of some images (uncertainties are one σ):"
+    yield KeyValues(tuple(rows))
 
 
 def _band(camera: CameraReport, policy: Policy) -> Band | None:

@@ -17,6 +17,7 @@ from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.states import StateDocument
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.records import Json, Meta, Record, encoded
+from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.validation import Finding, Report, Verdict
 
 __all__ = ["CameraDocument", "ExtractReport", "encode", "report_of"]
@@ -106,6 +107,7 @@ class CameraDocument(Record):
         more_images: how many more there are than are listed; 0 in reports of earlier versions.
         states: those images by what can change K or its meaning; none in reports of earlier versions.
         label: what the registry calls the unit; None where its entry is of no unit, or no entry is used for it.
+        pixels: what the pixels of some images say of K; None where they were not asked.
     """
 
     id: str
@@ -129,6 +131,7 @@ class CameraDocument(Record):
     states: tuple[StateDocument, ...] = ()
     more_images: Annotated[int, Meta(ge=0)] = 0
     label: str | None = None
+    pixels: PixelCheck | None = None
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         camera = document.pop("camera")
@@ -248,6 +251,7 @@ def _camera(c: CameraReport, output: str | None) -> CameraDocument:
         more_images=c.camera.count - len(c.camera.names),
         states=c.states,
         label=c.label,
+        pixels=c.pixels,
     )
 
 

@@ -49,11 +49,13 @@ class Request:
         recursive: go into sub-folders.
         workers: processes; 0 decides by itself.
         strict: stop at the first breach.
+        verify: hold K against the pixels of a dozen images as well.
         partials: a folder that keeps what was read, shard by shard; what is there already is not read again.
         scheduler: address of a Dask scheduler whose workers read the images.
         cluster: "local:N": that many workers of a Dask cluster on this machine do.
         list_images: name every image of however many; else of more than 10 000 only a few that say the same.
-        progress: called with (images read, images in all, "images").
+        progress: called with (images read, images in all, "images"); while K is held against pixels also with
+            "features", "pairs" and "placed".
     """
 
     images: tuple[Path | str, ...]
@@ -65,6 +67,7 @@ class Request:
     recursive: bool = False
     workers: int = 0
     strict: bool = False
+    verify: bool = False
     list_images: bool = False
     partials: Path | None = None
     lines: Iterable[str] | None = field(default=None, compare=False)
@@ -160,7 +163,7 @@ def judge_images(
         rivals=_rivals(cameras),
     )
     reports = tuple(
-        CameraReport(slug=slug, camera=camera, fallback=_fallback(camera, request.policy, sources))
+        _report(slug, camera, request, sources, listing)
         for slug, camera in zip(slugs_of(cameras), cameras, strict=True)
     )
     contradicting = contradictions(beside, reports, request.policy)
@@ -236,6 +239,22 @@ def _judged(key: CameraKey, group: tuple[State, ...], request: Request, sensor: 
 def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
     finding = Finding(rule=rule, severity=Severity.ERROR, message=message)
     return ValidationError(message, Report(policy=policy.name, findings=(finding,)))
+
+
+def _report(slug: str, camera: Camera, request: Request, sources: Sources, listing: Listing) -> CameraReport:
+    """The camera with what stands in for its K, held against the pixels where that is asked for."""
+
+    def fall_back(one: Camera) -> Fallback | None:
+        return _fallback(one, request.policy, sources)
+
+    if not request.verify:
+        return CameraReport(slug=slug, camera=camera, fallback=fall_back(camera))
+    from calibrary.jobs.extract.pixels import verified  # noqa: PLC0415  it loads what solves cameras
+
+    camera, fallback, check, found = verified(
+        camera, fall_back, listing=listing, policy=request.policy, progress=request.progress
+    )
+    return CameraReport(slug=slug, camera=camera, fallback=fallback, pixels=check, look=found)
 
 
 def _rivals(cameras: list[Camera]) -> dict[ImageSize, int]:

@@ -1,0 +1,82 @@
+"""K held against the pixels of the images, where that is asked for: one more source among those of a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from calibrary.calibration import Calibration
+from calibrary.jobs.extract.cameras import Camera
+from calibrary.jobs.extract.fallback import Fallback
+from calibrary.jobs.images.listing import Listing
+from calibrary.jobs.images.places import is_url
+from calibrary.jobs.verify.look import Look, look
+from calibrary.jobs.verify.verdict import with_pixels
+from calibrary.policy import Policy
+from calibrary.progress import Progress
+from calibrary.records import replace
+from calibrary.sfm.pixel_check import PixelCheck
+
+__all__ = ["Verified", "verified"]
+
+Verified = tuple[Camera, Fallback | None, PixelCheck | None, Look | None]
+
+
+def verified(
+    camera: Camera,
+    fall_back: Callable[[Camera], Fallback | None],
+    *,
+    listing: Listing,
+    policy: Policy,
+    progress: Progress | None,
+) -> Verified:
+    """A camera, and what stands in for its K, judged by the pixels as well.
+
+    Args:
+        camera: by what its images say.
+        fall_back: goes through the chain for it.
+        listing: where the images are.
+        policy: the limits.
+        progress: called with (done, total, what).
+
+    Returns:
+        The camera, its fallback, what the pixels say of the K in use, and what they show; without the last two where
+        there is no K to hold against them.
+    """
+    before = fall_back(camera)
+    K = _in_use(camera, before)
+    if K is None:
+        return camera, before, None, None
+    found = _look(camera, K, listing, progress)
+    if camera.calibration is not None:
+        camera = _judged(camera, found.check(camera.calibration, policy.source_agreement), policy)
+    fallback = fall_back(camera)
+    K = _in_use(camera, fallback) or K
+    check = found.check(K, policy.source_agreement)
+    if fallback is not None and fallback.calibration is K and fallback.report is not None:
+        fallback = replace(fallback, report=with_pixels(fallback.report, check, policy))
+    return camera, fallback, check, found
+
+
+def _in_use(camera: Camera, fallback: Fallback | None) -> Calibration | None:
+    taken = fallback.calibration if fallback is not None else None
+    return taken if taken is not None else camera.calibration
+
+
+def _judged(camera: Camera, check: PixelCheck, policy: Policy) -> Camera:
+    """Every state's images are of one camera, and what a dozen of them show holds for all."""
+    judged = tuple(
+        replace(one, report=with_pixels(one.report, check, policy)) if one.report is not None else one
+        for one in camera.judged
+    )
+    report = with_pixels(camera.report, check, policy) if camera.report is not None else None
+    return replace(camera, judged=judged, report=report)
+
+
+def _look(camera: Camera, K: Calibration, listing: Listing, progress: Progress | None) -> Look:
+    paths = [listing.root / name for name in camera.names if not is_url(name)]
+    files = sorted({path for path in paths if path.is_file()})
+    if len(files) < len(camera.names):
+        return Look(
+            chosen=0, reason="the images are not in a folder of this machine, where pixels can be read"
+        )
+    return look(files, K, progress=progress)

@@ -1,0 +1,101 @@
+"""What the pixels do to a verdict: they confirm K as one more independent source, contradict it, or change nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from calibrary.policy import Policy
+from calibrary.records import replace
+from calibrary.sfm.pixel_check import DistortionCheck, PixelCheck, PixelVerdict
+from calibrary.validation import Finding, Report, Severity, lacks_confirmation
+
+__all__ = ["with_pixels"]
+
+FLY = "fly cross strips, a second height or 30° obliques, or calibrate the camera with a board"
+
+
+def with_pixels(report: Report, check: PixelCheck, policy: Policy) -> Report:
+    """The report with what the pixels say.
+
+    Agreement proves a K that lacks only a second source. A contradiction makes it unproven at best, whoever else
+    agrees; without any other source that does, two sources contradict each other and K is rejected. Under a policy
+    whose sources settle nothing it is a warning.
+
+    Args:
+        report: on the K that was checked.
+        check: of that K.
+        policy: what the report is by.
+    """
+    findings = report.findings
+    confirms = check.verdict is PixelVerdict.AGREES and policy.independent_sources_settle
+    if confirms:
+        findings = tuple(_confirmed(one, check) if lacks_confirmation(one) else one for one in findings)
+    alone = any(lacks_confirmation(one) for one in findings)
+    return replace(report, findings=(*findings, *_findings(check, policy, alone=alone)))
+
+
+def _confirmed(finding: Finding, check: PixelCheck) -> Finding:
+    message = f"fx = {finding.measured:.3f} W, confirmed independently by the pixels of {check.images} images"
+    return replace(finding, severity=Severity.PASS, message=message, remedy=None)
+
+
+def _findings(check: PixelCheck, policy: Policy, *, alone: bool) -> Iterator[Finding]:
+    limit = policy.source_agreement
+    if check.verdict is PixelVerdict.CANNOT_TELL:
+        yield Finding(
+            rule="pixels",
+            severity=Severity.NOTE,
+            measured=check.difference,
+            limit=limit,
+            message=f"the pixels cannot tell whether K is right: {check.reason}",
+            remedy=FLY,
+        )
+    elif check.verdict is PixelVerdict.AGREES:
+        yield Finding(
+            rule="pixels",
+            severity=Severity.PASS,
+            measured=check.difference,
+            limit=limit,
+            message=f"the pixels of {check.images} images agree: {check.figures}",
+        )
+    else:
+        severity = Severity.UNPROVEN
+        assert check.difference is not None  # noqa: S101  it contradicts by so much
+        assert check.std is not None  # noqa: S101
+        if alone and abs(check.difference) - 2 * check.std > limit:
+            severity = Severity.ERROR
+        yield Finding(
+            rule="pixels",
+            severity=severity if policy.independent_sources_settle else Severity.WARNING,
+            measured=check.difference,
+            limit=limit,
+            message=f"the pixels of {check.images} images contradict K: {check.figures}; {check.reason}",
+            remedy="find out which of the two is right: calibrate the camera with a board, or register a measured K",
+        )
+    if check.distortion is not None:
+        yield from _of_distortion(check.distortion, policy)
+
+
+def _of_distortion(found: DistortionCheck, policy: Policy) -> Iterator[Finding]:
+    if not (found.removed or found.present):
+        return
+    pixels = f"{found.measured_px:+.1f} ± {found.std_px:.1f} px"
+    if found.removed:
+        message = (
+            f"the images have {pixels} of distortion towards the corners where K states {found.stated_px:+.1f} px: "
+            "it was removed already, in the camera or by a program"
+        )
+        remedy = "use K without its distortion for these images, or provide images that are not dewarped"
+    else:
+        message = (
+            f"K states that the images have no distortion, and their pixels show {pixels} towards the corners"
+        )
+        remedy = "use the distortion of the lens: register a measured calibration of this capture mode"
+    yield Finding(
+        rule="distortion-as-stated",
+        severity=Severity.UNPROVEN if policy.independent_sources_settle else Severity.WARNING,
+        measured=found.measured_px,
+        limit=found.stated_px,
+        message=message,
+        remedy=remedy,
+    )

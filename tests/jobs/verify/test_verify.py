@@ -1,0 +1,191 @@
+"""What the pixels do to the verdict of ``extract --verify`` and ``check --verify``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import calibrary
+from calibrary.cli.main import main
+from calibrary.jobs.verify.look import Look, look
+from calibrary.schemas import require
+from calibrary.sfm.pixel_check import PixelVerdict
+from calibrary.sfm.pixel_judging import Measured
+from calibrary.validation import Severity, Verdict
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, matrix, picture
+
+Pixels = Callable[..., None]
+IMAGES = 9
+
+
+@pytest.fixture
+def pixels(monkeypatch: pytest.MonkeyPatch) -> Pixels:
+    """Have the pixels show a focal length, without any."""
+
+    def show(focal_px: float, *, std: float = 0.005, by_px: float = 0.3, edge_px: float = -40.0) -> None:
+        def seen(paths: list[Path], *_: object, **__: object) -> Look:
+            found = Measured(
+                focal_px=focal_px,
+                std=std,
+                by_px=by_px,
+                images=len(paths),
+                edge_px=(edge_px, 1.0),
+                split=True,
+            )
+            return Look(chosen=len(paths), found=found)
+
+        monkeypatch.setattr("calibrary.jobs.extract.pixels.look", seen)
+
+    return show
+
+
+def flight(folder: Path, tags: dict[str, Any]) -> Path:
+    for number in range(IMAGES):
+        picture(folder / f"flight/{number}.jpg", **tags)
+    return folder / "flight"
+
+
+def fx_of(folder: Path, tags: dict[str, Any]) -> float:
+    [camera] = calibrary.extract(flight(folder, tags)).cameras
+    assert camera.calibration is not None
+    return camera.calibration.intrinsics.fx
+
+
+@pytest.mark.parametrize(
+    ("tags", "factor", "std", "before", "after"),
+    [
+        (P4R, 1.0, 0.005, Verdict.VALID, Verdict.VALID),
+        (P4R, 1.04, 0.005, Verdict.VALID, Verdict.UNPROVEN),
+        (P4R, 1.3, 0.005, Verdict.VALID, Verdict.UNPROVEN),  # the catalogue agrees with the tags
+        (P4R, 1.3, 0.2, Verdict.VALID, Verdict.VALID),  # the pixels do not know
+        (
+            NOBODY,
+            1.01,
+            0.005,
+            Verdict.UNPROVEN,
+            Verdict.UNPROVEN,
+        ),  # by an assumed sensor, which nothing mends
+    ],
+)
+def test_pixels_add_to_the_verdict(
+    tags: dict[str, Any],
+    factor: float,
+    std: float,
+    before: Verdict,
+    after: Verdict,
+    tmp_path: Path,
+    pixels: Pixels,
+) -> None:
+    fx = fx_of(tmp_path, tags)
+    pixels(fx * factor, std=std)
+    [plain] = calibrary.extract(tmp_path / "flight").cameras
+    assert plain.verdict is before
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    assert camera.verdict is after
+
+
+ALONE = NOBODY | {"focal_plane_resolution": ((54720, 132), (54720, 132)), "focal_plane_unit": 4}
+"""In no catalogue either, and with a focal plane resolution in px per mm as its single source."""
+
+
+@pytest.mark.parametrize(
+    ("factor", "std", "verdict"),
+    [
+        (1.01, 0.01, Verdict.VALID),
+        (1.01, 0.03, Verdict.UNPROVEN),  # ±2 σ is not inside 5 %
+        (1.04, 0.005, Verdict.UNPROVEN),
+        (1.3, 0.01, Verdict.REJECTED),  # two sources that contradict each other, and no third
+    ],
+)
+def test_pixels_are_the_second_source_of_a_camera_with_one(
+    factor: float, std: float, verdict: Verdict, tmp_path: Path, pixels: Pixels
+) -> None:
+    fx = fx_of(tmp_path, ALONE)
+    [before] = calibrary.extract(tmp_path / "flight").cameras
+    assert before.verdict is Verdict.UNPROVEN
+    pixels(fx * factor, std=std)
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    assert camera.verdict is verdict
+
+
+def test_a_contradiction_states_both_figures_and_what_would_do_that(tmp_path: Path, pixels: Pixels) -> None:
+    fx = fx_of(tmp_path, P4R)
+    pixels(fx * 1.25)
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    assert camera.reason is not None
+    assert f"fx = {fx * 1.25:.1f} px ± 0.5%, +25.0% from K's {fx:.1f} px" in camera.reason
+    assert "a digital zoom of 1.25× would do that" in camera.reason
+
+
+def test_pixels_that_cannot_tell_are_a_note(tmp_path: Path, pixels: Pixels) -> None:
+    pixels(fx_of(tmp_path, P4R) * 1.2, by_px=3.0)
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    assert camera.report is not None
+    [finding] = [one for one in camera.report.findings if one.rule == "pixels"]
+    assert finding.severity is Severity.NOTE
+    assert "cannot be told apart" in finding.message
+
+
+def test_distortion_that_the_camera_removed_makes_k_unproven(tmp_path: Path, pixels: Pixels) -> None:
+    tags = P4R | {"dewarp": DEWARP}
+    pixels(fx_of(tmp_path, tags), edge_px=1.0)
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    assert camera.verdict is Verdict.UNPROVEN
+    assert "it was removed already" in (camera.reason or "")
+
+
+def test_too_few_images_are_said_to_be_so_without_a_look(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{number}.jpg" for number in range(5)]
+    [camera] = calibrary.extract(flight(tmp_path, P4R)).cameras
+    assert camera.calibration is not None
+    check = look(paths, camera.calibration).check(camera.calibration, 0.05)
+    assert (check.verdict, check.reason) == (PixelVerdict.CANNOT_TELL, "5 images of this camera, need 8")
+
+
+def test_the_report_the_page_and_the_terminal_say_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], pixels: Pixels
+) -> None:
+    fx = fx_of(tmp_path, P4R)
+    pixels(fx)
+    monkeypatch.chdir(tmp_path)
+    assert main(["extract", "flight", "--verify", "--html", "page.html"]) == 0
+    assert "the pixels of 9 images agree" in " ".join(capsys.readouterr().out.split())
+    report = json.loads((tmp_path / "K_matrix.json").read_text())
+    require(report, "report-1")
+    assert report["cameras"][0]["pixels"]["verdict"] == "agrees"
+    page = (tmp_path / "page.html").read_text()
+    assert "K held against the pixels" in page
+    assert "pixels of 9 images" in page
+
+
+@pytest.mark.parametrize(("factor", "code", "verdict"), [(1.0, 0, "right"), (0.9, 1, "off")])
+def test_a_file_is_checked_by_the_pixels_too(
+    factor: float,
+    code: int,
+    verdict: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    pixels: Pixels,
+) -> None:
+    fx = fx_of(tmp_path, P4R)
+    pixels(fx * factor)
+    K = matrix(tmp_path / "K.npy", fx)
+    assert main(["check", str(tmp_path / "flight"), str(K), "--verify", "--json"]) == code
+    document = json.loads(capsys.readouterr().out)
+    require(document, "check-1")
+    [file] = document["files"]
+    assert (file["verdict"], file["pixels"]["difference"]) == (verdict, pytest.approx(factor - 1, abs=1e-3))
+
+
+def test_without_any_file_the_pixels_are_held_against_the_tags(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], pixels: Pixels
+) -> None:
+    pixels(fx_of(tmp_path, P4R))
+    assert main(["check", str(tmp_path / "flight"), "--verify"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "the pixels say of the images' own K: agrees"
+    pixels(fx_of(tmp_path, P4R) * 0.9)
+    assert main(["check", str(tmp_path / "flight"), "--verify"]) == 1
