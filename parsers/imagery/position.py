@@ -65,11 +65,11 @@ def fix_of(path: str | os.PathLike[str]) -> Fix | None:
         if block is None:
             return None
         structure = Tiff(block)
-        pointer = structure.directory(structure.first, {GPS_POINTER}).entries.get(GPS_POINTER)
+        pointer = structure.directory(structure.first, frozenset({GPS_POINTER})).entries.get(GPS_POINTER)
         offsets = structure.integers(pointer) if pointer is not None else ()
         if len(offsets) != 1:
             return None
-        return _fix(structure, structure.directory(offsets[0], range(1, 7)), _said(source))
+        return _fix(structure, structure.directory(offsets[0], frozenset(range(1, 7))), _said(source))
     return None
 
 
@@ -80,7 +80,9 @@ def _fix(structure: Tiff, gps: Directory, said: dict[str, float]) -> Fix | None:
     up = next(iter(_ratios(structure, gps, ALTITUDE)), 0.0)
     if _bytes(structure, gps, ALTITUDE_REF)[:1] == BELOW_SEA:
         up = -up
-    std = tuple(max(said.get(name, math.nan), LEAST_STD_M) for name in ("RtkStdLon", "RtkStdLat", "RtkStdHgt"))
+    std = tuple(
+        max(said.get(name, math.nan), LEAST_STD_M) for name in ("RtkStdLon", "RtkStdLat", "RtkStdHgt")
+    )
     return Fix(
         latitude_deg=north * (-1 if _bytes(structure, gps, LATITUDE_REF)[:1] == b"S" else 1),
         longitude_deg=east * (-1 if _bytes(structure, gps, LONGITUDE_REF)[:1] == b"W" else 1),
