@@ -8,8 +8,6 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEMO := demo-flight
 DEMO_RESULT := demo-result
-# corpus.py makes what the others measure.
-BENCHMARKS = $(filter-out benchmarks/corpus.py, $(wildcard benchmarks/*.py))
 SECONDS ?= 60
 EXTRACT := calibrary extract $(DEMO) --recursive --output-matrix $(DEMO_RESULT)/K_matrix.npy
 UV := $(shell command -v uv 2>/dev/null)
@@ -77,10 +75,8 @@ format: $(INSTALLED) ## Put the code into the project's format
 	$(BIN)/ruff check --fix-only
 	$(BIN)/ruff format
 
-bench: $(INSTALLED) ## Run every benchmark; each prints its ratios
-	@for file in $$(grep -ls '__main__' $(BENCHMARKS) /dev/null); do \
-		printf '\n%s\n' "$$file"; $(BIN)/python "$$file" || exit 1; \
-	done
+bench: $(INSTALLED) ## Run every benchmark in its quick form and write docs/performance.md (ARGS="extract startup" prints these)
+	$(BIN)/python -m benchmarks.run $(ARGS)
 
 # atheris has wheels for Linux alone, so it is installed here, on demand, and never beside the tests' own tools.
 fuzz: $(INSTALLED) ## Fuzz every reader (SECONDS=60 each, FORMAT=a,b these alone)

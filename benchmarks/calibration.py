@@ -1,6 +1,6 @@
 """How right calibrations from boards are, how honest, and how fast: a table of what was measured beside what is wanted.
 
-    python benchmarks/calibration.py [--seeds N] [--large] [--only WORD]
+    python -m benchmarks.calibration [--seeds N] [--large] [--only WORD]
         [--mrcal-python /usr/bin/python3] [--lensboy-python PATH]
 
 Cameras are known exactly. Most of it is done on corners alone, with normal noise; the runs on frames draw the board
@@ -24,6 +24,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.table import machine, show
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.corners_file import write_corners
@@ -391,12 +392,11 @@ def main() -> int:
     if args.only is not None and args.only not in parts:
         parser.error(f"--only {args.only}: wanted one of {', '.join(parts)}")
     missed = 0
-    print(f"{'':66} {'measured':>32}   goal")
+    print(machine())
     for name, part in parts.items():
         if args.only in {None, name}:
             for row in part():
-                mark = {True: "✓", False: "✗", None: " "}[row.good]
-                print(f"{row.what:66} {row.measured:>32} {mark} {row.goal}", flush=True)
+                show(row.what, row.measured, limit=row.goal, met=row.good)
                 missed += row.good is False
     return 1 if missed else 0
 

@@ -1,6 +1,6 @@
 """Whether the standard deviations of board calibrations hold: all over the frame, and parameter by parameter.
 
-    python benchmarks/coverage.py [--sets N] [--only WORD]
+    python -m benchmarks.coverage [--sets N] [--only WORD]
 
 Sets of 20 views by known cameras, as corners with normal noise, nothing rendered. Of each calibration the true error is
 held against the standard deviation that it states, the variance factor included: at the worst of 17 × 13 places of the

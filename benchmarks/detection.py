@@ -1,6 +1,6 @@
 """How fast and how well corners are found in 20-megapixel frames, beside the script everybody copies.
 
-    python benchmarks/detection.py [--frames N] [--megapixels M]
+    python -m benchmarks.detection [--frames N] [--megapixels M]
 
 Renders frames of a checkerboard with sensor noise, saves them as JPEG of 7 to 8 MB and measures, on one core:
 
@@ -28,6 +28,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.table import at_least, at_most, compared
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.collect import collect
@@ -70,31 +71,13 @@ class Figures:
     sd_px: float
     naive_sd_px: float
 
-    @property
-    def lines(self) -> list[tuple[str, str, str]]:
-        """(what, measured, the goal and whether it is met)."""
-        speed, ratio = 1 / self.seconds, self.naive_seconds / self.seconds
-
-        def goal(text: str, met: bool) -> str:  # noqa: FBT001 - the verdict is what is printed
-            return f"{text}: {'met' if met else 'missed'}"
-
-        return [
-            (
-                "frames a second and core, end to end",
-                f"{speed:.1f}",
-                goal(f"≥ {FRAMES_A_SECOND:g}", speed >= FRAMES_A_SECOND),
-            ),
-            ("CPU seconds a frame", f"{self.seconds:.3f}", ""),
-            ("CPU seconds a frame, the usual script", f"{self.naive_seconds:.2f}", ""),
-            ("times faster", f"{ratio:.0f}", goal(f"≥ {TIMES_FASTER:g}", ratio >= TIMES_FASTER)),
-            (
-                "CPU seconds for a frame without a board",
-                f"{self.no_board_seconds:.2f}",
-                goal(f"≤ {NO_BOARD_SECONDS:g}", self.no_board_seconds <= NO_BOARD_SECONDS),
-            ),
-            ("corner noise, px", f"{self.sd_px:.3f}", ""),
-            ("corner noise, px, the usual script", f"{self.naive_sd_px:.3f}", ""),
-        ]
+    def show(self) -> None:
+        """Print the rows."""
+        at_least("frames a second and core, end to end", 1 / self.seconds, "/s", FRAMES_A_SECOND)
+        own, naive, script = [self.seconds], [self.naive_seconds], "the usual script"
+        compared("a frame", own, naive, scale=1, unit="s", name=script, least=TIMES_FASTER)
+        at_most("a frame without a board", self.no_board_seconds, "s", NO_BOARD_SECONDS)
+        compared("corner noise", [self.sd_px], [self.naive_sd_px], scale=1, unit="px", name=script)
 
 
 def survey_camera(megapixels: float) -> Calibration:
@@ -187,8 +170,7 @@ def main() -> None:
         f"{figures.frames} frames of {arguments.megapixels:g} MP, {figures.file_mb:.1f} MB each; "
         f"OpenCV {cv2.__version__}"
     )
-    for what, measured, goal in figures.lines:
-        print(f"  {what:<42}{measured:>8}  {goal}".rstrip())
+    figures.show()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """How often `calibrary diff` raises a false alarm and how often it misses a change: a table beside what is wanted.
 
-    python benchmarks/diff.py [--pairs N] [--corner-pairs N] [--draws N] [--large] [--cache DIR] [--only WORD]
+    python -m benchmarks.diff [--pairs N] [--corner-pairs N] [--draws N] [--large] [--cache DIR] [--only WORD]
         [--mrcal-python /usr/bin/python3]
 
 A pair is two sessions with one camera: 25 frames of a board each, drawn pixel by pixel, written as JPEGs, collected,
@@ -32,6 +32,7 @@ import cv2
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
+from benchmarks.table import show
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.collect import collect
@@ -460,8 +461,7 @@ def main() -> int:
         for name, part in parts.items():
             if args.only in {None, name}:
                 for row in part():
-                    mark = {True: "✓", False: "✗", None: " "}[row.good]
-                    print(f"{row.what:58} {row.measured:76} {mark} {row.goal}", flush=True)
+                    show(row.what, row.measured, limit=row.goal, met=row.good)
                     missed += row.good is False
     return 1 if missed else 0
 

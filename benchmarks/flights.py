@@ -1,6 +1,6 @@
 """Whether the standard deviations of cameras from flights hold, and whether flights that determine none are told.
 
-    python benchmarks/flights.py [--sets N] [--only WORD]
+    python -m benchmarks.flights [--sets N] [--only WORD]
 
 Flights of a known camera as tracks, with normal noise, outliers and positions that drift, nothing rendered. Of each
 the true error of fx, fy, cx and cy is held against the σ × κ that it states. Wanted: at least 95 % of the flights below

@@ -1,6 +1,6 @@
 """What projecting, unprojecting and undistorting cost, beside OpenCV's own functions in the same run.
 
-    python benchmarks/geometry.py [--rounds N]
+    python -m benchmarks.geometry [--rounds N]
 
 CPU time of the process, the best of several rounds in which ours and OpenCV's take turns. OpenCV's undistortPoints
 stops after five steps of a fixed-point iteration, at some 1e-5 px in the corners; ours goes on to machine precision.
@@ -9,8 +9,6 @@ stops after five steps of a fixed-point iteration, at some 1e-5 px in the corner
 from __future__ import annotations
 
 import argparse
-import os
-import platform
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,6 +16,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from benchmarks.table import compared, machine
 from calibrary.calib.undistort import Undistorter, plan
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt
@@ -121,14 +120,10 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=7)
     rounds = parser.parse_args().rounds
     cv2.setNumThreads(1)
-    print(
-        f"{platform.machine()}, {os.cpu_count()} processors, OpenCV {cv2.__version__}, NumPy {np.__version__}"
-    )
-    print(f"{'':42}{'ours µs':>12}{'OpenCV µs':>12}{'ratio':>8}{'goal':>6}")
+    print(f"{machine()}, OpenCV {cv2.__version__}, NumPy {np.__version__}")
     for row in rows():
         ours, theirs = measured(row, rounds)
-        goal = f"{row.goal:g}" if row.goal is not None else "–"
-        print(f"{row.name:42}{ours:12.1f}{theirs:12.1f}{ours / theirs:8.2f}{goal:>6}")
+        compared(row.name, [ours], [theirs], scale=1, unit="µs", name="OpenCV", most=row.goal)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """How long a registry's pages take to make, and how long its list takes to answer: beside the goals.
 
-    python benchmarks/pages.py [--entries N] [--workers N] [--no-browser]
+    python -m benchmarks.pages [--entries N] [--workers N] [--no-browser]
 
 A fleet of 1 000 cameras in 170 commits: half of them calibrated a second time, a fifth a third time, a third with a
 covariance. The goals are 60 s for the whole site on two processors, and a tenth of a second from a key pressed in the
@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.table import show
 from calibrary.calibration import Calibration, CameraKey, Covariance, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.site.building import build
@@ -197,7 +198,7 @@ def _answers(page: Page, act: str) -> list[float]:
 
 
 def _row(what: str, found: str, goal: str, *, met: bool) -> None:
-    print(f"  {what:<34}{found:<12}goal {goal:<10}{'met' if met else 'MISSED'}")
+    show(what, found, limit=goal, met=met)
 
 
 def _seconds(act: Callable[[], object]) -> float:

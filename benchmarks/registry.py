@@ -1,6 +1,6 @@
 """What the registry's git layer costs, as ratios from one run of this file on one machine.
 
-    python benchmarks/registry.py [--quick] [--large] [--repeats R]
+    python -m benchmarks.registry [--quick] [--large] [--repeats R]
 
 Registries of 1 000 and 10 000 entries (--large: 100 000 too) of 1.2 kB, each with 10 000 commits of one entry, packed.
 Everything is done beside plain git doing the least that gives the same, and beside GitPython as its manual shows it
@@ -23,10 +23,10 @@ from datetime import UTC, datetime, timedelta
 from itertools import count
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING
 
 import git
 
+from benchmarks.table import interleaved, ratio, row
 from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.git.commits import File, Person, Step, stream
 from calibrary.registry.git.history import history
@@ -35,12 +35,6 @@ from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
 from calibrary.registry.registry import Registry
-
-if TYPE_CHECKING:
-    from benchmarks.extract import interleaved, ratio, row
-else:
-    # A program's own folder is where Python looks first.
-    from extract import interleaved, ratio, row
 
 KEEPER = Person(name="Fleet Keeper", email="keeper@example.com")
 MAKES = 20

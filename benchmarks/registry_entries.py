@@ -1,6 +1,6 @@
 """What finding and checking entries costs, in registries of real entries of three sizes.
 
-    python benchmarks/registry_entries.py [--quick] [--large] [--repeats R]
+    python -m benchmarks.registry_entries [--quick] [--large] [--repeats R]
 
 Registries of 1 000 and 10 000 entries (--large: 100 000 too), bare and packed; one camera in a hundred goes by another
 name as well. A resolve ends with K at the image's size; a warm one is asked of a process that is up, a cold one is a
@@ -24,8 +24,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from statistics import median
 from time import perf_counter
-from typing import TYPE_CHECKING
 
+from benchmarks.table import interleaved, ratio, row
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.records import replace
@@ -39,12 +39,6 @@ from calibrary.registry.git.writing import Change, write
 from calibrary.registry.index import index_at
 from calibrary.registry.reader import open_snapshot
 from calibrary.registry.snapshot import Snapshot
-
-if TYPE_CHECKING:
-    from benchmarks.extract import interleaved, ratio, row
-else:
-    # A program's own folder is where Python looks first.
-    from extract import interleaved, ratio, row
 
 KEEPER = Person(name="Fleet Keeper", email="keeper@example.com")
 MAKES = 20

@@ -1,6 +1,6 @@
 """How right and how honest the poses of rigs are, beside OpenCV's and mrcal's on the same corners.
 
-    python benchmarks/rig.py [--seeds N] [--cameras N] [--mrcal-python /usr/bin/python3]
+    python -m benchmarks.rig [--seeds N] [--cameras N] [--mrcal-python /usr/bin/python3]
 
 Rigs are known exactly; corners have normal noise of 0.05 px at 1920 × 1440. The peers solve pairs: OpenCV each camera
 and then the pair, mrcal all at once in a process of its own.

@@ -1,6 +1,6 @@
 """What reading heads over a network costs, and what very many images take in memory.
 
-    python benchmarks/scale.py [--samples DIR] [--images N] [--table N]
+    python -m benchmarks.scale [--samples DIR] [--images N] [--table N]
 
 * Requests and bytes of each image of a folder, as a server would be asked for them.
 * Images a second, and CPU time an image, from a web server in another process of this machine: without latency, and
@@ -23,6 +23,7 @@ from statistics import median
 
 import numpy as np
 
+from benchmarks.table import at_least, at_most, compared, show
 from calibrary.errors import InputError
 from calibrary.jobs.images import reading
 from calibrary.jobs.images.folders import find_images
@@ -86,9 +87,9 @@ def requests(folder: Path) -> None:
             f"{counts[-1]:3} requests {sizes[-1] / 1024:7.0f} kB of {path.stat().st_size / 1024:7.0f}  {path.name}"
         )
     if counts:
-        print(
-            f"median {median(counts):g} requests, {median(sizes) / 1024:.0f} kB; at most {max(counts)} requests"
-        )
+        at_most("requests of an image, median", median(counts), "requests", 3.0)
+        at_most("bytes of an image, median", median(sizes) / 1024, "kB", 130.0)
+        at_most("requests of an image, most", max(counts), "requests", 8.0)
 
 
 @contextmanager
@@ -102,6 +103,7 @@ def served(delay_s: float) -> Iterator[str]:
 
 def network(count: int) -> None:
     """Images a second from a web server."""
+    rates: list[float] = []
     for delay_s, at_once, images in ((0.0, 32, count), (DELAY_S, 1, count // 10), (DELAY_S, 32, count)):
         reading.AT_ONCE = at_once
         with served(delay_s) as url:
@@ -109,8 +111,22 @@ def network(count: int) -> None:
             wall, cpu = time.perf_counter(), time.process_time()
             reading.read_unit(unit, question=reading.Question())
             wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-        latency = f"{delay_s * 1000:.0f} ms of latency, {at_once} at a time"
-        print(f"{latency}: {images / wall:.0f} images/s, {cpu / images * 1000:.2f} ms of CPU time each")
+        latency = f"web server, {delay_s * 1000:.0f} ms of latency, {at_once} at a time (clock)"
+        rates.append(images / wall)
+        if delay_s:
+            show(latency, f"{rates[-1]:.0f} images/s")
+        else:
+            at_least("web server on this machine, of the processor", images / cpu, "images/s", 500.0)
+    one, many = rates[1:]
+    compared(
+        "  one image at a time against 32",
+        [1 / many],
+        [1 / one],
+        scale=1e3,
+        unit="ms",
+        name="one",
+        least=10.0,
+    )
 
 
 def memory(count: int) -> None:
@@ -124,7 +140,7 @@ def memory(count: int) -> None:
     counted, _ = table.counts([*range(50)])
     status = Path("/proc/self/status")
     peak = [line.split()[1] for line in status.read_text().splitlines() if line.startswith("VmHWM")]
-    print(f"{counted.sum()} images: {int(peak[0]) / 1024:.0f} MB at the most")
+    at_most(f"memory of the table of {counted.sum()} images", int(peak[0]) / 1024, "MB", 300.0)
 
 
 def main() -> None:

@@ -26,7 +26,10 @@ __all__ = [
     "compared",
     "cost_of",
     "in_turns",
+    "interleaved",
     "machine",
+    "ratio",
+    "row",
     "show",
 ]
 
@@ -105,6 +108,35 @@ def compared(
     good = ratio >= least if least is not None else ratio <= most if most is not None else None
     shown = f"{median(ours) * scale:.3g} {unit}", f"{median(peer) * scale:.3g} {unit} ({name})"
     show(measure, *shown, ratio=f"{ratio:.3g} ×", limit=limit, met=good)
+
+
+def interleaved(contestants: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
+    """Seconds of the clock of every contestant, in turns; for what waits for a disk or a network."""
+    costs = in_turns(contestants, repeats)
+    return {name: [cost.wall_s for cost in found] for name, found in costs.items()}
+
+
+def ratio(these: list[float], those: list[float]) -> tuple[str, float]:
+    """The median of the ratios of repetitions side by side, as text with its range, and as a number."""
+    ratios = [a / b for a, b in zip(these, those, strict=True)]
+    return f"{median(ratios):.2f} × ({min(ratios):.2f} … {max(ratios):.2f})", median(ratios)
+
+
+def row(
+    measure: str,
+    shown: str,
+    measured: float | None = None,
+    *,
+    at_most: float | None = None,
+    at_least: float | None = None,
+) -> None:
+    """A row of a figure that is shown in its own way; one with a limit says whether it is met."""
+    if measured is not None and at_most is not None:
+        show(measure, shown, limit=f"≤ {at_most:g}", met=measured <= at_most)
+    elif measured is not None and at_least is not None:
+        show(measure, shown, limit=f"≥ {at_least:g}", met=measured >= at_least)
+    else:
+        show(measure, shown)
 
 
 def at_most(measure: str, value: float, unit: str, limit: float) -> None:

@@ -1,0 +1,123 @@
+"""Every benchmark in its quick form, and what they found as one table in docs/performance.md.
+
+    python -m benchmarks.run [NAME …]
+
+A benchmark prints rows by :mod:`benchmarks.table`; where one prints lines of its own, those stand below the table. One
+that fails, or takes too long, is named with the last line that it said; the others go on. With names, only those are
+run, and the page is left alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.table import SEPARATOR, Row, machine
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "performance.md"
+BEGIN, END = "<!-- make bench writes from here -->\n", "<!-- to here -->\n"
+LONGEST_S = 300
+
+QUICK: dict[str, tuple[str, ...]] = {
+    "extract": ("--quick",),
+    "scale": ("--images", "500", "--table", "1000000"),
+    "startup": ("--quick",),
+    "geometry": ("--rounds", "5"),
+    "parsers": ("--quick",),
+    "registry": ("--quick",),
+    "registry_entries": ("--quick",),
+    "publish": ("--entries", "2000", "--resolves", "500"),
+    "pages": ("--entries", "100", "--no-browser"),
+    "detection": ("--frames", "2"),
+    "calibration": ("--only", "speed"),
+    "rig": ("--seeds", "1"),
+    "coverage": ("--sets", "1"),
+    "diff": ("--only", "draws", "--draws", "100"),
+    "verdicts": ("--quick",),
+}
+"""By area, the benchmark's name: what makes it quick."""
+
+
+class Outcome(NamedTuple):
+    """What one benchmark said.
+
+    Attributes:
+        rows: of the table.
+        lines: what else it printed, where it prints no rows.
+        failure: why it did not come to its end; "" where it did.
+        seconds: of the clock.
+    """
+
+    rows: tuple[Row, ...]
+    lines: tuple[str, ...]
+    failure: str
+    seconds: float
+
+
+def outcome_of(area: str) -> Outcome:
+    """Run one benchmark."""
+    start = time.perf_counter()
+    command = [sys.executable, "-m", f"benchmarks.{area}", *QUICK[area]]
+    try:
+        done = subprocess.run(
+            command, cwd=ROOT, capture_output=True, text=True, timeout=LONGEST_S, check=False
+        )
+        printed, complaint = done.stdout, done.stderr.strip().rpartition("\n")[2]
+        # 1: a limit is missed, which the rows say.
+        failure = complaint or f"exit code {done.returncode}" if done.returncode not in {0, 1} else ""
+        if done.returncode == 1 and not printed.strip():
+            failure = complaint
+    except subprocess.TimeoutExpired as error:
+        printed, failure = (error.stdout or b"").decode(), f"stopped after {LONGEST_S} s"
+    lines = [line.rstrip() for line in printed.splitlines() if line.strip()]
+    cells = [line.split(SEPARATOR.rstrip()) for line in lines]
+    rows = tuple(Row(*(cell.strip() for cell in found)) for found in cells if len(found) == len(Row._fields))
+    return Outcome(rows, () if rows else tuple(lines), failure, time.perf_counter() - start)
+
+
+def page_of(outcomes: dict[str, Outcome]) -> str:
+    """The generated part of the page."""
+    rows = [(area, row) for area, found in outcomes.items() for row in found.rows]
+    text = f"Measured on {datetime.now(UTC):%Y-%m-%d} by `make bench`: {machine()}.\n\n"
+    limited = [row for _, row in rows if row.met]
+    text += f"{sum(row.met == 'yes' for row in limited)} of {len(limited)} limits are met.\n\n"
+    text += "| area | measure | ours | peer | ratio | limit | met? |\n| --- | --- | --- | --- | --- | --- | --- |\n"
+    text += "".join(f"| {' | '.join((area, *row))} |\n" for area, row in rows)
+    for area, found in outcomes.items():
+        if found.failure:
+            text += f"\n`{area}` did not come to its end: {found.failure}\n"
+    for area, found in outcomes.items():
+        if found.lines:
+            text += f"\n`{area}` prints:\n\n```text\n" + "\n".join(found.lines) + "\n```\n"
+    return text
+
+
+def main() -> None:
+    """Run, print, and write the page."""
+    parser = argparse.ArgumentParser(description="Every benchmark in its quick form.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(QUICK)}")
+    names = parser.parse_args().names
+    if unknown := set(names) - QUICK.keys():
+        parser.error(f"{', '.join(sorted(unknown))}: wanted some of {', '.join(QUICK)}")
+    outcomes: dict[str, Outcome] = {}
+    for area in names or QUICK:
+        print(f"{area} …", flush=True)
+        found = outcomes[area] = outcome_of(area)
+        for row in found.rows:
+            print(f"  {SEPARATOR.join(row)}")
+        print(f"  {found.seconds:.0f} s{f', failed: {found.failure}' if found.failure else ''}", flush=True)
+    if not names:
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+        after = rest.partition(END)[2]
+        PAGE.write_text(f"{before}{BEGIN}\n{page_of(outcomes)}\n{END}{after}", encoding="utf-8")
+        print(f"written: {PAGE.relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    main()

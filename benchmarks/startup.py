@@ -1,0 +1,67 @@
+"""What a command costs before it does anything, beside a Python that only imports what it cannot do without.
+
+    python -m benchmarks.startup [--quick]
+
+The unavoidable imports of a command are listed here and named in docs/performance.md: of what it loads, the libraries
+that do its work. Compiled modules are there already; a first run compiles them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from benchmarks.table import at_most, compared, in_turns, machine
+
+XML = """<?xml version="1.0" encoding="UTF-8"?>
+<calibration><projection>frame</projection><width>5472</width><height>3648</height>
+<f>3657.6</f><cx>3.1</cx><cy>-8.2</cy><k1>-0.0102</k1></calibration>
+"""
+UNAVOIDABLE = {
+    "catalogue M3T": (["catalogue", "M3T"], "msgspec, yaml, rich.console, numpy"),
+    "inspect one.xml": (["inspect", "one.xml"], "msgspec, yaml, rich.console, numpy, lxml.etree"),
+}
+"""By command: its arguments, and the modules that no way of writing it could do without."""
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description="What commands cost before they do anything.")
+    parser.add_argument("--quick", action="store_true", help="fewer repetitions")
+    repeats = 7 if parser.parse_args().quick else 21
+    print(machine())
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "one.xml").write_text(XML, encoding="utf-8")
+
+        def run(*arguments: str) -> None:
+            command = [sys.executable, *arguments]
+            subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=True)
+
+        for flag in ("--version", "--help"):
+            times = in_turns(
+                {"ours": lambda: run("-m", "calibrary", flag), "peer": lambda: run("-c", "pass")},  # noqa: B023
+                repeats,
+            )
+            ours, bare = ([cost.cpu_s for cost in times[who]] for who in ("ours", "peer"))
+            compared(f"calibrary {flag}", ours, bare, scale=1e3, unit="ms", name="python -c pass")
+            at_most(f"calibrary {flag}", sorted(ours)[len(ours) // 2], "s", 0.1)
+        for what, (arguments, modules) in UNAVOIDABLE.items():
+            times = in_turns(
+                {
+                    "ours": lambda: run("-m", "calibrary", *arguments),  # noqa: B023
+                    "peer": lambda: run("-c", f"import {modules}"),  # noqa: B023
+                },
+                repeats,
+            )
+            ours, bare = ([cost.cpu_s for cost in times[who]] for who in ("ours", "peer"))
+            compared(
+                f"calibrary {what}", ours, bare, scale=1e3, unit="ms", name=f"import {modules}", most=1.3
+            )
+
+
+if __name__ == "__main__":
+    main()
