@@ -1,221 +1,23 @@
-"""Whether a K may reach a solver: a policy's limits, every rule measured, a verdict.
-
-No rule stops another and a NaN fails. Two policies ship: ``source`` holds every camera to one band of focal
-lengths; ``fleet`` knows that most UAV cameras lie outside it, and judges a known camera by what is known of it,
-and an unknown one by the sources in its images that confirm or contradict each other.
-"""
+"""The rules that a K is held against, each measured by itself; none stops another, and a NaN fails."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion
-from calibrary.errors import ValidationError
 from calibrary.policy import Policy
-from calibrary.records import Json, Record
+from calibrary.validation.circumstances import Circumstances, Expected, NamedFocal
+from calibrary.validation.findings import Finding, Report, Severity
 
-__all__ = [
-    "UNPROVEN_LEGEND",
-    "Circumstances",
-    "Expected",
-    "Finding",
-    "NamedFocal",
-    "Report",
-    "Severity",
-    "Verdict",
-    "group_spread",
-    "lacks_confirmation",
-    "validate",
-]
+__all__ = ["group_spread", "lacks_confirmation", "validate"]
 
 REGISTER = "register the camera (--registry)"
 GIVE_FILES = "provide the original files from the camera"
 NOTHING_CONFIRMS = "alone: nothing confirms it"
-
-
-class Severity(StrEnum):
-    """What a finding does to the verdict, the mildest first: only the last two keep a K from being used."""
-
-    PASS = "pass"  # noqa: S105  a word of the report, no password
-    NOTE = "note"
-    WARNING = "warning"
-    UNPROVEN = "unproven"
-    ERROR = "error"
-
-
-UNPROVEN_LEGEND = "unproven: plausible, but not confirmed by a second source"
-"""Explains the verdict, once in every report."""
-
-
-class Verdict(StrEnum):
-    """Whether a K may be used.
-
-    Unproven: plausible, but not confirmed by a second source.
-    """
-
-    VALID = "valid"
-    UNPROVEN = "unproven"
-    REJECTED = "rejected"
-
-
-class Finding(Record):
-    """One rule, measured: what validation, the registry's check, an audit and a board calibration report.
-
-    Attributes:
-        rule: its name.
-        severity: what the measurement means.
-        camera: in words, where the findings are of several cameras.
-        place: the entry or file, where the findings are of several.
-        measured: the number, in the unit the message names; None where the rule measures none.
-        limit: of that number.
-        message: what was found and what was expected.
-        remedy: what to do about it; None where there is nothing to do.
-    """
-
-    rule: str
-    severity: Severity
-    camera: str | None = None
-    place: str | None = None
-    measured: float | None = None
-    limit: float | None = None
-    message: str
-    remedy: str | None = None
-
-    def __str__(self) -> str:
-        where = f"{self.place}: " if self.place else ""
-        remedy = f"; {self.remedy}" if self.remedy else ""
-        return f"{where}{self.rule}: {self.message}{remedy}"
-
-    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
-        # A rule that measured NaN fails, and JSON has no NaN.
-        stated = {name: document[name] for name in ("measured", "limit")}
-        finite = {name: value if _is_finite(value) else None for name, value in stated.items()}
-        return document | finite
-
-
-def _is_finite(value: Json) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Expected:
-    """Expected fx of a known camera, at the image size of the calibration.
-
-    Attributes:
-        fx: px.
-        spread: relative half-width that is known for this camera, None for the policy's.
-        tolerance: of the registry entry, in place of the policy's; larger or smaller.
-        source: "catalogue" or "registry".
-        entry: path of the registry's entry that states it.
-        by_exif_focal: whether it is EXIF's focal length over a known pitch, so that a wrong one shows in neither.
-    """
-
-    fx: float
-    spread: float | None = None
-    tolerance: float | None = None
-    source: str
-    entry: str | None = None
-    by_exif_focal: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NamedFocal:
-    """Another source's focal length in the frame of the calibration.
-
-    Attributes:
-        name: the tag it is from.
-        fx: px.
-        tolerance: relative rounding of the source itself.
-        cause: what most likely makes it disagree.
-        independent: whether it shares nothing with the judged one, so that agreeing with it proves something.
-        confirms_within: how near it must be for that; None for the policy's source agreement.
-    """
-
-    name: str
-    fx: float
-    tolerance: float = 0.0
-    cause: str | None = None
-    independent: bool = True
-    confirms_within: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Circumstances:
-    """What is known around a calibration when it is judged.
-
-    Attributes:
-        expected: of a known camera.
-        others: what other sources say, the judged one not among them.
-        focal_mm, focal_35mm: EXIF's, where the K rests on them.
-        weighed: nothing is known of the camera, and the sources of an image are all there is.
-        resized: the K assumes that the image was resized, where it may have been cropped to the same proportions.
-        sensor_assumed: the K rests on an assumed sensor size.
-        sensor_given: it rests on one that the user stated.
-        zoom: by how much digital zoom may have enlarged the image: the K rests on how the camera handles it.
-        edits: what an editor did to the pixels since the camera wrote them.
-        spread: how far K's numbers spread over the images of this camera, as a share of fx.
-    """
-
-    expected: Expected | None = None
-    others: tuple[NamedFocal, ...] = ()
-    focal_mm: float | None = None
-    focal_35mm: float | None = None
-    weighed: bool = False
-    resized: bool = False
-    sensor_assumed: bool = False
-    sensor_given: bool = False
-    zoom: float = 1.0
-    edits: tuple[str, ...] = ()
-    spread: float | None = None
-
-
-class Report(Record):
-    """Every rule's finding, and the verdict they add up to.
-
-    Attributes:
-        policy: the name of the policy it was judged by.
-        findings: of every rule.
-    """
-
-    policy: str
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def verdict(self) -> Verdict:
-        """The worst finding decides."""
-        severities = {finding.severity for finding in self.findings}
-        if Severity.ERROR in severities:
-            return Verdict.REJECTED
-        return Verdict.UNPROVEN if Severity.UNPROVEN in severities else Verdict.VALID
-
-    @property
-    def failures(self) -> tuple[Finding, ...]:
-        """What keeps the K from being valid, worst first."""
-        errors = [f for f in self.findings if f.severity is Severity.ERROR]
-        return (*errors, *(f for f in self.findings if f.severity is Severity.UNPROVEN))
-
-    @property
-    def remedy(self) -> str | None:
-        """What to do first, None for a valid K. An unstated sensor size comes before its consequences."""
-        if not self.failures:
-            return None
-        unstated = next((f for f in self.findings if f.rule == "sensor-stated"), None)
-        return (unstated or self.failures[0]).remedy
-
-    def raise_for_failures(self) -> None:
-        """Do nothing for a valid K.
-
-        Raises:
-            ValidationError: the K is rejected or unproven.
-        """
-        if self.failures:
-            raise ValidationError("; ".join(str(finding) for finding in self.failures), self)
 
 
 def validate(calibration: Calibration, policy: Policy, circumstances: Circumstances | None = None) -> Report:
