@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from calibrary.records import Record
-from calibrary.records.schema import URN, parts, schema
+from calibrary.records.schema import SCHEMA_BASE, parts, schema
 
 FOLDER: Final = Path(__file__).parents[1] / "schemas"
 
@@ -73,8 +73,10 @@ def schemas() -> dict[str, dict[str, Any]]:
         kind = _record(path)
         made[name] = schema(kind, name, printed=True, homes=homes)
         defined = made[name].get("$defs", {})
-        homes |= {part: f"{URN}{name}#/$defs/{key}" for key, part in parts(kind).items() if key in defined}
-        homes[kind] = f"{URN}{name}"
+        homes |= {
+            part: f"{SCHEMA_BASE}{name}#/$defs/{key}" for key, part in parts(kind).items() if key in defined
+        }
+        homes[kind] = f"{SCHEMA_BASE}{name}"
     made |= {name: schema(_record(path), name) for name, path in WRITTEN_BY_PEOPLE.items()}
     return made
 

@@ -1,8 +1,8 @@
 """JSON Schemas of every document calibrary reads or prints, and the checking of values against them.
 
-A schema is a file ``<name>.schema.json`` of this package, JSON Schema 2020-12, whose ``$id`` is
-``urn:calibrary:schema:<name>``. Schemas may refer to one another by that id; nothing is ever fetched. Those of
-records are written by ``make schemas``.
+A schema is a file ``<name>.schema.json`` of this package, JSON Schema 2020-12, whose ``$id`` is its name after
+``SCHEMA_BASE`` of :mod:`calibrary.records.schema`. Schemas refer to one another by that id; nothing is ever fetched.
+Those of records are written by ``make schemas``.
 """
 
 from __future__ import annotations
@@ -47,8 +47,9 @@ def load(name: str) -> Schema:
 def validator(name: str) -> Validator:
     """One schema made ready, with all others to refer to."""
     from calibrary.records import complaints  # noqa: PLC0415  jsonschema, which few need
+    from calibrary.records.schema import SCHEMA_BASE  # noqa: PLC0415
 
-    return complaints.validator(load(name), {f"urn:calibrary:schema:{n}": load(n) for n in names()})
+    return complaints.validator(load(name), {SCHEMA_BASE + n: load(n) for n in names()})
 
 
 def require(value: Json, name: str, *, source: str | None = None, locate: Locate | None = None) -> None:

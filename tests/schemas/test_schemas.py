@@ -14,6 +14,7 @@ from jsonschema import Draft202012Validator
 from calibrary.errors import ParseError
 from calibrary.records import Json
 from calibrary.records.complaints import complaints
+from calibrary.records.schema import SCHEMA_BASE
 from calibrary.schemas import load, names, require, validator
 from calibrary.strictyaml import line_of
 
@@ -28,7 +29,7 @@ def test_a_schema_is_a_good_one_and_named_by_its_id(name: str) -> None:
     schema = load(name)
     Draft202012Validator.check_schema(dict(schema))
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
-    assert schema["$id"] == f"urn:calibrary:schema:{name}"
+    assert schema["$id"] == SCHEMA_BASE + name
     assert schema["title"]
 
 

@@ -17,10 +17,12 @@ from msgspec import NODEFAULT, inspect
 
 from calibrary.records import Record
 
-__all__ = ["descriptions", "parts", "schema"]
+__all__ = ["SCHEMA_BASE", "descriptions", "parts", "schema"]
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
-URN: Final = "urn:calibrary:schema:"
+SCHEMA_BASE: Final = "urn:calibrary:schema:"
+"""What the ``$id`` of every schema begins with: a name, not an address, since the project has no home of its own; with
+one, its URL here and ``make schemas`` are all that changes."""
 BOUNDS: Final = {
     "gt": "exclusiveMinimum",
     "ge": "minimum",
@@ -60,7 +62,7 @@ def schema(
     """
     builder = _Builder(printed=printed, homes=homes or {})
     body = builder.body(kind, own_shape=own_shape)
-    head: Schema = {"$schema": DIALECT} | ({"$id": URN + name} if name is not None else {})
+    head: Schema = {"$schema": DIALECT} | ({"$id": SCHEMA_BASE + name} if name is not None else {})
     defs = {key: builder.defs[key] for key in sorted(builder.defs)}
     return head | body | ({"$defs": defs} if defs else {})
 
