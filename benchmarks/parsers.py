@@ -7,20 +7,20 @@
   what recognising it among all formats and building the camera costs beside it.
 * The same for files of a real project's length: many cameras, or few among thousands of images and points.
 * Ten thousand files of all formats mixed, from disk, in one process.
-* COLMAP's binary file with a camera for every image.
+* COLMAP's, Bundler's and VisualSFM's file with a camera for every image, next to COLMAP's own library.
 
-Times are the processor's, which other work on the machine hardly changes; repetitions are interleaved and the median
-counts. Nothing here fails on a slow machine; a goal is met or missed, and that is printed.
+The rows are those of :mod:`benchmarks.table`. Times are the processor's, which other work on the machine hardly
+changes; repetitions are interleaved and the median counts. Nothing here fails on a slow machine; a goal is met or
+missed, and that is printed.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import random
 import re
+import struct
 import sys
 import tempfile
 import time
@@ -31,6 +31,7 @@ from pathlib import Path
 from statistics import median
 
 import lxml.etree
+import pycolmap
 import yaml
 
 from calibrary import parsers
@@ -40,6 +41,7 @@ from calibrary.records import replace
 
 sys.path.append(str(Path(__file__).parents[1]))
 
+from benchmarks.table import at_least, compared, machine, show
 from tests.parsers.cameras import SIZE
 from tests.parsers.samples import exported
 from tests.parsers.test_contract import a_camera_for
@@ -184,8 +186,7 @@ def plain(file: File) -> bytes:
 
 
 def per_format(files: list[File], repeats: int) -> None:
-    """Files per second of each format, and how many times longer than the plain parser each takes."""
-    print(f"  {'':36}{'bytes':>9}{'files/s':>9}{'named':>9}{'plain':>9}   next to the plain parser")
+    """What each format takes, recognised first or named, and how many times longer than the plain parser that is."""
     for file in files:
         peer = alone(file)
         contestants: dict[str, Callable[[], object]] = {
@@ -195,15 +196,14 @@ def per_format(files: list[File], repeats: int) -> None:
         if peer is not None:
             contestants["plain"] = partial(peer[1], plain(file))
         times = interleaved(contestants, repeats)
-        shown = [
-            f"{1 / median(times[key]):9.0f}" if key in times else " " * 9
-            for key in ("read", "named", "plain")
-        ]
-        print(f"  {f'{file.record.name}, {file.name}':36}{len(file.data):9}{''.join(shown)}", end="")
+        measure = (
+            f"read {file.record.name}, {file.name}, {len(file.data)} bytes "
+            f"({median(times['named']) * 1e6:.0f} µs with the format named)"
+        )
         if peer is not None:
-            ratio = median(a / b for a, b in zip(times["read"], times["plain"], strict=True))
-            print(f"   {ratio:.1f} × {peer[0]}, at most 3: {'met' if ratio <= 3 else 'MISSED'}", end="")
-        print(flush=True)
+            compared(measure, times["read"], times["plain"], scale=1e6, unit="µs", name=peer[0], most=3)
+        else:
+            show(measure, f"{median(times['read']) * 1e6:.0f} µs")
 
 
 def mixed(count: int, files: list[File]) -> None:
@@ -230,23 +230,48 @@ def mixed(count: int, files: list[File]) -> None:
         rate = count / (time.process_time() - busy)
         by_the_clock = count / (time.perf_counter() - start)
     assert cameras >= count
-    print(f"\n{count} files of {len(files)} kinds, shuffled, on one core")
-    print(f"  identified and read: {rate:.0f} files in a second of the processor, at least 500:", end=" ")
-    print(f"{'met' if rate >= 500 else 'MISSED'}; {by_the_clock:.0f} in one of the clock")
+    measure = f"{count} files of {len(files)} kinds, shuffled, identified and read"
+    at_least(f"{measure}, in one second of CPU", rate, "files", 500)
+    show(f"{measure}, in one second of the clock", f"{by_the_clock:.0f} files")
 
 
-def many_cameras(count: int) -> None:
-    """COLMAP's binary file with a camera for every image."""
-    [record] = [one for one in parsers.formats() if one.name == "colmap_binary"]
-    data, _ = parsers.encode([a_camera_for(record)], record, name="cameras.bin")
-    body = data[8:]
-    cameras = (index.to_bytes(4, "little") + body[4:] for index in range(1, count + 1))
-    file = File(
-        record=record, name="cameras.bin", data=count.to_bytes(8, "little") + b"".join(cameras), options={}
-    )
-    start = time.process_time()
-    assert len(file.read()) == count
-    print(f"\ncolmap_binary with {count} cameras: {time.process_time() - start:.2f} s of the processor")
+def many_cameras(count: int, repeats: int) -> None:
+    """Files with a camera for every image, next to COLMAP's own library on its own file with as many."""
+    half = count // 2
+    heads = ((index, 4, *SIZE, 3650.0 + index, 3651.0, 2736.0, 1824.0) for index in range(1, count + 1))
+    colmap = [struct.pack("<IiQQ8d", *head, 0.01, 0.002, 1e-4, 2e-4) for head in heads]
+    pose = "1 0 0\n0 1 0\n0 0 1\n0 0 0\n"
+    bundle = "".join(f"{3650 + index} -0.01 0.002\n{pose}" for index in range(half))
+    nvm = "".join(f"{index}.jpg {3650 + index} 1 0 0 0 1 2 3 -0.01 0\n" for index in range(half))
+    files = {
+        "cameras.bin": (count, struct.pack("<Q", count) + b"".join(colmap)),
+        "bundle.out": (half, f"# Bundle file v0.3\n{half} 0\n{bundle}".encode()),
+        "scene.nvm": (half, f"NVM_V3\n\n{half}\n{nvm}\n0\n".encode()),
+    }
+    with tempfile.TemporaryDirectory(prefix="calibrary-bench-") as folder:
+        for name, (cameras, data) in files.items():
+            (Path(folder) / "cameras.bin").write_bytes(
+                struct.pack("<Q", cameras) + b"".join(colmap[:cameras])
+            )
+            for empty in ("images.bin", "points3D.bin", "rigs.bin", "frames.bin"):
+                (Path(folder) / empty).write_bytes(struct.pack("<Q", 0))
+            size = None if name == "cameras.bin" else SIZE
+            act = partial(parsers.decode, data, name=name, image_size=size)
+            assert len(act()) == cameras
+            contestants: dict[str, Callable[[], object]] = {
+                "read": act,
+                "pycolmap": lambda: pycolmap.Reconstruction().read_binary(folder),
+            }
+            times = interleaved(contestants, repeats)
+            compared(
+                f"read {name} with {cameras} cameras",
+                times["read"],
+                times["pycolmap"],
+                scale=1e3,
+                unit="ms",
+                name=f"pycolmap, cameras.bin of {cameras}",
+                most=5,
+            )
 
 
 def read(path: Path, file: File) -> Sequence[Calibration]:
@@ -289,15 +314,15 @@ def main() -> None:
     repeats = arguments.repeats or (1 if arguments.quick else 5)
     if min(count, repeats) < 1:
         parser.error("wanted numbers from 1 on")
-    print(f"Python {platform.python_version()}, {os.cpu_count()} cores, {platform.system()}", end="")
-    print(f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "")
+    print(machine())
     few = list(small_files())
     print("\nOne camera in a file")
     per_format(few, repeats)
     print(f"\n{CAMERAS} cameras in a file, or one among {IMAGES} images")
     per_format(list(long_files()), repeats)
+    print("\nMany files, and files of many cameras")
     mixed(count, few)
-    many_cameras(min(2 * count, 20_000))
+    many_cameras(min(2 * count, 20_000), repeats)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,6 @@ from calibrary.interop.colmap import (
     ColmapModel,
     default_model,
     lens_from,
-    model_named,
 )
 from calibrary.parsers import text as strict
 from calibrary.parsers.convention import Convention
@@ -84,31 +83,32 @@ def cameras(found: Sequence[StoredCamera], context: ReadContext, *, grade: Grade
         raise UnsupportedModelError(f"{without[0]}, which has no K; cut perspective views from its images")
     left_out = (f"left out, for want of a K: {', '.join(without[:20])}",) if without else ()
     several = len(found) > 1
-    with_k = [item for item in found if not isinstance(item.model, str)]
+    with_k = [(item, item.model) for item in found if not isinstance(item.model, str)]
 
     def make(place: int) -> Calibration:
-        return _calibration(with_k[place], context, several=several, grade=grade, notes=left_out)
+        return _calibration(*with_k[place], context, several=several, grade=grade, notes=left_out)
 
     return on_demand(len(with_k), make, lambda: _sure(with_k, context))
 
 
-def _sure(found: Sequence[StoredCamera], context: ReadContext) -> BoolArray:
+def _sure(found: Sequence[tuple[StoredCamera, ColmapModel]], context: ReadContext) -> BoolArray:
     """Which cameras need not be made to know that they can be, (N,)."""
     sure = np.zeros(len(found), dtype=bool)
     if context.image_size is not None:
         # It may contradict the file's.
         return sure
-    by_name: dict[str, list[int]] = defaultdict(list)
-    for place, item in enumerate(found):
-        by_name[_name(item)].append(place)
-    for name, places in by_name.items():
-        model = model_named(name)
-        if model is None or model.lens.__post_init__ is not Distortion.__post_init__:
+    # By their numbers, as hashing a whole model takes longer than all the rest.
+    by_model: dict[int, list[int]] = defaultdict(list)
+    for place, (_, model) in enumerate(found):
+        by_model[model.number].append(place)
+    for places in by_model.values():
+        model = found[places[0]][1]
+        stored = [found[place][0] for place in places]
+        checks_more = model.lens.__post_init__ is not Distortion.__post_init__
+        if checks_more or {len(item.parameters) for item in stored} != {model.count}:
             continue
-        if {len(found[place].parameters) for place in places} != {model.count}:
-            continue
-        numbers = np.array([found[place].parameters for place in places])
-        sizes = np.array([(found[place].width, found[place].height) for place in places], dtype=np.float64)
+        numbers = np.array([item.parameters for item in stored])
+        sizes = np.array([(item.width, item.height) for item in stored], dtype=np.float64)
         good = make_a_camera(
             numbers[:, : model.focals],
             numbers[:, model.focals : model.focals + 2],
@@ -128,15 +128,15 @@ def records(calibrations: Sequence[Calibration]) -> Iterator[tuple[int, ColmapCa
         yield int(kept[index]) if keep else index + 1, item.to_colmap(dict(item.extras).get(MODEL))
 
 
-def _name(item: StoredCamera) -> str:
-    return item.model if isinstance(item.model, str) else item.model.name
-
-
 def _calibration(
-    item: StoredCamera, context: ReadContext, *, several: bool, grade: Grade, notes: tuple[str, ...]
+    item: StoredCamera,
+    model: ColmapModel,
+    context: ReadContext,
+    *,
+    several: bool,
+    grade: Grade,
+    notes: tuple[str, ...],
 ) -> Calibration:
-    model = item.model
-    assert isinstance(model, ColmapModel)  # noqa: S101  the others are left out
     size = context.size(strict.image_size(item.width, item.height, place=item.place))
     try:
         intrinsics, distortion = _k_and_lens(model, item.parameters, size)
