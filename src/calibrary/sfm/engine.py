@@ -9,13 +9,12 @@ from __future__ import annotations
 import os
 import shutil
 import sqlite3
-import threading
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -27,6 +26,8 @@ from calibrary.progress import Progress
 from calibrary.sfm.apart import run_apart
 
 __all__ = ["DATABASE", "FlightImage", "MatchedFlight", "Matches", "match", "read_keypoints", "read_matches"]
+
+Item = TypeVar("Item")
 
 DATABASE = "database.db"
 """Its name in the folder of a :class:`MatchedFlight`."""
@@ -49,8 +50,8 @@ MEMORY = 1600 * 2**20
 MATCH_ERROR = 4.0
 """Px at reduced size from the epipolar line: a lens's distortion, which F does not know, stays within it."""
 
-LOOK_AGAIN_S = 0.25
-"""How often the database is asked how many images are done."""
+PAIRS_AT_ONCE = 40
+"""Between two reports of how far the matching is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,11 +238,14 @@ def _match(
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.max_image_size, extraction.num_threads = max_side, threads
     extraction.sift.max_num_features = features
-    with _counted(matched.database, "keypoints", len(names), report, "features"):
+    for part in _parts(names, 2 * threads, report, "features"):
         pycolmap.extract_features(
-            matched.database, matched.image_folder, image_names=names, extraction_options=extraction,
+            matched.database,
+            matched.image_folder,
+            image_names=part,
+            extraction_options=extraction,
             device=pycolmap.Device.cpu,
-        )  # fmt: skip
+        )
     matching, verification, pairing = (
         pycolmap.FeatureMatchingOptions(),
         pycolmap.TwoViewGeometryOptions(),
@@ -251,12 +255,23 @@ def _match(
     verification.ransac.max_error = MATCH_ERROR * max(1.0, max(start.image_size) / max_side)
     verification.ransac.random_seed = 0
     pairing.match_list_path = matched.folder / "pairs.txt"
-    lines = "".join(f"{names[first]} {names[second]}\n" for first, second in pairs)
-    (matched.folder / "pairs.txt").write_text(lines, encoding="utf-8")
-    with _counted(matched.database, "two_view_geometries", len(pairs), report, "pairs"):
+    for some in _parts(pairs, PAIRS_AT_ONCE, report, "pairs"):
+        lines = "".join(f"{names[first]} {names[second]}\n" for first, second in some)
+        (matched.folder / "pairs.txt").write_text(lines, encoding="utf-8")
         pycolmap.match_image_pairs(
             matched.database, matching, pairing, verification, device=pycolmap.Device.cpu
         )
+
+
+def _parts(items: Sequence[Item], size: int, report: Progress, what: str) -> Iterator[list[Item]]:
+    """The items a few at a time, reported when they are done.
+
+    COLMAP reports nothing, and to look into its database while it writes may end it: a locked one is fatal to it.
+    """
+    report(0, len(items), what)
+    for first in range(0, len(items), size):
+        yield list(items[first : first + size])
+        report(min(first + size, len(items)), len(items), what)
 
 
 def _begin_database(pycolmap: Any, matched: MatchedFlight, names: list[str], start: Intrinsics) -> None:
@@ -282,28 +297,3 @@ def _begin_database(pycolmap: Any, matched: MatchedFlight, names: list[str], sta
 def _threads(max_side: int) -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(cores, int(MEMORY / (MEMORY_PER_THREAD * (max_side / MAX_SIDE) ** 2))))
-
-
-@contextmanager
-def _counted(database: Path, table: str, total: int, report: Progress, what: str) -> Iterator[None]:
-    """Report how many rows COLMAP has written while it writes them."""
-    over = threading.Event()
-
-    def count() -> int:
-        with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=5.0)) as reader:
-            (rows,) = reader.execute(f"SELECT COUNT(*) FROM {table}").fetchone()  # noqa: S608  two names of ours
-        return int(rows)
-
-    def watch() -> None:
-        while not over.wait(LOOK_AGAIN_S):
-            report(min(count(), total), total, what)
-
-    watcher = threading.Thread(target=watch, daemon=True)
-    report(0, total, what)
-    watcher.start()
-    try:
-        yield
-    finally:
-        over.set()
-        watcher.join()
-    report(total, total, what)

@@ -266,7 +266,7 @@ def _of_pixels(check: PixelCheck) -> Iterator[Interval]:
 
 def _pixels(check: PixelCheck) -> Iterator[Block]:
     """What the pixels say of K, in figures."""
-    rows = [("verdict", check.verdict.value), ("because", check.reason)]
+    rows = [("because", check.reason)]
     rows += [("by the pixels", check.figures)] if check.figures else []
     rows.append(("images", f"{check.images} of {check.chosen} fit one another"))
     if check.pair_fx is not None and check.pair_std is not None:
@@ -277,8 +277,8 @@ def _pixels(check: PixelCheck) -> Iterator[Block]:
     if lens is not None:
         seen = f"{lens.measured_px:+.1f} ± {lens.std_px:.1f} px, K states {lens.stated_px:+.1f} px"
         rows.append(("distortion at 0.8 of the half diagonal", seen))
-    yield "K held against the pixels of some images (uncertainties are one σ):"
-    yield KeyValues(tuple(rows))
+    yield f"K held against the pixels of some images (uncertainties are one σ): {check.verdict.value}."
+    yield Bullets(tuple(f"{name}: {told}" for name, told in rows))
 
 
 def _band(camera: CameraReport, policy: Policy) -> Band | None:
