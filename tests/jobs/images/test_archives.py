@@ -91,3 +91,9 @@ def test_a_damaged_image_in_an_archive_is_a_row(flight: Path, tmp_path: Path) ->
     reasons = {row.name: row.reason for row in run(Request(images=(path,))).rejected}
     assert "damaged in its archive" in reasons["day/1.jpg"]
     assert set(reasons) == {"day/1.jpg", "day/broken.jpg"}
+
+
+@pytest.mark.parametrize("name", ["a.tar.gz", "a.tgz"])
+def test_a_compressed_tar_file_is_refused_with_what_to_do(tmp_path: Path, flight: Path, name: str) -> None:
+    with pytest.raises(InputError, match="compressed one has to be unpacked first, or made a zip file"):
+        run(Request(images=(tarred(flight, tmp_path / name, "w:gz"),)))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import urllib.request
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -137,3 +139,13 @@ def test_a_store_that_does_not_answer_is_told_without_its_address(monkeypatch: p
     assert "the store cannot be read" in row.reason
     assert "geheim" not in row.reason
     assert {"s3", "gs", "az"} <= buckets.OBSTORE
+
+
+def test_a_zip_file_in_a_bucket_is_read_like_its_folder(server: str, flight: Path) -> None:
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for path in sorted(flight.rglob("*.jpg")):
+            archive.write(path, path.relative_to(flight))
+    put(server, "zipped/day.zip", made.getvalue())
+    far, near = run(Request(images=("s3://box/zipped/day.zip",))), gate(flight, recursive=True)
+    assert encode(to_json(report_of(far, {}))) == encode(to_json(report_of(near, {})))

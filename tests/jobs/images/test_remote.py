@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import time
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, cast
@@ -288,3 +289,53 @@ def test_without_the_extra_the_command_that_brings_it_is_told(
     monkeypatch.setattr("calibrary.extras.find_spec", lambda _: None)
     assert main(["extract", "s3://bucket-that-was-never-asked-for/flight/", "--dry-run"]) == 2
     assert 'pip install "calibrary[remote]"' in capsys.readouterr().err
+
+
+class TestArchives:
+    @pytest.fixture
+    def archive(self, flight: Path, server: Site) -> str:
+        """The flight as a zip file on the server, stored and deflated members in turn, much longer than is fetched."""
+        made = io.BytesIO()
+        with zipfile.ZipFile(made, "w") as archive:
+            for number, path in enumerate(sorted(flight.iterdir())):
+                kind = zipfile.ZIP_DEFLATED if number % 2 else zipfile.ZIP_STORED
+                archive.writestr(f"day/{path.name}", path.read_bytes(), kind)
+                archive.writestr(f"raw/{number}.bin", bytes(2 << 20))
+            archive.writestr("day/.hidden.jpg", b"no image")
+        server.files = {"flight.zip": made.getvalue()}
+        return f"{server.url}/flight.zip"
+
+    @pytest.mark.parametrize("scheme", ["", "zip://"])
+    def test_a_zip_file_is_read_by_ranges(
+        self, archive: str, scheme: str, flight: Path, server: Site
+    ) -> None:
+        far, near = run(Request(images=(scheme + archive,))), gate(flight)
+        assert [c.calibration and c.calibration.intrinsics for c in far.cameras] == [
+            c.calibration and c.calibration.intrinsics for c in near.cameras
+        ]
+        assert [c.camera.names for c in far.cameras] == [
+            tuple(f"day/{name}" for name in c.camera.names) for c in near.cameras
+        ]
+        # The end with the directory, and one range an image: not the 24 MB between them.
+        assert server.requests["flight.zip"] <= 2 + 12
+        assert server.sent["flight.zip"] < len(server.files["flight.zip"]) / 10
+
+    def test_its_images_have_its_name_in_a_list_and_no_credentials(self, archive: str) -> None:
+        outcome = gate_lines([archive.replace("http://", "http://pilot:geheim@") + "?sig=1", archive])
+        names = [name for one in outcome.cameras for name in one.camera.names]
+        assert all(name.startswith(f"{archive}/day/") for name in names)
+
+    def test_one_that_is_changed_or_damaged_is_told(self, archive: str, server: Site) -> None:
+        server.faults["flight.zip"] = ["none", "none", *["changed"] * 40]
+        [row, *_] = run(Request(images=(archive,))).rejected
+        assert "was changed while it was read" in row.reason
+        server.files["other.zip"] = b"no zip file"
+        with pytest.raises(InputError, match=r"other\.zip: cannot be read: is no zip file"):
+            run(Request(images=(f"{server.url}/other.zip",)))
+        with pytest.raises(InputError, match=r"gone\.zip: cannot be read: is not there"):
+            run(Request(images=(f"{server.url}/gone.zip",)))
+
+    @pytest.mark.parametrize("name", ["flight.tar", "flight.tar.gz", "flight.tgz"])
+    def test_a_tar_file_there_is_refused_with_what_to_do(self, server: Site, name: str) -> None:
+        with pytest.raises(InputError, match=rf"{name}: is a tar file.*make it a zip file"):
+            run(Request(images=(f"{server.url}/{name}",)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 import tarfile
 import threading
 import zipfile
@@ -14,15 +15,30 @@ from pathlib import Path
 from typing import BinaryIO, Final, cast
 
 from calibrary.errors import InputError
+from calibrary.jobs.images.ranged import Remote
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery.source import Source
 
-__all__ = ["ARCHIVES", "archive_of", "members", "open_member"]
+__all__ = [
+    "ARCHIVES",
+    "BETWEEN",
+    "TARS",
+    "RemoteZip",
+    "archive_of",
+    "is_wanted",
+    "member_of",
+    "members",
+    "open_member",
+]
 
 ARCHIVES: Final = {".zip": "zip", ".tar": "tar"}
 LARGEST: Final = 1 << 32
 """A compressed member can be read from its beginning only: one that claims more is no image."""
-_BETWEEN: Final = "!/"
+BETWEEN: Final = "!/"
+"""Of a place: between an archive and what is in it."""
+TARS: Final = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
+LOCAL_HEADER: Final = struct.Struct("<4s22xHH")
+"""Of a member of a zip file: its signature, and how long its name and its extra field are."""
 
 
 def archive_of(given: Path | str) -> tuple[str, Path] | None:
@@ -30,8 +46,8 @@ def archive_of(given: Path | str) -> tuple[str, Path] | None:
     text = str(given)
     kind, separator, path = text.partition("://")
     if separator and kind in {"zip", "tar"}:
-        return kind, Path(path)
-    suffix = Path(text).suffix.lower()
+        return (kind, Path(path)) if "://" not in path else None
+    suffix = ".tar" if text.lower().endswith(TARS) else Path(text).suffix.lower()
     return (ARCHIVES[suffix], Path(text)) if suffix in ARCHIVES and Path(text).is_file() else None
 
 
@@ -45,21 +61,26 @@ def members(kind: str, archive: Path) -> Iterator[tuple[str, str]]:
     try:
         if kind == "zip":
             for member in _zip(str(real)).infolist():
-                if not member.is_dir() and _is_wanted(member.filename):
-                    yield member.filename, f"zip://{real}{_BETWEEN}{member.filename}"
+                if is_wanted(member):
+                    yield member.filename, f"zip://{real}{BETWEEN}{member.filename}"
             return
         with tarfile.open(real, "r:") as opened:
             for part in opened:
                 # "tar -c ." writes ./ before every name.
                 name = part.name.removeprefix("./")
                 if part.isreg() and not part.sparse and _is_wanted(name):
-                    yield name, f"tar://{real}{_BETWEEN}{part.offset_data}+{part.size}{_BETWEEN}{name}"
+                    yield name, f"tar://{real}{BETWEEN}{part.offset_data}+{part.size}{BETWEEN}{name}"
     except tarfile.ReadError:
         reason = "is no tar file; a compressed one has to be unpacked first, or made a zip file"
         raise InputError(reason, source=str(archive)) from None
     except (OSError, zipfile.BadZipFile) as error:
         reason = getattr(error, "strerror", None) or "is no zip file"
         raise InputError(f"cannot be read: {reason}", source=str(archive)) from None
+
+
+def is_wanted(member: zipfile.ZipInfo) -> bool:
+    """Whether a member of a zip file is an image, and no hidden one."""
+    return not member.is_dir() and _is_wanted(member.filename)
 
 
 def _is_wanted(name: str) -> bool:
@@ -74,11 +95,11 @@ def open_member(place: str) -> Iterator[Source]:
         InputError: the archive cannot be read, or the image in it.
     """
     kind, _, rest = place.partition("://")
-    archive, _, member = rest.partition(_BETWEEN)
+    archive, _, member = rest.partition(BETWEEN)
     name = member.rpartition("/")[2]
     try:
         if kind == "tar":
-            at, _, _ = member.partition(_BETWEEN)
+            at, _, _ = member.partition(BETWEEN)
             start, size = (int(number) for number in at.split("+"))
             with Path(archive).open("rb", buffering=0) as file:
                 yield Source(cast("BinaryIO", _Part(file, start, size)), name=name, size=size)
@@ -91,6 +112,47 @@ def open_member(place: str) -> Iterator[Source]:
     except (OSError, EOFError, zlib.error, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
         reason = "is encrypted" if "encrypted" in str(error) else "is damaged in its archive"
         raise InputError(f"cannot be read: {reason}", source=name) from None
+    except KeyError:
+        raise InputError("is not in its archive any more", source=name) from None
+
+
+class RemoteZip(zipfile.ZipFile):
+    """A zip file on a server.
+
+    Attributes:
+        remote: the file.
+    """
+
+    def __init__(self, remote: Remote) -> None:
+        self.remote = remote
+        super().__init__(remote.ranged(head=True).as_file())
+
+
+@contextmanager
+def member_of(archive: zipfile.ZipFile, remote: Remote, member: str) -> Iterator[Source]:
+    """One image of a zip file on a server, by ranges of its own, so that several are read side by side.
+
+    Raises:
+        InputError: it cannot be read.
+        StoreError: the server does not give it, or the archive was changed meanwhile.
+    """
+    name = member.rpartition("/")[2]
+    try:
+        info = archive.getinfo(member)
+        if info.flag_bits & 1:
+            raise InputError("cannot be read: is encrypted", source=name)
+        if info.file_size > LARGEST:
+            raise InputError(f"claims {info.file_size} bytes, which no image has", source=name)
+        file = remote.ranged(head=False).as_file()
+        file.seek(info.header_offset)
+        signature, name_length, extra_length = LOCAL_HEADER.unpack(file.read(LOCAL_HEADER.size))
+        if signature != b"PK\3\4":
+            raise InputError("cannot be read: is damaged in its archive", source=name)
+        file.seek(name_length + extra_length, io.SEEK_CUR)
+        with zipfile.ZipExtFile(file, "r", info, close_fileobj=True) as opened:
+            yield Source(cast("BinaryIO", opened), name=name, size=info.file_size)
+    except (struct.error, EOFError, zlib.error, zipfile.BadZipFile, NotImplementedError) as error:
+        raise InputError("cannot be read: is damaged in its archive", source=name) from error
     except KeyError:
         raise InputError("is not in its archive any more", source=name) from None
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
+from functools import lru_cache
 from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
 from calibrary.errors import InputError
-from calibrary.jobs.images.archives import open_member
+from calibrary.jobs.images.archives import BETWEEN, TARS, RemoteZip, is_wanted, member_of, open_member
 from calibrary.jobs.images.buckets import bucket
 from calibrary.jobs.images.observation import Image
-from calibrary.jobs.images.ranged import Store, StoreError, opened
+from calibrary.jobs.images.ranged import Remote, Store, StoreError, opened
 from calibrary.jobs.images.web import web_server
 from calibrary.parsers.image_names import is_image
 from calibrary.parsers.imagery.source import Source, open_source
@@ -35,7 +37,7 @@ def place_of(given: str | Path) -> str | Path:
 
 def is_remote(place: str) -> bool:
     """Whether reading a place is mostly waiting for an answer."""
-    return is_url(place) and not place.startswith(("zip://", "tar://", "file://"))
+    return is_url(place.removeprefix("zip://")) and not place.startswith(("tar://", "file://"))
 
 
 def open_place(place: str) -> AbstractContextManager[Source]:
@@ -47,6 +49,8 @@ def open_place(place: str) -> AbstractContextManager[Source]:
     """
     if not is_url(place):
         return open_source(place)
+    if place.startswith("zip://") and is_remote(place):
+        return open_zipped(place)
     if place.startswith(("zip://", "tar://")):
         return open_member(place)
     store, key = _located(place)
@@ -59,7 +63,17 @@ def images_at(url: str) -> Iterator[Image]:
     Raises:
         InputError: the store cannot be listed.
     """
+    url = url.removeprefix("zip://")
     key = _key(url)
+    name = key.partition("?")[0] if _is_web(url) else key
+    if name.endswith(TARS):
+        reason = "is a tar file, which has no directory to find an image by; unpack it, or make it a zip file"
+        raise InputError(reason, source=shown(url))
+    if name.endswith(".zip"):
+        for member in zipped(url).infolist():
+            if is_wanted(member):
+                yield Image(member.filename, f"zip://{url}{BETWEEN}{member.filename}")
+        return
     if _is_web(url) or is_image(Path(key)):
         yield Image(shown(url), url)
         return
@@ -76,10 +90,42 @@ def images_at(url: str) -> Iterator[Image]:
 
 def shown(url: str) -> str:
     """A URL as it may stand in a report: without a user, a password or a signature."""
+    if url.startswith("zip://"):
+        archive, _, member = url.removeprefix("zip://").partition(BETWEEN)
+        return f"{shown(archive)}/{member}"
     scheme, _, rest = url.partition("://")
     netloc, slash, key = rest.partition("/")
     key = key.partition("?")[0].partition("#")[0] if _is_web(url) else key
     return f"{scheme}://{netloc.rpartition('@')[2]}{slash}{key}"
+
+
+@contextmanager
+def open_zipped(place: str) -> Iterator[Source]:
+    """One image of a zip file that a store or web server has; only the part that it takes is fetched.
+
+    Raises:
+        InputError: it is damaged, encrypted, or not there any more.
+        StoreError: the server does not give it, or the archive was changed meanwhile.
+    """
+    url, _, member = place.removeprefix("zip://").partition(BETWEEN)
+    archive = zipped(url)
+    with member_of(archive, archive.remote, member) as source:
+        yield source
+
+
+@lru_cache(maxsize=8)
+def zipped(url: str) -> RemoteZip:
+    """A zip file behind a URL: its directory is read once a process.
+
+    Raises:
+        InputError: it is no zip file, or the server does not give it.
+    """
+    try:
+        return RemoteZip(Remote(*_located(url)))
+    except StoreError as error:
+        raise InputError(f"cannot be read: {error.message}", source=shown(url)) from None
+    except zipfile.BadZipFile:
+        raise InputError("cannot be read: is no zip file", source=shown(url)) from None
 
 
 def _is_web(url: str) -> bool:

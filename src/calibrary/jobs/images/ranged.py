@@ -8,17 +8,22 @@ written last, the whole end is taken at once.
 
 from __future__ import annotations
 
+import io
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import BinaryIO, Final, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, BinaryIO, Final, Protocol, TypeVar, cast
 
 from calibrary.errors import CalibraryError
 from calibrary.parsers.imagery.source import Source
 from calibrary.progress import log
 
-__all__ = ["FIRST", "First", "Listed", "Ranged", "Store", "StoreError", "opened", "patiently"]
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
+__all__ = ["FIRST", "First", "Listed", "Ranged", "Remote", "Store", "StoreError", "opened", "patiently"]
 
 FIRST: Final = 64 * 1024
 """The whole head of most images; fewer would cost the others a second request."""
@@ -93,6 +98,10 @@ class Ranged:
         """Where to read next."""
         self._at = offset
 
+    def as_file(self) -> BinaryIO:
+        """The same as a buffered file, for readers that ask for more of one than Source does."""
+        return io.BufferedReader(_Raw(self, self._size))
+
     def read(self, size: int) -> bytes:
         """So many bytes, fewer where the file ends first."""
         start, end = self._at, min(self._at + size, self._size)
@@ -115,6 +124,55 @@ class Ranged:
         return start, start + length
 
 
+class _Raw(io.RawIOBase):
+    """What :class:`io.BufferedReader` needs of a file."""
+
+    def __init__(self, ranged: Ranged, size: int) -> None:
+        self._ranged, self._size, self._at = ranged, size, 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        self._at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self._size}[whence]
+        return self._at
+
+    def tell(self) -> int:
+        return self._at
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        into = memoryview(buffer)
+        self._ranged.seek(self._at)
+        data = self._ranged.read(len(into)) if self._at < self._size else b""
+        into[: len(data)] = data
+        self._at += len(data)
+        return len(data)
+
+
+class Remote:
+    """One version of a file of a store, whose parts are fetched as they are asked for.
+
+    Raises:
+        StoreError: it cannot be read; also from what is read of it later, where it was changed meanwhile.
+    """
+
+    def __init__(self, store: Store, key: str) -> None:
+        self._store, self._key = store, key
+        self._found = patiently(lambda: store.first(key, FIRST))
+        self.size = self._found.size
+
+    def ranged(self, *, head: bool) -> Ranged:
+        """It as a file; with ``head`` what was fetched of its beginning is not fetched again."""
+        return Ranged(self._fetch, self._found.data if head else b"", self.size)
+
+    def _fetch(self, start: int, end: int) -> bytes:
+        version = self._found.version
+        return patiently(lambda: _whole(self._store.part(self._key, start, end, version), end - start))
+
+
 @contextmanager
 def opened(store: Store, key: str, name: str) -> Iterator[Source]:
     """One file of a store, for the length of the block.
@@ -122,14 +180,9 @@ def opened(store: Store, key: str, name: str) -> Iterator[Source]:
     Raises:
         StoreError: it cannot be read, or was changed meanwhile.
     """
-    found = patiently(lambda: store.first(key, FIRST))
-
-    def fetch(start: int, end: int) -> bytes:
-        return patiently(lambda: _whole(store.part(key, start, end, found.version), end - start))
-
-    file = Ranged(fetch, found.data, found.size)
+    file = Remote(store, key)
     # Source only seeks and reads.
-    yield Source(cast("BinaryIO", file), name=name, size=found.size)
+    yield Source(cast("BinaryIO", file.ranged(head=True)), name=name, size=file.size)
 
 
 def _whole(data: bytes, size: int) -> bytes:
