@@ -9,6 +9,7 @@ import email
 import email.message
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -134,6 +135,16 @@ def test_the_metadata_says_what_pyproject_says(metadata: email.message.Message) 
     always = [line for line in metadata.get_all("Requires-Dist", []) if "extra ==" not in line]
     assert sorted(always) == sorted(PROJECT["dependencies"])
     assert set(metadata.get_all("Provides-Extra", [])) == set(PROJECT["optional-dependencies"])
+
+
+def test_the_index_shows_the_readme_without_links_that_lead_nowhere_there(
+    metadata: email.message.Message,
+) -> None:
+    assert metadata["Description-Content-Type"] == "text/markdown"
+    shown = str(metadata.get_payload())
+    assert 'pip install "calibrary[all,opencv]"' in shown
+    assert "calibrary extract survey" in shown
+    assert re.findall(r"\]\((?!\w+://)[^)]*\)", shown) == []
 
 
 def test_the_licence_travels_with_the_wheel(unpacked_wheel: Path) -> None:
