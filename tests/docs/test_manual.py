@@ -25,7 +25,7 @@ PAGES = sorted(
 )
 PAPERS = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "DESIGN.md")]
 RULES_IN = (
-    "src/calibrary/validation.py",
+    "src/calibrary/validation/rules.py",
     "registry/check.py",
     "calib/verdict_rules.py",
     "calib/rig/verdict.py",
