@@ -136,16 +136,16 @@ def encoded(document: Mapping[str, object] | Record, *, indent: int = 2) -> byte
         document: a record, or plain values whose numbers are finite.
         indent: columns for each level; 0 puts all on one line.
     """
-    # The plain values of a long report take more than its text, and are gone before it is indented.
-    return msgspec.json.format(_compact(document), indent=indent)
-
-
-def _compact(document: Mapping[str, object] | Record) -> bytes:
     plain = to_json(document) if isinstance(document, Record) else document
     try:
-        return msgspec.json.encode(plain)
+        compact = msgspec.json.encode(plain)
     except UnicodeEncodeError:
-        return json.dumps(plain, ensure_ascii=False, allow_nan=False).encode(errors="backslashreplace")
+        # msgspec takes no such character, and as an escape does not indent it either.
+        text = json.dumps(plain, indent=indent or None, ensure_ascii=False, allow_nan=False)
+        return text.encode(errors="backslashreplace")
+    # The plain values of a long report take more than its text, and are gone before it is indented.
+    del plain
+    return msgspec.json.format(compact, indent=indent)
 
 
 def fields_json(record: Record) -> dict[str, Json]:
