@@ -20,7 +20,7 @@ from calibrary.parsers.format import Capacity, Fit
 from calibrary.parsers.least_squares import least_squares
 from calibrary.records import replace
 
-__all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "accepted_with", "adapt", "compare", "refit"]
+__all__ = ["DEFAULT_MAX_ERROR_PX", "EXACT", "accepted_with", "adapt", "compare", "reason_for_fit", "refit"]
 
 
 DEFAULT_MAX_ERROR_PX = 0.05
@@ -159,6 +159,17 @@ def adapt(calibration: Calibration, capacity: Capacity, *, max_error_px: float) 
     )
 
 
+def reason_for_fit(calibration: Calibration, capacity: Capacity) -> str | None:
+    """Why a format holds only a fit of a calibration, which takes up to a second to find; None where it needs none."""
+    lens, K = calibration.distortion, calibration.intrinsics
+    if lens is not None and capacity.models and all(exact(lens, model) is None for model in capacity.models):
+        return f"has no {lens.model} model"
+    held = _held(K, capacity)
+    if held == K or compare(calibration, replace(calibration, intrinsics=held)).max_px <= DEFAULT_MAX_ERROR_PX:
+        return None
+    return f"has no place for {_lost(K, held)}"
+
+
 def _nearest(
     calibration: Calibration, capacity: Capacity, K: Intrinsics, *, holds_k: bool, enough: float
 ) -> tuple[Calibration, Fit] | None:
@@ -180,6 +191,10 @@ def _nearest(
 
 def _without(before: Intrinsics, K: Intrinsics, fit: Fit) -> str:
     """What a format that cannot hold a K has no place for, and what that costs at best."""
+    return f"the format has no place for {_lost(before, K)}; without it, projections {_misses(fit)}"
+
+
+def _lost(before: Intrinsics, K: Intrinsics) -> str:
     lost = [
         f"{name} of {old:.6g} px"
         for name, old, new in (
@@ -190,7 +205,7 @@ def _without(before: Intrinsics, K: Intrinsics, fit: Fit) -> str:
         )
         if old != new
     ]
-    return f"the format has no place for {', '.join(lost)}; without it, projections {_misses(fit)}"
+    return ", ".join(lost)
 
 
 def accepted_with(fit: Fit) -> str:

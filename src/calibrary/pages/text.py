@@ -19,6 +19,9 @@ def visible(text: str, most: int = LONGEST) -> str:
     Escaping for HTML is the template's part. Direction overrides would show a name backwards, and a lone
     surrogate (a byte of a file name that is no UTF-8) cannot be encoded at all.
     """
+    if len(text) <= most and text.isascii() and text.isprintable():
+        # Nearly all text is, and a page has a thousand pieces of it.
+        return text
     cut = len(text) > most
     shown: list[str] = []
     marks = 0

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.distortion.equivalence import exact
 from calibrary.errors import InputError
+from calibrary.parsers.fit import reason_for_fit
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.paths import slug
@@ -41,8 +41,8 @@ class Download:
 def downloads(entry: Entry) -> tuple[Download, ...]:
     """Every format that can be written, in alphabetical order.
 
-    A lens model that a format lacks could be fitted to one that it has. That takes up to a second a file, so it
-    is left to ``calibrary convert``, which also says by how much such a file is off.
+    A lens model or a K that a format has no place for could be fitted to what it has. That takes up to a second a file,
+    so it is left to ``calibrary convert``, which also says by how much such a file is off.
     """
     calibration = entry.calibration
     camera = calibration.camera
@@ -56,11 +56,9 @@ def downloads(entry: Entry) -> tuple[Download, ...]:
 
 
 def _download(calibration: Calibration, record: parsers.Format, name: str) -> Download:
-    lens, models = calibration.distortion, record.capacity.models if record.capacity is not None else ()
-    if lens is not None and models and all(exact(lens, model) is None for model in models):
-        remark = (
-            f"has no {lens.model} model; calibrary convert fits one of its own and says how far it is off"
-        )
+    reason = reason_for_fit(calibration, record.capacity) if record.capacity is not None else None
+    if reason is not None:
+        remark = f"{reason}; calibrary convert fits the nearest and says how far it is off"
         return Download(format=record.name, title=record.title, remark=remark)
     try:
         data, verdict = parsers.encode([calibration], record, name=name)
