@@ -165,7 +165,10 @@ def reason_for_fit(calibration: Calibration, capacity: Capacity) -> str | None:
     if lens is not None and capacity.models and all(exact(lens, model) is None for model in capacity.models):
         return f"has no {lens.model} model"
     held = _held(K, capacity)
-    if held == K or compare(calibration, replace(calibration, intrinsics=held)).max_px <= DEFAULT_MAX_ERROR_PX:
+    if (
+        held == K
+        or compare(calibration, replace(calibration, intrinsics=held)).max_px <= DEFAULT_MAX_ERROR_PX
+    ):
         return None
     return f"has no place for {_lost(K, held)}"
 

@@ -16,6 +16,7 @@ from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.content import Content
 from calibrary.parsers.discovery import known_formats
+from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, accepted_with, adapt, compare
 from calibrary.parsers.format import STATED, Format, WriteContext, WriteVerdict
 from calibrary.parsers.reading import read_content
@@ -78,10 +79,7 @@ def encoded(
         InputError: there is nothing to write, or a K that is only a guess.
     """
     limit = DEFAULT_MAX_ERROR_PX if max_error_px is None else max_error_px
-    if not (math.isfinite(limit) and limit >= 0):
-        raise InputError(
-            f"the largest error accepted is {limit} px; expected a number from 0, as in --max-error-px 0.2"
-        )
+    check_limit(limit)
     if record.write is None or record.capacity is None:
         how = "; 'calibrary convert' writes cameras into a file that is there" if record.updated else ""
         raise UnsupportedModelError(f"format {record.name} is read but not written{how}")
@@ -96,7 +94,9 @@ def encoded(
     adapted = [adapt(item, record.capacity, max_error_px=limit) for item in calibrations]
     data = record.write(adapted, WriteContext(name=name))
     size = _one_size(calibrations) if record.needs_image_size else None
-    copies = read_content(Content(data, name), record=record, image_size=size)
+    # What is written was bounded by what was given; the limits are for files of others.
+    lifted = max(len(data), MAX_BYTES) + 1
+    copies = read_content(Content(data, name), record=record, image_size=size, max_bytes=lifted)
     if len(copies) != len(calibrations):
         raise UnsupportedModelError(
             f"a {record.name} file of these {len(calibrations)} cameras reads back as {len(copies)}, so it cannot "
@@ -115,6 +115,18 @@ def encoded(
         for lost in _losses(original, copy, record)
     )
     return data, WriteVerdict(fits=fits, dropped=tuple(dropped))
+
+
+def check_limit(max_error_px: float) -> None:
+    """Refuse an error in px that cannot be a limit.
+
+    Raises:
+        InputError: it is negative, infinite or not a number.
+    """
+    if not (math.isfinite(max_error_px) and max_error_px >= 0):
+        raise InputError(
+            f"the largest error accepted is {max_error_px} px; expected a number from 0, as in --max-error-px 0.2"
+        )
 
 
 def _refuse_guesses(calibrations: Sequence[Calibration]) -> None:

@@ -12,7 +12,7 @@ from calibrary.jobs.audit.report import report_of as audit_report
 from calibrary.jobs.audit.run import LEVELS, Audit, Request, audit
 from calibrary.jobs.exchange.add import AddRequest, Stated
 from calibrary.jobs.exchange.argument import Reading
-from calibrary.jobs.exchange.export import Export, export
+from calibrary.jobs.exchange.export import Export, check_target, export
 from calibrary.jobs.exchange.export import report_of as export_report
 from calibrary.jobs.exchange.import_ import Import, write_import
 from calibrary.jobs.exchange.import_ import report_of as import_report
@@ -128,5 +128,6 @@ def exported(
     snapshot: Snapshot, form: str, out: Path, statuses: Collection[str], max_error_px: float | None
 ) -> ExportResult:
     """As :meth:`calibrary.Fleet.export`."""
+    check_target(form, out, max_error_px=max_error_px)
     stored = [one for one in snapshot.entries() if one.entry.status.value in statuses]
     return ExportResult(export(stored, form, out, max_error_px=max_error_px), snapshot.commit)

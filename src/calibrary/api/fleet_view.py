@@ -262,6 +262,7 @@ class FleetView:
         >>> calibrary.open_registry("fleet").check().is_good
         True
         """
+        from calibrary.jobs.exchange.material import with_material_changes_of_range
         from calibrary.registry.check_registry import check_all, check_range, check_work_tree, parse_range
 
         limits, told = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
@@ -270,7 +271,10 @@ class FleetView:
         if span is None:
             return CheckResult(check_all(self.snapshot, limits, progress=told))
         before, after = parse_range(span)
-        return CheckResult(check_range(self.snapshot, before, after, limits, progress=told))
+        done = check_range(self.snapshot, before, after, limits, progress=told)
+        return CheckResult(
+            with_material_changes_of_range(done, self.snapshot, limits or self.snapshot.configuration.policy)
+        )
 
     def unsigned(self, signers: Path | None = None, span: str | None = None) -> tuple[str, ...]:
         """The commits that no listed person signed, each with the reason.

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.exchange.add import save_file
+from calibrary.jobs.exchange.material import require_reason, with_material_changes
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
@@ -55,6 +56,10 @@ class ProposedChange:
     written: Written | None = None
     branch: str | None = None
 
+    def __post_init__(self) -> None:
+        """Find what of it changes an approved K by more than the policy's limits."""
+        self.proposals = with_material_changes(self.proposals, self.registry.configuration.policy)
+
     def comparisons(self) -> dict[str, CompareResult]:
         """By id, what each change of a K comes to, in px over the frame and on the ground; where it can be compared."""
         from calibrary.api.changes import compare
@@ -74,8 +79,10 @@ class ProposedChange:
 
         Raises:
             FileConflictError: an entry was changed since it was proposed; nothing was written.
-            RegistryError: a check failed, there is nothing to write, or it cannot be written.
+            RegistryError: a check failed, there is nothing to write, it cannot be written, or an approved K changes by
+                more than the policy's limits and no reason is given.
         """
+        require_reason(self.proposals, reason)
         if self.source is not None:
             self.written = save_file(
                 self.registry, self.proposals, self.source, reason=reason, branch=self.branch

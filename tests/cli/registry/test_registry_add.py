@@ -303,7 +303,7 @@ def test_a_held_entry_keeps_its_place(
     assert code == 4
     assert "held (agreed for 2026)" in told
     assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
-    add(tmp_path / "b.xml", "--override-held", "--approve")
+    add(tmp_path / "b.xml", "--override-held", "--approve", "--reason", "agreed again")
     assert held(fleet).entry.calibration.intrinsics.fx == 3663.0
 
 

@@ -174,7 +174,7 @@ class TestARule:
         subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(other)], check=True)
         git(fleet, "config", "--global", "user.signingKey", str(other))
         add(xml(tmp_path / "b.xml", 3662.0))
-        code, _, told = run(capsys, "approve", *looked_at(fleet, P4R))
+        code, _, told = run(capsys, "approve", *looked_at(fleet, P4R), "--reason", "a new lens")
         assert (code, "user.signingkey is another one" in " ".join(told.split())) == (4, True)
 
     def test_an_openpgp_key_is_listed_by_its_fingerprint(

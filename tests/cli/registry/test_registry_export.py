@@ -15,6 +15,7 @@ from calibrary import parsers
 from calibrary.distortion import KannalaBrandt, NoDistortion, ThinPrism
 from calibrary.registry.entry import Status
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.snapshot import Snapshot
 from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import printed, run
 from tests.registry.entries import an_entry
@@ -163,3 +164,32 @@ def test_a_registry_with_nothing_to_use_says_so(
     put(fleet, DRAFT)
     code, _, told = run(capsys, "export", "--format", "csv", "--out", tmp_path / "x.csv")
     assert (code, "no entry to export" in told) == (3, True)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--format", "nothing", "--out", "x.json"), "no format 'nothing'"),
+        (("--format", "kalibr_results", "--out", "x.txt"), "read but not written"),
+        (("--format", "csv", "--out", "."), "is a folder"),
+        (("--format", "agisoft_xml", "--out", "file.txt"), "is a file"),
+        (("--format", "agisoft_xml", "--out", "file.txt/agisoft"), "is a file"),
+        (("--format", "csv", "--out", "file.txt/fleet.csv"), "is a file"),
+        (("--format", "odm", "--out", "x.json", "--max-error-px", "-1"), "expected a number from 0"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_an_entry_is_read(
+    fleet: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    told: str,
+) -> None:
+    put(fleet, FIRST)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file.txt").write_text("")
+    monkeypatch.setattr(Snapshot, "entries", lambda *_: pytest.fail("an entry was read"))
+    code, _, errors = run(capsys, "export", *words)
+    assert code != 0
+    assert told in errors

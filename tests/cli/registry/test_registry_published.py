@@ -77,8 +77,8 @@ def test_the_variable_may_name_several(
     monkeypatch.setenv("CALIBRARY_REGISTRY", f"{tmp_path / 'ours'};{public.url}")
     answer = printed(capsys, "resolution-1", "resolve", P4R)
     assert answer["calibration"]["intrinsics"]["fx"] == 3500.0
-    assert "disagrees: cameras/dji/fc6310r/5472x3648.yaml has fx = 3661.2 px" in answer["disagreements"][0]
-    assert "disagrees" in run(capsys, "resolve", P4R)[2]
+    assert "another K: fx = 3661.2 px in cameras/dji/fc6310r/5472x3648.yaml" in answer["disagreements"][0]
+    assert "has another K" in run(capsys, "resolve", P4R)[2]
     # What needs a folder takes the first one.
     assert len(printed(capsys, "entry-listing-1", "list")["entries"]) == 1
     monkeypatch.setenv("CALIBRARY_REGISTRY", public.url)
@@ -127,7 +127,7 @@ class TestExtract:
         )
         assert code == 0
         assert report["cameras"][0]["calibration"]["intrinsics"]["fx"] == 3450.0
-        assert any(f"{public.url} disagrees" in warning for warning in report["warnings"])
+        assert any(f"{public.url} has another K" in warning for warning in report["warnings"])
 
     def test_offline_the_cache_answers_and_the_report_says_how_old_it_is(
         self, public: Server, flight: Path, capsys: pytest.CaptureFixture[str]

@@ -154,7 +154,7 @@ class TestAnApprovalIsOfWhatWasLookedAt:
     ) -> None:
         run(capsys, "approve", *looked_at(drafts, P4R))
         add(xml(tmp_path / "new.xml", 3670.0))
-        code, told, _ = run(capsys, "approve", *looked_at(drafts, P4R))
+        code, told, _ = run(capsys, "approve", *looked_at(drafts, P4R), "--reason", "a new lens")
         told = " ".join(told.split())
         assert code == 0
         for words in ("intrinsics.fx 3660.5 3670.0 +9.5", "px at most over the frame", "on the ground"):

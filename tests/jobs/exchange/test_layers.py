@@ -63,7 +63,7 @@ def test_the_answer_names_its_layer_commit_and_order(company: Path, public: Serv
         layer = layers.layer_of(found)
         assert layer.commit is not None
         title = "company" if name == str(company) else name
-        assert f"layer {title} at {layer.commit[:12]} answers" in found.why
+        assert f"registry {title} at commit {layer.commit[:12]}" in found.why
         assert found.calibration.provenance.source == f"{title} {found.path}"
         assert layer.report().kind is (LayerKind.GIT if name == str(company) else LayerKind.PUBLISHED)
 
@@ -95,7 +95,7 @@ class TestDisagreement:
         assert found is not None
         assert found.calibration.intrinsics.fx == 3650.0
         told = "".join(found.disagreements)
-        assert (f"lower disagrees: {OURS.path} has fx = {fx:.1f} px" in told) is is_told
+        assert (f"lower has another K: fx = {fx:.1f} px in {OURS.path}" in told) is is_told
 
     def test_k_is_compared_at_the_size_of_the_image(self, company: Path, tmp_path: Path) -> None:
         half = an_entry(focal_mm=None, fx=1825.0, size=(2736, 1824))
@@ -109,7 +109,8 @@ class TestDisagreement:
         found = open_layers([tmp_path / "fleet"], catalogue=True).resolve(P4R)
         assert found is not None
         [told] = found.disagreements
-        assert told.startswith("catalogue disagrees: catalogue/dji/fc6310r/5472x3648 has fx = ")
+        assert told.startswith("catalogue has another K: fx = ")
+        assert "px in catalogue/dji/fc6310r/5472x3648, " in told
 
 
 class TestUnreachable:
@@ -122,7 +123,7 @@ class TestUnreachable:
         for _ in range(3):
             found = layers.resolve(P4R)
             assert found is not None
-            assert "cannot be compared: " in found.disagreements[0]
+            assert "could not be compared: " in found.disagreements[0]
         assert public.paths == ["calibrary.json"]
 
     def test_a_higher_layer_that_cannot_be_read_is_an_error(self, company: Path, public: Server) -> None:
@@ -152,7 +153,8 @@ class TestCatalogue:
         assert found is not None
         assert (found.layer, found.calibration.grade) == ("catalogue", Grade.DERIVED)
         assert found.calibration.provenance.kind == "catalogue"
-        assert "no registry answers" in found.why
+        assert "no registry has an entry of this camera" in found.why
+        assert found.why.endswith("from the catalogue that ships with calibrary")
         assert open_layers([tmp_path / "fleet"]).resolve(P4R) is None
 
     @pytest.mark.parametrize("status", [Status.DRAFT, Status.RETIRED])

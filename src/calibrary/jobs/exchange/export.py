@@ -13,17 +13,27 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from calibrary import parsers
-from calibrary.atomic import write_files
+from calibrary.atomic import check_folder, write_files
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
+from calibrary.parsers.writing import check_limit
 from calibrary.records import Meta, Record
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.snapshot import StoredEntry
 from calibrary.registry.spreadsheet import csv_text
 
-__all__ = ["TABLES", "Export", "ExportReport", "Exported", "NotExported", "export", "report_of"]
+__all__ = [
+    "TABLES",
+    "Export",
+    "ExportReport",
+    "Exported",
+    "NotExported",
+    "check_target",
+    "export",
+    "report_of",
+]
 
 SHORT: Final[Mapping[str, str]] = {"odm": "odm_cameras", "opensfm": "opensfm", "colmap": "colmap_text"}
 """Names that people use for formats, beside the formats' own."""
@@ -143,21 +153,46 @@ def export(
     """
     if not stored:
         raise InputError("no entry to export; 'calibrary registry list' shows what there is")
-    if form in TABLES:
-        if out.is_dir():
-            raise InputError("is a folder, expected the name of a file", source=str(out))
+    record = check_target(form, out, max_error_px=max_error_px)
+    if record is None:
         data = _csv(stored) if form == "csv" else _yaml(stored)
         write_files({out: data})
         written = tuple(Exported(entry=one.id, file=out.name) for one in stored)
         return Export(format=form, written=written)
-    record = format_named(SHORT.get(form, form))
-    if record.write is None or record.capacity is None:
+    if _is_one_file(record, out):
+        return _one_file(stored, record, out, max_error_px)
+    return _folder(stored, record, out, max_error_px)
+
+
+def check_target(form: str, out: Path, *, max_error_px: float | None = None) -> Format | None:
+    """Refuse what could not be written, before the entries are read; the format, None for a table.
+
+    Raises:
+        InputError: the place is of another kind or may not be written to, or the limit is not one.
+        UnknownFormatError: there is no such format.
+        UnsupportedModelError: the format is not written.
+    """
+    if max_error_px is not None:
+        check_limit(max_error_px)
+    record = None if form in TABLES else format_named(SHORT.get(form, form))
+    if record is not None and (record.write is None or record.capacity is None):
         raise UnsupportedModelError(
             f"format {record.name} is read but not written; 'calibrary formats' lists both"
         )
-    if record.capacity.several_cameras and out.suffix and not out.is_dir():
-        return _one_file(stored, record, out, max_error_px)
-    return _folder(stored, record, out, max_error_px)
+    if record is None and out.is_dir():
+        raise InputError("is a folder, expected the name of a file", source=str(out))
+    if record is None or _is_one_file(record, out):
+        check_folder(out)
+    elif out.is_file():
+        raise InputError("is a file, expected a folder for a file of each entry", source=str(out))
+    else:
+        check_folder(out / "entry")
+    return record
+
+
+def _is_one_file(record: Format, out: Path) -> bool:
+    several = record.capacity is not None and record.capacity.several_cameras
+    return several and bool(out.suffix) and not out.is_dir()
 
 
 def report_of(done: Export, commit: str | None) -> ExportReport:

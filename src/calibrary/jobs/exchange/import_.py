@@ -17,6 +17,7 @@ from calibrary.errors import CalibraryError, RegistryError
 from calibrary.jobs.exchange.add import AddRequest, propose_file
 from calibrary.jobs.exchange.argument import Reading
 from calibrary.jobs.exchange.catalogue_entries import KIND, catalogue_entries
+from calibrary.jobs.exchange.material import require_reason, with_material_changes
 from calibrary.progress import log
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry, Status
@@ -170,11 +171,13 @@ def write_import(registry: Registry, found: Import, *, reason: str | None = None
 
     Raises:
         FileConflictError: an entry was changed meanwhile; nothing was written.
-        RegistryError: they cannot be written.
+        RegistryError: they cannot be written, or one changes an approved K by more than the policy's limits and no
+            reason is given.
     """
     count = len(found.due.items)
     if not count:
         return None
+    require_reason(found.proposals, reason)
     whose = "entry" if count == 1 else "entries"
     return registry.save(found.due, subject=f"Import {found.what}: {count} {whose}", reason=reason)
 
@@ -279,7 +282,7 @@ def _said(entry: Entry) -> tuple[object, ...]:
 
 def _judged(snapshot: Snapshot, what: str, items: Sequence[Item], proposed: Sequence[Proposal]) -> Import:
     """With entries that fail a check taken out of what is due: one bad file holds up no other."""
-    proposals = checked(snapshot, proposed)
+    proposals = with_material_changes(checked(snapshot, proposed), snapshot.configuration.policy)
     errors: dict[str, str] = {}
     for finding in proposals.findings:
         if finding.severity is Severity.ERROR:

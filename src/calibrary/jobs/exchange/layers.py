@@ -212,13 +212,22 @@ class Layers:
         made = calibration.provenance
         if layer.kind is not LayerKind.CATALOGUE:
             made = replace(made, source=f"{layer.title} {found.path}")
-        at = f" at {layer.commit[:12]}" if layer.commit is not None else ""
         return replace(
             found,
             layer=layer.name,
-            why=f"{found.why}; the {layer.kind.value} layer {layer.title}{at} answers",
+            why=f"{found.why}; from {_whence(layer)}",
             calibration=replace(calibration, provenance=made),
         )
+
+
+def _whence(layer: Layer) -> str:
+    """What an answer is from, in words."""
+    if layer.kind is LayerKind.CATALOGUE:
+        return "the catalogue that ships with calibrary"
+    at = f" at commit {layer.commit[:12]}" if layer.commit is not None else ""
+    if layer.kind is LayerKind.FOLDER:
+        return f"the folder {layer.title}"
+    return f"the {'published ' if layer.kind is LayerKind.PUBLISHED else ''}registry {layer.title}{at}"
 
 
 def open_layers(
@@ -309,7 +318,7 @@ class _OfCatalogue:
                 found.calibration.provenance, kind=made.kind, source=made.source, tag=made.tag
             ),
         )
-        why = f"{found.why}; no registry answers, and this K of the type is what a reconstruction can start from"
+        why = f"{found.why}; no registry has an entry of this camera: K is the model's nominal one, a start value"
         return replace(found, calibration=calibration, why=why, near=())
 
     def near(self, key: CameraKey, *, on: date | None = None) -> tuple[RejectedEntry, ...]:  # noqa: ARG002  as Asked
@@ -324,7 +333,7 @@ def _against(found: Resolution, below: Layer, key: CameraKey, on: date | None) -
     try:
         other = below.index_for(key).resolve(key, on=on)
     except RegistryError as error:
-        return f"{below.title} cannot be compared: {error}"
+        return f"{below.title} could not be compared: {error}"
     if other is None:
         return None
     own, its = found.calibration.intrinsics, other.calibration.intrinsics
@@ -333,6 +342,6 @@ def _against(found: Resolution, below: Layer, key: CameraKey, on: date | None) -
     if abs(off) <= tolerance:
         return None
     return (
-        f"{below.title} disagrees: {other.path} has fx = {its.fx:.1f} px, {off:+.1%} off; "
-        f"{found.path} is used, as its layer is asked first"
+        f"{below.title} has another K: fx = {its.fx:.1f} px in {other.path}, {off:+.1%} from the one used; "
+        f"{found.path} is used because its registry comes first"
     )

@@ -14,6 +14,7 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError
 from calibrary.jobs.calibrate_board.frame_metadata import describe_frames
 from calibrary.jobs.calibrate_board.run import SolveRequest, calibrate_from, observe
+from calibrary.jobs.exchange.material import with_material_changes
 from calibrary.jobs.onboard.cameras import PayloadCamera, find_cameras
 from calibrary.jobs.onboard.classify import Payload, classify_payload
 from calibrary.jobs.onboard.comparison import (
@@ -199,7 +200,7 @@ def _proposed(
         entry = entry_for(camera, comparison, serves, payload, board=result, stated=request.stated)
         if entry.unit is not None:
             entry = replace(entry, label=request.label)
-        proposals = registry.propose([entry])
+        proposals = with_material_changes(registry.propose([entry]), request.policy)
     except (InputError, RegistryError) as error:
         return replace(so_far, reason=str(error), advice="see the current entry: calibrary registry list")
     [proposal] = proposals.items

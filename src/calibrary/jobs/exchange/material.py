@@ -1,0 +1,101 @@
+"""A change of an approved K that a map would show, as a finding with its figures.
+
+The registry's check knows by how much a focal length may differ before it contradicts what is approved. This is about
+what lies below that: a principal point or a distortion that moves projections by more than the policy's limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from typing import Final
+
+from calibrary.errors import CalibraryError, InputError, RegistryError
+from calibrary.jobs.diff.wording import length, pixels
+from calibrary.policy import Policy
+from calibrary.records import replace
+from calibrary.registry.check import CheckReport
+from calibrary.registry.check_registry import Checked
+from calibrary.registry.entry import Entry
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git.history import changed
+from calibrary.registry.git.repository import Repository
+from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path
+from calibrary.registry.proposals import Proposals
+from calibrary.registry.snapshot import Snapshot
+from calibrary.validation import Finding, Severity
+
+__all__ = ["require_reason", "with_material_changes", "with_material_changes_of_range"]
+
+MATERIAL: Final = "material-change"
+ALTITUDE_M: Final = 100.0
+Change = tuple[str, Entry, Entry]
+"""Where an entry is written, what is in use before, and what is written."""
+
+
+def with_material_changes(proposals: Proposals, policy: Policy) -> Proposals:
+    """Proposals with a finding for each that changes an approved K by more than the policy's limits."""
+    due = [(one.path, one.current, one.entry) for one in proposals.due if one.current is not None]
+    found = tuple(_material(due, policy))
+    return replace(proposals, findings=(*proposals.findings, *found)) if found else proposals
+
+
+def require_reason(proposals: Proposals, reason: str | None) -> None:
+    """Make sure that a person says why an approved K is replaced by one that differs so much.
+
+    Raises:
+        RegistryError: no reason is given.
+    """
+    used = {one.path: one.entry.reason for one in proposals.due if one.entry.is_usable}
+    for finding in proposals.findings:
+        if finding.rule == MATERIAL and not (reason or used.get(finding.place or "", "proposed")):
+            raise RegistryError(
+                f"nothing was written: {finding.place} {finding.message}; say why with --reason TEXT"
+            )
+
+
+def with_material_changes_of_range(done: Checked, snapshot: Snapshot, policy: Policy) -> Checked:
+    """The same of what changed between two commits."""
+    if done.before is None or done.commit is None or snapshot.repo is None:
+        return done
+    found = tuple(_material(_of_range(snapshot.repo, done.before, done.commit), policy))
+    report = CheckReport(entries=done.report.entries, findings=(*done.report.findings, *found))
+    return replace(done, report=report) if found else done
+
+
+def _material(changes: Iterable[Change], policy: Policy) -> Iterator[Finding]:
+    # Loads what takes a tenth of a second, and most changes are of no K.
+    from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  the reason above
+
+    for path, before, after in changes:
+        one, other = before.calibration, after.calibration
+        same = (one.intrinsics, one.distortion) == (other.intrinsics, other.distortion)
+        if same or not before.is_usable or one.camera.image_size != other.camera.image_size:
+            continue
+        with suppress(CalibraryError):
+            found = compare(one, other, policy)
+            if found.numbers is None or not found.numbers.matters(policy):
+                continue
+            seen, ground = found.numbers.difference, found.numbers.ground(ALTITUDE_M)
+            yield Finding(
+                rule=MATERIAL,
+                severity=Severity.WARNING,
+                place=path,
+                measured=seen.max_px,
+                limit=policy.drift_max_px,
+                message=f"differs from the K that is {before.status.value} by {pixels(seen.rms_px)} rms and "
+                f"{pixels(seen.max_px)} at most over the frame, from {ALTITUDE_M:g} m "
+                f"{length(ground.max_cm / 100)} on the ground ({found.verdict.value})",
+                remedy="approve it with --reason TEXT if the camera has changed, or was measured better",
+            )
+
+
+def _of_range(repo: Repository, start: str, end: str) -> Iterator[Change]:
+    for folder in (CAMERAS, PROPOSALS):
+        for file in changed(repo, start, end, folder):
+            base = repo.read(start, in_use_path(file.path))
+            if file.after is None or base is None:
+                continue
+            with suppress(InputError):
+                before = parse_entry(base.data, in_use_path(file.path))
+                yield file.path, before, parse_entry(repo.blob(file.after), file.path)
