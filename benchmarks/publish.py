@@ -1,30 +1,34 @@
-"""What publishing a registry costs, and how many cameras are resolved from a static server.
+"""What publishing a registry costs, and what cameras cost that are resolved from a static server.
 
-    python benchmarks/publish.py [--entries N ...] [--resolves R] [--threads T]
+    python benchmarks/publish.py [--quick] [--entries N ...] [--resolves R]
 
-Registries of N entries of as many models (10 000 and 100 000): writing all files, writing them again after one entry
-has changed, the largest file, and how many files a camera costs a reader who has none (cold), all (kept), or those of
-another camera (warm). Then R cameras are asked from T threads of one process, over HTTP from a server of another
-process that gives out the folder: nginx where it is installed, else Python's own, which is the slower part then. The
-goal is 1 000 a second. Nothing fails on a slow machine; the goal is met or missed, and that is printed.
+Registries of N entries of as many models (5 000 and 100 000): writing all files, and again after one entry has changed;
+the largest file; requests and bytes of a camera for a reader who has nothing (cold), those of another camera (warm), or
+all (kept). Then R cameras are resolved over HTTP, from the cache on the disk, and from memory, beside a peer that only
+fetches the same files and parses them as JSON: with urllib, a connection each, and over one open connection. Everything
+is processor time, user and system, of the reading process alone. The server is a process of its own: nginx where it is
+installed, else Python's. Nothing fails on a slow machine; the goal is met or missed, and that is printed.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import multiprocessing
+import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from http.client import HTTPConnection
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from multiprocessing.connection import Connection
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 from calibrary.calibration import CameraKey
 from calibrary.records import replace
@@ -35,16 +39,18 @@ from calibrary.registry.git.writing import Change, write
 from calibrary.registry.published import fetch as transport
 from calibrary.registry.published import read
 from calibrary.registry.published.cache import Cache
+from calibrary.registry.published.fetch import Fetched
 from calibrary.registry.published.read import Published
 from calibrary.registry.published.write import publish
 from calibrary.registry.reader import open_snapshot
-from calibrary.registry.resolution import Resolution
 
 if TYPE_CHECKING:
     from benchmarks.registry_entries import entry, key_of
+    from benchmarks.table import machine, row, show
 else:
     # A program's own folder is where Python looks first.
     from registry_entries import entry, key_of
+    from table import machine, row, show
 
 GOAL_PER_S = 1000.0
 
@@ -109,75 +115,119 @@ def _serve(folder: Path, pipe: Connection) -> None:
         subprocess.run([nginx, "-c", str(place)], check=True)
 
 
-def measure(count: int, resolves: int, threads: int) -> None:
+def cpu_s() -> float:
+    """Processor time of this process and of those that it has ended."""
+    used = os.times()
+    return used.user + used.system + used.children_user + used.children_system
+
+
+def measure(count: int, resolves: int) -> None:
     """One size, printed."""
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory(prefix="calibrary-bench-") as name:
         folder = Path(name)
         fleet, out = registry_of(folder / "fleet", count), folder / "out"
+        spent = []
         for what in ("all of it", "again after one change"):
-            start = perf_counter()
+            start = cpu_s()
             done = publish(open_snapshot(fleet), out)
-            print(
-                f"{count:>9,} entries  {what:<24}{perf_counter() - start:8.1f} s  {done.written:>9,} files written"
-            )
+            spent.append(cpu_s() - start)
+            row(f"publish {count} entries, {what}, {done.written} files written", f"{spent[-1]:.2f} s")
             change_one(fleet)
-        files = [path for path in out.rglob("*.json") if path.is_file()]
-        print(
-            f"{count:>9,} entries  {len(files):,} files, the largest {max(f.stat().st_size for f in files):,} bytes"
-        )
+        row("  again takes, of all of it", f"{spent[1] / spent[0]:.3f} ×", spent[1] / spent[0], at_most=0.1)
+        sizes = [path.stat().st_size for path in out.rglob("*.json")]
+        row(f"files: {len(sizes)}; the largest", f"{max(sizes)} bytes", max(sizes), at_most=100_000)
         with serving(out) as url:
-            _requests(url, folder, count)
-            _rate(url, folder, count, resolves, threads)
+            _lookups(url, folder, count)
+            _rates(url, folder, count, resolves)
 
 
-def _requests(url: str, folder: Path, count: int) -> None:
-    """How many files a camera costs."""
-    asked = 0
-    real = transport.fetch
+@contextmanager
+def noted() -> Iterator[list[tuple[str, int]]]:
+    """The files that are fetched, each with its length."""
+    found: list[tuple[str, int]] = []
 
-    def counted(*arguments: object, **options: object) -> transport.Fetched:
-        nonlocal asked
-        asked += 1
-        return real(*arguments, **options)  # type: ignore[arg-type]
+    def fetch(url: str, **options: Any) -> Fetched:
+        answer = transport.fetch(url, **options)
+        found.append((url, len(answer.data or b"")))
+        return answer
 
-    read.fetch = counted  # type: ignore[attr-defined]
+    read.fetch = fetch  # type: ignore[attr-defined]
     try:
-        for what, number in (("cold", 1), ("kept", 1), ("warm, another camera", count // 2)):
-            asked = 0
-            assert (
-                Published(url, cache=Cache(folder / "cache"))
-                .index_for(key_of(number))
-                .resolve(key_of(number))
-            )
-            print(f"{count:>9,} entries  {what:<24}{asked:8} requests")
+        yield found
     finally:
-        read.fetch = real  # type: ignore[attr-defined]
+        read.fetch = transport.fetch  # type: ignore[attr-defined]
 
 
-def _rate(url: str, folder: Path, count: int, resolves: int, threads: int) -> None:
+def _lookups(url: str, folder: Path, count: int) -> None:
+    """How many files and bytes a camera costs."""
+    for what, number in (("cold", 1), ("kept", 1), ("warm, another camera", count // 2)):
+        with noted() as files:
+            registry = Published(url, cache=Cache(folder / "cache"))
+            assert registry.index_for(key_of(number)).resolve(key_of(number))
+        told = f"{len(files)} requests, {sum(size for _, size in files)} bytes"
+        row(f"a camera of {count}, {what}", told, len(files), at_most=5)
+
+
+def _rates(url: str, folder: Path, count: int, resolves: int) -> None:
     keys = [key_of(number * max(1, count // resolves) % count) for number in range(resolves)]
-    for what in ("each read over HTTP", "each from the cache"):
-        registry = Published(url, cache=Cache(folder / "rate"))
-        start = perf_counter()
-        with ThreadPoolExecutor(threads) as pool:
-            found = [*pool.map(partial(_resolved, registry), keys)]
-        rate = resolves / (perf_counter() - start)
-        assert all(found)
-        verdict = "met" if rate >= GOAL_PER_S else f"missed ({GOAL_PER_S:g}/s)"
-        print(f"{count:>9,} entries  {what:<24}{rate:8.0f} /s      goal {verdict}")
+    with noted() as files:
+        ours = _cpu_each(Published(url, cache=Cache(folder / "rate")), keys)
+    places = [place for place, _ in files]
+    peers = {"urllib": _with_urllib, "one connection, http.client": _with_one_connection}
+    row("resolve over HTTP, CPU", f"{ours * 1e6:.0f} µs, {1 / ours:.0f} /s", 1 / ours, at_least=GOAL_PER_S)
+    for name, act in peers.items():
+        start = cpu_s()
+        act(places)
+        peer = (cpu_s() - start) / resolves
+        limit = 1.0 if name == "urllib" else None
+        show(
+            f"  beside fetching the same {len(places)} files",
+            f"{ours * 1e6:.0f} µs",
+            f"{peer * 1e6:.0f} µs ({name})",
+            ratio=f"{ours / peer:.2f} ×",
+            limit=f"≤ {limit:g} ×" if limit is not None else "",
+            met=ours <= limit * peer if limit is not None else None,
+        )
+    again = Published(url, cache=Cache(folder / "rate"))
+    for what in ("resolve from the cache on the disk, CPU", "resolve from memory, CPU"):
+        each = _cpu_each(again, keys)
+        row(what, f"{each * 1e6:.0f} µs, {1 / each:.0f} /s", 1 / each, at_least=GOAL_PER_S)
 
 
-def _resolved(registry: Published, key: CameraKey) -> Resolution | None:
-    return registry.index_for(key).resolve(key)
+def _cpu_each(registry: Published, keys: Sequence[CameraKey]) -> float:
+    start = cpu_s()
+    for key in keys:
+        assert registry.index_for(key).resolve(key)
+    return (cpu_s() - start) / len(keys)
 
 
-if __name__ == "__main__":
+def _with_urllib(places: Sequence[str]) -> None:
+    for place in places:
+        with urlopen(place, timeout=10) as answer:  # noqa: S310  our own server
+            json.load(answer)
+
+
+def _with_one_connection(places: Sequence[str]) -> None:
+    connection = HTTPConnection(urlsplit(places[0]).netloc, timeout=10)
+    for place in places:
+        connection.request("GET", urlsplit(place).path)
+        json.loads(connection.getresponse().read())
+    connection.close()
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--entries", type=int, nargs="+", default=[10_000, 100_000])
-    parser.add_argument("--resolves", type=int, default=2000)
-    parser.add_argument("--threads", type=int, default=8)
+    parser.add_argument("--quick", action="store_true", help="a small run, to see that everything runs")
+    parser.add_argument("--entries", type=int, nargs="+", default=[5000, 100_000])
+    parser.add_argument("--resolves", type=int, default=1000)
     given = parser.parse_args()
-    for size in given.entries:
-        measure(size, min(given.resolves, size), given.threads)
+    print(machine())
+    for size in [300] if given.quick else given.entries:
+        measure(size, min(100 if given.quick else given.resolves, size))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,8 +1,8 @@
 """A year of a fleet, by the commands alone: what a registry has to hold for those who fly, measure and answer for it.
 
-Twelve cameras, six of them units of one model; two colleagues, each with a clone; a bare server between them, spoken to
-as ``file://`` (a registry speaks https, ssh and file, and neither an sshd nor a certificate is at hand in a test). Each
-test of the class is a part of the year and goes on where the one before it ended.
+Twelve cameras, six of them units of one model; two colleagues, each with a clone; a bare server between them: git's own
+over https on this machine, or a folder where openssl or git's http-backend is not installed. Each test of the class is
+a part of the year and goes on where the one before it ended.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from calibrary.cli.main import main
 from calibrary.registry.registry import Registry
 from tests.cli.registry.fleets import looked_at, xml
 from tests.jobs.extract.fleet import picture
+from tests.registry.git.backend import is_here, serving_git
 from tests.registry.git.repositories import git, seclude
 from tests.registry.published.server import serving
 
@@ -78,6 +79,19 @@ def year(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
+@pytest.fixture(scope="class")
+def server(year: Path) -> Iterator[str]:
+    """The address of the registry that both share."""
+    git(year, "init", "--quiet", "--bare", "--initial-branch=main", "server.git")
+    git(year / "server.git", "config", "http.receivepack", "true")
+    if not is_here():
+        yield (year / "server.git").as_uri()
+        return
+    with serving_git(year, year / "server.pem") as address:
+        git(year, "config", "--global", "http.sslCAInfo", str(year / "server.pem"))
+        yield f"{address}server.git"
+
+
 @pytest.fixture
 def ada(year: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Colleague:
     """The keeper, who measures lenses."""
@@ -104,7 +118,7 @@ def flown(year: Path, flight: str, unit: str, day: str) -> Path:
 
 class TestAYear:
     def test_january_the_fleet_is_registered_and_shared(
-        self, year: Path, ada: Colleague, ben: Colleague
+        self, year: Path, server: str, ada: Colleague, ben: Colleague
     ) -> None:
         ada("init", ada.clone, "--yes")
         rules = ada.clone / "registry.yaml"
@@ -116,9 +130,8 @@ class TestAYear:
         for n, (model, size) in enumerate(OTHERS.items()):
             file = xml(year / f"{model}.xml", f=3000.0 + n, size=size)
             ada("add", file, "--make", "Example", "--model", model, "--date", "2025-01-11", "--yes")
-        git(year, "init", "--quiet", "--bare", "--initial-branch=main", "server.git")
-        ada("push", (year / "server.git").as_uri())
-        ben("init", ben.clone, "--remote", (year / "server.git").as_uri(), "--yes")
+        ada("push", server)
+        ben("init", ben.clone, "--remote", server, "--yes")
         # Nobody approves a K of their own; the other one does, for all of the fleet in one commit.
         snapshot = Registry.open(ben.clone).snapshot()
         keys = [stored.id for stored in snapshot.proposals()]
@@ -203,6 +216,22 @@ class TestAYear:
             answer = ada.told("resolve", *known, "--firmware", firmware)
             assert answer["calibration"]["intrinsics"]["fx"] == fx
         assert "good" in ada("check", "HEAD~3..HEAD")
+
+    def test_july_a_refused_push_brings_the_server_s_own_words(
+        self, year: Path, ada: Colleague, ben: Colleague
+    ) -> None:
+        hook = year / "server.git/hooks/pre-receive"
+        hook.parent.mkdir(exist_ok=True)
+        hook.write_text("#!/bin/sh\necho 'closed for the inventory until Monday' >&2\nexit 1\n")
+        hook.chmod(0o755)
+        before = git(year / "server.git", "rev-parse", "main")
+        ben("tag", "example/survey 2", "+south")
+        assert "closed for the inventory until Monday" in ben("push", code=4)
+        assert git(year / "server.git", "rev-parse", "main") == before
+        hook.unlink()
+        ben("push")
+        ada("pull")
+        assert Registry.open(ada.clone).commit() == Registry.open(ben.clone).commit()
 
     def test_august_a_crashed_unit_is_retired_and_says_why(
         self, year: Path, ada: Colleague, ben: Colleague
