@@ -35,6 +35,9 @@ SYSTEMATIC: Final = 0.01
 """Relative standard deviation of fx by systematic errors of the images, where one pixel at its worst doubles fx;
 it goes with the square of that. Two dozens of a real nadir flight, of 1.2 and 1.45, were 1.8 % and 3.2 % off."""
 
+LEAST_STD: Final = 0.002
+"""Of fx: what no dozen images can claim to know better; focus and heat move it by as much from day to day."""
+
 FEATURE_SIDE: Final = 1600
 """Px: longer side of what features are looked for in; errors are of the size of its pixels."""
 
@@ -85,7 +88,9 @@ def measured(found: Adjustment, known: Trust) -> Measured:
     inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
     scale = max(1.0, max(size) / FEATURE_SIDE)
     by_px = known.geometry.focal_by_px * scale
-    std = math.hypot(math.sqrt(known.covariance.matrix[0, 0] * inflation) / focal, SYSTEMATIC * by_px**2)
+    std = math.hypot(
+        LEAST_STD, math.sqrt(known.covariance.matrix[0, 0] * inflation) / focal, SYSTEMATIC * by_px**2
+    )
     return Measured(
         focal_px=focal,
         std=std,
