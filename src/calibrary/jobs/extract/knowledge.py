@@ -6,22 +6,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration
 from calibrary.catalogue import Catalogue, load_catalogue
-from calibrary.errors import RegistryError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.exchange.identity import identified
-from calibrary.jobs.exchange.layers import Asked, Layers, Place, open_layers
 from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
-from calibrary.registry.locking import locked
-from calibrary.registry.paths import in_use_path
-from calibrary.registry.published.address import is_address
-from calibrary.registry.reader import open_snapshot, uncommitted
-from calibrary.registry.resolution import RejectedEntry, Resolution
-from calibrary.registry.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from calibrary.jobs.exchange.layers import Asked, Place
+    from calibrary.registry.resolution import RejectedEntry, Resolution
 
 __all__ = ["Knowledge", "Known"]
 
@@ -89,21 +86,19 @@ class Knowledge:
         )
         if not places:
             return cls(catalogue=load_catalogue())
-        catalogue, today = load_catalogue(), date.today()
-        if lock is not None:
-            if len(places) > 1 or is_address(str(places[0])):
-                raise RegistryError(
-                    f"{lock}: a lock is of one registry on this machine; name its folder alone"
-                )
-            pinned = locked(open_snapshot(Path(places[0])), lock)
-            return cls(catalogue=catalogue, registry=pinned.index, on=today, warnings=pinned.warnings)
-        layers = open_layers(places, many=True)
-        return cls(catalogue=catalogue, registry=layers, on=today, warnings=_warnings(layers))
+        from calibrary.jobs.extract.registries import opened  # noqa: PLC0415  half of what a run would load
+
+        found, warnings = opened(places, lock)
+        return cls(catalogue=load_catalogue(), registry=found, on=date.today(), warnings=warnings)
 
     @property
     def warnings_of_layers(self) -> tuple[str, ...]:
         """What became known of registries by asking them: that one cannot be reached, and how old its copy is."""
-        return self.registry.warnings if isinstance(self.registry, Layers) else ()
+        if self.registry is None:
+            return ()
+        from calibrary.jobs.extract.registries import warnings_of  # noqa: PLC0415  as above
+
+        return warnings_of(self.registry)
 
     @property
     def has_registry(self) -> bool:
@@ -148,26 +143,3 @@ class Knowledge:
         resolution = self.registry.resolve(key, on=self.on)
         near = self.registry.near(key, on=self.on) if resolution is None else ()
         return replace(known, resolution=resolution, near=near)
-
-
-def _warnings(layers: Layers) -> tuple[str, ...]:
-    """What is known of registries before they are asked."""
-    git = [layer.snapshot for layer in layers.layers if layer.snapshot is not None]
-    return tuple(warning for snapshot in git for warning in _not_used(snapshot))
-
-
-def _not_used(snapshot: Snapshot) -> tuple[str, ...]:
-    """A person who edits a file and sees nothing come of it should not have to guess why."""
-    waiting = snapshot.waiting(
-        in_use_path(path) for path in snapshot.proposed if in_use_path(path) in snapshot.paths
-    )
-    pending = () if waiting is None else (waiting,)
-    edited = uncommitted(snapshot.repo) if snapshot.repo is not None else ()
-    if not edited:
-        return pending
-    more = f" and {len(edited) - 1} more" if len(edited) > 1 else ""
-    return (
-        f"the registry is used as committed; {edited[0]}{more} differs in its work tree and is not committed "
-        "('calibrary registry add FILE' does that)",
-        *pending,
-    )

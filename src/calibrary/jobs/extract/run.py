@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault
-from calibrary.jobs.exchange.layers import Place
 from calibrary.jobs.extract.beside import contradictions, find_candidates, may_be_calibration
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.extraction import CameraReport, Extraction, slugs_of
@@ -27,6 +27,9 @@ from calibrary.jobs.images.reading import Engine, Question, Reading, here, read_
 from calibrary.policy import FLEET, Policy
 from calibrary.progress import Progress, counted, log, stage
 from calibrary.validation import Finding, Report, Severity, Verdict
+
+if TYPE_CHECKING:
+    from calibrary.jobs.exchange.layers import Place
 
 __all__ = ["Request", "run"]
 
