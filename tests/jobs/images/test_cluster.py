@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -80,16 +80,28 @@ class Future:
 
     def __init__(self, work: Callable[..., bytes], arguments: tuple[Any, ...]) -> None:
         parts = [one.result() if isinstance(one, Future) else one for one in arguments]
-        self.value, self.status = b"", "error"
-        with suppress(ProcessLookupError):
+        self.value, self.status = b"", "finished"
+        try:
             self.value = work(*([p.result() for p in one] if isinstance(one, list) else one for one in parts))
-            self.status = "finished"
+        except ProcessLookupError:
+            self.status = "error"
+        except HangsError:
+            self.status = "pending"
 
-    def result(self) -> bytes:
+    def result(self, timeout: float = 0) -> bytes:
+        del timeout
         return self.value
 
-    def exception(self) -> None:
-        return None
+    def exception(self, timeout: float) -> None:
+        if self.status == "pending":
+            raise TimeoutError(timeout)
+
+    def cancel(self) -> None:
+        self.status = "cancelled" if self.status == "pending" else self.status
+
+
+class HangsError(Exception):
+    """Raised by a task that never ends."""
 
 
 class Ready(list[Future]):
@@ -99,7 +111,12 @@ class Ready(list[Future]):
 
     def __iter__(self) -> Iterator[Future]:
         while self:
-            yield self.pop()
+            ended = [future for future in list.__iter__(self) if future.status != "pending"]
+            if ended:
+                self.remove(ended[-1])
+                yield ended[-1]
+            else:
+                time.sleep(0.01)
 
 
 class Scheduler:
@@ -145,6 +162,25 @@ def test_a_piece_that_kills_its_workers_is_unread_and_takes_no_other_along(
         if one.part is not None:
             merged.merge(one.part)
     assert sum(names.count for names in merged.settled().seen.values()) == 110
+
+
+def test_what_hangs_is_given_up_and_what_was_read_is_kept(
+    flight: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A piece whose workers come up again and again never ends, and keeps a place from the others."""
+    monkeypatch.setattr(module, "_distributed", lambda: SimpleNamespace(as_completed=lambda **_: Ready()))
+    monkeypatch.setattr(module, "STALLED_S", 0.2)
+
+    def read(unit: Unit) -> Accumulator:
+        if unit.images[0].name == "040.jpg":
+            raise HangsError
+        return read_unit(unit, question=Question())
+
+    images = Listing([flight], recursive=False)
+    done = [*on_cluster(Scheduler(), merged=1)(read, batches(images, 10))]
+    lost = [one.unit.images[0].name for one in done if one.part is None and one.unit is not None]
+    assert lost == ["040.jpg"]
+    assert sum(one.count for one in done) == 121
 
 
 def test_the_report_is_that_of_one_process_byte_for_byte(

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from importlib import import_module
 from itertools import islice
 from typing import Any, Final, TypeAlias
@@ -31,6 +33,8 @@ MERGED: Final = 8
 """Answers that one task merges."""
 AHEAD: Final = 2
 """Tasks that are handed out for each thread of the cluster."""
+STALLED_S: Final = 3600.0
+"""Where nothing comes back for so long, the workers hang, or none comes up any more; a piece takes minutes at most."""
 _LOCAL = re.compile(r"local:([1-9][0-9]{0,2})")
 
 
@@ -88,7 +92,8 @@ def on_cluster(client: Any, *, merged: int = MERGED) -> Engine:
 
     A task whose worker dies is done again by another one, as often as the scheduler's ``allowed-failures`` says (3).
     The scheduler blames every task that waited on that worker: what it gives up is tried once more, one at a time, so
-    that the piece which kills its workers takes no other along.
+    that the piece which kills its workers takes no other along. Where nothing comes back any more, what is under way
+    is cancelled, tried once more in the same way, and all that is left is given up when that hangs as well.
     """
 
     def engine(read: Read, units: Iterator[Unit]) -> Iterator[Done]:
@@ -97,17 +102,18 @@ def on_cluster(client: Any, *, merged: int = MERGED) -> Engine:
         merges: dict[Future, list[tuple[Future, bytes]]] = {}
         waiting: list[tuple[Future, bytes]] = []
         given_up: list[bytes] = []
+        stalled = threading.Event()
         ready = _distributed().as_completed(loop=client.loop)
 
         def submit(count: int) -> None:
-            for unit in islice(units, count):
+            for unit in islice(units, 0 if stalled.is_set() else count):
                 payload = unit.pickled()
                 future = client.submit(_read, read, payload, pure=False)
                 under_way[future] = payload
                 ready.add(future)
 
         submit(window)
-        for future in ready:
+        for future in _watched(ready, partial(_cancel, stalled, under_way, merges)):
             if future in merges:
                 payloads = [payload for _, payload in merges.pop(future)]
                 done = _answer(future, payloads)
@@ -126,13 +132,50 @@ def on_cluster(client: Any, *, merged: int = MERGED) -> Engine:
                 merge = client.submit(_merge, [one for one, _ in waiting], pure=False)
                 merges[merge], waiting = waiting, []
                 ready.add(merge)
-        for payload in given_up:
-            alone = client.submit(_read, read, payload, pure=False)
-            alone.exception()
-            unit = Unit.unpickled(payload)
-            yield _answer(alone, [payload]) or Done(len(unit.images), None, unit)
+        # Where nothing comes back any more, some are not even begun.
+        given_up += (unit.pickled() for unit in units)
+        yield from _alone(client, read, given_up, stalled)
 
     return engine
+
+
+def _cancel(stalled: threading.Event, *tasks: Iterable[Future]) -> None:
+    stalled.set()
+    for future in [one for some in tasks for one in some]:
+        future.cancel()
+
+
+def _alone(client: Any, read: Read, given_up: Iterable[bytes], stalled: threading.Event) -> Iterator[Done]:
+    """What comes of pieces one at a time; where things stalled before, nothing more is tried once one hangs."""
+    dead = False
+    for payload in given_up:
+        done = None
+        if not dead:
+            future = client.submit(_read, read, payload, pure=False)
+            try:
+                future.exception(timeout=STALLED_S)
+                done = _answer(future, [payload])
+            except TimeoutError:
+                dead = stalled.is_set()
+                future.cancel()
+        unit = Unit.unpickled(payload)
+        yield done or Done(len(unit.images), None, unit)
+
+
+def _watched(ready: Iterable[Future], cancel: Callable[[], None]) -> Iterator[Future]:
+    """Tasks as they end; ``cancel``, by which they end too, is called where none does for :data:`STALLED_S`."""
+    left = iter(ready)
+    while True:
+        timer = threading.Timer(STALLED_S, cancel)
+        timer.daemon = True
+        timer.start()
+        try:
+            future = next(left, None)
+        finally:
+            timer.cancel()
+        if future is None:
+            return
+        yield future
 
 
 def _answer(future: Future, payloads: Sequence[bytes]) -> Done | None:
@@ -140,9 +183,9 @@ def _answer(future: Future, payloads: Sequence[bytes]) -> Done | None:
     if future.status != "finished":
         return None
     try:
-        part = Accumulator.from_bytes(future.result())
+        part = Accumulator.from_bytes(future.result(timeout=STALLED_S))
     except OSError:
-        # The worker that held the answer died just now.
+        # The worker that held the answer died just now, and it is not computed again in time.
         return None
     units = [Unit.unpickled(payload) for payload in payloads]
     return Done(sum(len(unit.images) for unit in units), part, units[0] if len(units) == 1 else None)
