@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
@@ -53,6 +54,7 @@ __all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "notes_of", "programs"]
 MAP_SHAPE: Final = (17, 13)
 _PROGRAMS: Final = {"calibrary": "calibrary", "opencv": "OpenCV", "pycolmap": "pycolmap"}
 """Those that a provenance names, as people write them."""
+_MODULES: Final = {"cv2": "opencv"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,7 +118,7 @@ def assess(solved: Solved, limits: Limits = LIMITS, *, seed: int = 0) -> Calibra
         covariance = solved.joint.covariance
     else:
         covariance = _own_covariance(solved, halves, stretched[1] if stretched is not None else None, limits)
-    versions = solved.versions or programs()
+    versions = solved.versions or programs("cv2")
     calibration = _calibration(observations, usable, adjusted, covariance, halves, versions)
     uncertainty = _uncertainty(calibration)
     noise = corner_noise(usable)
@@ -374,12 +376,15 @@ def _between_halves(
         return None
 
 
-def programs() -> dict[str, str]:
-    """The versions of the programs that took part."""
-    import cv2
+def programs(*further: str) -> dict[str, str]:
+    """The versions of the programs that took part.
 
+    Args:
+        further: modules beside numpy.
+    """
     try:
         ours = version("calibrary")
     except PackageNotFoundError:
         ours = "unknown"
-    return {"calibrary": ours, "opencv": cv2.__version__, "numpy": np.__version__}
+    others = {_MODULES.get(name, name): str(import_module(name).__version__) for name in further}
+    return {"calibrary": ours, **others, "numpy": np.__version__}

@@ -31,6 +31,7 @@ class Reason(StrEnum):
     SAME_POSE = "same-pose"
     PARTIAL_BOARD = "partial-board"
     PERSPECTIVE_BIAS = "perspective-bias"
+    NOT_PLACED = "not-placed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

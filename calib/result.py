@@ -17,7 +17,7 @@ from calibrary.calibration import Calibration
 from calibrary.records import Record
 from calibrary.validation import Finding
 
-__all__ = ["CalibrationResult", "Dismissal", "DismissalReason", "ViewResult"]
+__all__ = ["CalibrationResult", "Dismissal", "DismissalReason", "FlightGeometry", "Flown", "ViewResult"]
 
 
 class DismissalReason(StrEnum):
@@ -63,6 +63,42 @@ class ViewResult:
     residuals_px: FloatArray | None = None
 
 
+class FlightGeometry(Record):
+    """How a flight was flown, as its adjustment shows it.
+
+    Attributes:
+        focal_by_px: relative change of fx by one pixel of systematic error in the images, at its worst.
+        relief: standard deviation of the ground's heights as a share of the flying height.
+        height_ratio: highest over lowest image above the ground, a tenth of the images at each end left out.
+        tilt_deg: nine of ten images look down within this angle.
+        headings_deg: largest angle between two images' rows on the ground, at most 90.
+        metres: whether the images' positions give the scene its size.
+    """
+
+    focal_by_px: float
+    relief: float
+    height_ratio: float
+    tilt_deg: float
+    headings_deg: float
+    metres: bool
+
+
+class Flown(Record):
+    """What a calibration from a flight has in the place of a board.
+
+    Attributes:
+        geometry: of the flight.
+        fx_held: px, with the principal point held in the middle of the image; None where that was not tried.
+        held_weight: 1 where the images cannot tell whether it is there, 0 where they speak against it.
+        chosen: how the images were chosen, in words.
+    """
+
+    geometry: FlightGeometry
+    fx_held: float | None = None
+    held_weight: float = 0.0
+    chosen: str | None = None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CalibrationResult:
     """A calibration with all that speaks for and against it.
@@ -82,6 +118,7 @@ class CalibrationResult:
         observations: what all this was made from.
         versions: of the programs.
         date_origin: where the calibration's date is from, in words; None before it has one.
+        flown: of a flight; None for a board or control points.
     """
 
     calibration: Calibration
@@ -98,6 +135,7 @@ class CalibrationResult:
     observations: Observations
     versions: Mapping[str, str]
     date_origin: str | None = None
+    flown: Flown | None = None
 
     @property
     def verdict(self) -> BoardVerdict:

@@ -54,7 +54,7 @@ class Plan:
     noise_px: float = 0.5
     outliers: float = 0.02
     gps_m: tuple[float, float] | None = (1.5, 2.5)
-    points: int = 1200
+    points: int = 800
 
 
 def ground(plan: Plan, seed: int) -> FloatArray:

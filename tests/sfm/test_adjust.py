@@ -16,7 +16,7 @@ from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import FLIGHT, FlightResult, flight_result
 from calibrary.sfm.bundle import adjust_bundle, lens_block, linearise, reduce
-from calibrary.sfm.sigma import covariance, halves
+from calibrary.sfm.sigma import FOCAL_BY_PX, covariance, halves
 from calibrary.sfm.tracks import Scene, Tracks, aligned, thinned
 from tests.sfm.flights import CAMERA, PLANS, Plan, fly
 
@@ -165,7 +165,7 @@ def test_geometry_is_told_from_what_was_flown() -> None:
     assert good.height_ratio > 1.4
     assert flat.headings_deg < 20
     assert good.headings_deg > 80
-    assert flat.focal_by_px > 1.0
+    assert flat.focal_by_px > FOCAL_BY_PX
     assert good.focal_by_px < 0.3
 
 

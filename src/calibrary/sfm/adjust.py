@@ -31,7 +31,7 @@ from calibrary.calib.rejection import RAYLEIGH_MEDIAN, Gate
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, reduce
-from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, aligned
+from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, aligned, levelled
 
 __all__ = ["Adjustment", "adjust", "scene_of_model"]
 
@@ -80,7 +80,7 @@ def adjust(
     if tracks.positions is not None and int(tracks.positions.known.sum()) >= FEWEST_IMAGES:
         start = aligned(start, tracks.positions)
     else:
-        tracks = replace(tracks, positions=None)
+        tracks, start = replace(tracks, positions=None), levelled(start)
     bundle, counts = _screened(tracks, scene_of_model(start, model or Solvable.BROWN), held)
     bundle, candidates = _best(bundle, model, held)
     if bundle.scene.model is not Solvable.BROWN or model is None:

@@ -13,7 +13,7 @@ from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.assessment import Joint, Solved, assess, notes_of
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.observations import ControlPoints, Observations, View
-from calibrary.calib.result import CalibrationResult
+from calibrary.calib.result import CalibrationResult, FlightGeometry, Flown
 from calibrary.calib.solve import Solution
 from calibrary.calib.verdict import LIMITS, BoardVerdict
 from calibrary.calib.verdict_rules import graver_first, size_share
@@ -21,7 +21,7 @@ from calibrary.calibration import CameraKey, Grade
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
-from calibrary.sfm.sigma import Geometry, Trust, trust
+from calibrary.sfm.sigma import FOCAL_BY_PX, Trust, trust
 from calibrary.validation import Finding, Severity
 
 __all__ = ["FLIGHT", "FlightResult", "flight_result"]
@@ -29,8 +29,6 @@ __all__ = ["FLIGHT", "FlightResult", "flight_result"]
 FLIGHT: Final = "flight"
 """The kind of provenance."""
 FEW_IMAGES: Final = 15
-FOCAL_BY_PX: Final = 1.0
-"""A tenth of a pixel of systematic error, which rolling shutters and moving leaves easily cause, moves fx by 10 %."""
 LEAST_WEIGHT: Final = 0.01
 HELD_WANTED: Final = 0.002
 """Relative change of fx when the principal point is held in the middle, where the images leave that open."""
@@ -62,6 +60,7 @@ def flight_result(
     *,
     about: Observations | None = None,
     scale: float = 1.0,
+    chosen: str | None = None,
     versions: Mapping[str, str] | None = None,
     seed: int = 0,
 ) -> FlightResult:
@@ -72,6 +71,7 @@ def flight_result(
         about: camera, focus, firmware and days as the images state them, and a view with the hash of each file; its
             points are replaced.
         scale: px of the images for a px of the size that points were looked for in.
+        chosen: how the images were chosen, in words.
         versions: of the programs that took part.
         seed: of dealing the images into halves.
 
@@ -113,7 +113,15 @@ def flight_result(
     by = scale / size_share(observations.image_size)
     limits = replace(LIMITS, rms_wanted_px=RMS_WANTED_PX * by, rms_needed_px=RMS_NEEDED_PX * by)
     result = assess(solved, limits)
-    findings = graver_first((*result.findings, *_judged(known, len(images))))
+    flown = Flown(
+        geometry=known.geometry,
+        fx_held=float(known.held.parameters[0]) if known.held is not None else None,
+        held_weight=known.held.weight if known.held is not None else 0.0,
+        chosen=chosen,
+    )
+    findings = graver_first(
+        (*map(_of_flight, result.findings), *_judged(known, len(images), result.calibration.intrinsics.fx))
+    )
     refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
     calibration = replace(
         result.calibration,
@@ -126,14 +134,16 @@ def flight_result(
             tag=f"{len(images)} images, {len(observations.board.points)} points",
         ),
     )
-    return FlightResult(result=replace(result, calibration=calibration, findings=findings), trust=known)
+    return FlightResult(
+        result=replace(result, calibration=calibration, findings=findings, flown=flown), trust=known
+    )
 
 
-def _unit(geometry: Geometry) -> float:
+def _unit(geometry: FlightGeometry) -> float:
     return MM if geometry.metres else 1.0
 
 
-def _observations(found: Adjustment, geometry: Geometry, about: Observations | None) -> Observations:
+def _observations(found: Adjustment, geometry: FlightGeometry, about: Observations | None) -> Observations:
     """The reconstruction's points in the place of control points, and where each image shows them, outliers too."""
     bundle, tracks = found.bundle, found.everything
     points = np.unique(bundle.tracks.point)
@@ -174,10 +184,44 @@ def _seen(found: Adjustment, network: Network) -> BoolArray:
     return seen
 
 
-def _judged(known: Trust, images: int) -> Iterator[Finding]:
+_REMEDIES: Final[Mapping[str, str]] = {
+    "centre-only": "choose images whose edges show ground that others show too",
+    "low-coverage": "choose images whose edges show ground that others show too",
+    "uncertain-edge": "choose more images, which overlap to their edges",
+    "valid-region": "choose more images, which overlap to their edges, or a simpler model",
+    "not-monotonic": "choose more images, which overlap to their edges, or a simpler model",
+    "uncertain-focal-length": "fly cross strips at a second height (half as high again) or a few oblique images of "
+    "30°, and give more images: --images",
+    "poor-fit": "leave out images of what moves, such as water and trees in the wind, and of another focus or zoom",
+    "lens-model": "choose more images: --images",
+    "unknown-uncertainty": "choose a simpler model, or more images",
+    "no-variance-factor": "choose more images: --images",
+    "unstable": "fly slower, with a shorter exposure, or with a mechanical shutter",
+    "rolling-shutter": "fly slower, or use the mechanical shutter",
+    "motion-blur": "fly slower, or expose shorter",
+    "unclear-cause": "look at the images that fit worst",
+}
+"""What a flight's pilot can do, where a board's words would not do."""
+
+
+def _of_flight(finding: Finding) -> Finding:
+    """A board's finding in the words of a flight."""
+    message = finding.message
+    if finding.rule == "corners-rejected":
+        message = f"{finding.measured:.0f} observations of points were rejected as outliers"
+    message = message.replace("no corner was", "no point was").replace(
+        "corners were seen", "points were seen"
+    )
+    message = message.replace("corners reach", "points reach").replace("corners lie", "points lie")
+    message = message.replace("the corners ask", "the points ask").replace("of the views", "of the images")
+    return replace(finding, message=message, remedy=_REMEDIES.get(finding.rule, finding.remedy))
+
+
+def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
     """What speaks against a flight."""
     geometry, C = known.geometry, known.covariance
     inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
+    sigma = float(np.sqrt(C.matrix[0, 0] * inflation))
     if images < FEW_IMAGES:
         yield Finding(
             rule="few-images",
@@ -187,7 +231,7 @@ def _judged(known: Trust, images: int) -> Iterator[Finding]:
             message=f"{images} images were reconstructed, need {FEW_IMAGES}",
             remedy="choose more images that overlap: --images",
         )
-    if geometry.focal_by_px > FOCAL_BY_PX:
+    if not known.separates_height:
         why = ", ".join(_shortcomings(geometry))
         yield Finding(
             rule="focal-length-or-height",
@@ -196,23 +240,22 @@ def _judged(known: Trust, images: int) -> Iterator[Finding]:
             limit=FOCAL_BY_PX,
             message="focal length and flying height cannot be told apart"
             + (f": {why}" if why else "")
-            + f". A tenth of a pixel of systematic error in the images may move fx by {geometry.focal_by_px / 10:.0%}",
+            + f". A tenth of a pixel of systematic error in the images may move fx by {geometry.focal_by_px / 10:.0%}; "
+            f"what is certain nevertheless is fx = {fx:.0f} px within {3 * sigma / fx:.1%} (3 σ)",
             remedy="fly cross strips at a second height (half as high again) or a few oblique images of 30°",
         )
     held = known.held
     if held is not None:
-        free, bound = held.free_fx, float(held.parameters[0])
-        change = bound / free - 1
-        sure = 3 * float(np.sqrt(C.matrix[0, 0] * inflation)) / free
+        change = float(held.parameters[0]) / held.free_fx - 1
         if held.weight > LEAST_WEIGHT and abs(change) > HELD_WANTED:
             yield Finding(
                 rule="principal-point",
                 severity=Severity.UNPROVEN,
                 measured=abs(change),
                 limit=HELD_WANTED,
-                message=f"with the principal point held in the middle of the image fx is {bound:.1f} px, with it free "
-                f"{free:.1f} px ({change:+.2%}), and the images do not say which is right; what is certain is fx = "
-                f"{free:.0f} px within {sure:.1%}",
+                message=f"with the principal point held in the middle of the image fx is {held.parameters[0]:.1f} px, "
+                f"with it free {held.free_fx:.1f} px ({change:+.2%}), and this flight does not say which is right; σ "
+                "includes the difference",
                 remedy="fly strips across the others, so that images of the same ground are turned by 90°",
             )
     if not geometry.metres:
@@ -223,7 +266,7 @@ def _judged(known: Trust, images: int) -> Iterator[Finding]:
         )
 
 
-def _shortcomings(geometry: Geometry) -> Iterator[str]:
+def _shortcomings(geometry: FlightGeometry) -> Iterator[str]:
     """What the adjusted flight lacks."""
     if geometry.height_ratio < SINGLE_HEIGHT:
         yield f"all images are from one height (highest ÷ lowest {geometry.height_ratio:.2f})"

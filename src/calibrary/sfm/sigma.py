@@ -4,7 +4,8 @@ The covariance from the residuals knows noise that differs from point to point. 
 rolling shutter, and what the model does not have, it does not know. So, as with boards, halves of the images are solved
 by themselves and compared (:mod:`calibrary.calib.variance_factor`); and what the camera would be with the principal
 point held in the middle of the image, or with the lens's next radial term, is part of the stated variance as far as
-the images do not speak against it: the shift d adds w · d dᵀ (model averaging's variance between the models).
+the images do not speak against it: the shift d adds w · d dᵀ (model averaging's variance between the models). Of a
+flight that does not tell the focal length from the height all of it is added.
 
 How well a flight's geometry separates the focal length from the flying height does not depend on the number of points
 nor on their noise. It is stated as the error of the focal length by one pixel of systematic error in the images, at
@@ -23,18 +24,24 @@ import numpy as np
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.freed import Freed
 from calibrary.calib.lens_series import HAVE_A_NEXT_TERM, next_term, shift_of_term
+from calibrary.calib.result import FlightGeometry
 from calibrary.calib.variance_factor import Half, SplitHalf, compared, solved_half
 from calibrary.calibration import Covariance
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, reduce
+from calibrary.sfm.tracks import upward
 
-__all__ = ["Geometry", "Held", "Trust", "covariance", "flight_geometry", "halves", "trust"]
+__all__ = ["FOCAL_BY_PX", "Held", "Trust", "covariance", "flight_geometry", "halves", "trust"]
 
 SPLITS: Final = 15
 """Each takes two reductions of half the flight."""
 FEWEST_IMAGES: Final = 8
+FOCAL_BY_PX: Final = 0.6
+"""Change of fx by a pixel of systematic error beyond which focal length and height are not told apart: a tenth of a
+pixel, which a rolling shutter or a lens's own irregularities easily cause, moves fx by 6 %. Flat ground from one height
+straight down gives 2.5, and 0.8 where wind tilts the images; two heights with RTK 0.14."""
 CENTRE: Final = ("cx", "cy")
 
 
@@ -54,27 +61,6 @@ class Held:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Geometry:
-    """How the flight was flown, as its adjustment shows it.
-
-    Attributes:
-        focal_by_px: relative change of fx by one pixel of systematic error, at its worst.
-        relief: standard deviation of the points' heights as a share of the flying height.
-        height_ratio: highest over lowest image above the points.
-        tilt_deg: nine of ten images look down within this angle.
-        headings_deg: largest angle between two images' headings, at most 90.
-        metres: whether lengths are metres.
-    """
-
-    focal_by_px: float
-    relief: float
-    height_ratio: float
-    tilt_deg: float
-    headings_deg: float
-    metres: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trust:
     """All that is known of the camera's uncertainty.
 
@@ -83,12 +69,14 @@ class Trust:
         halves: None where there are too few images, or hardly any half can be solved.
         held: None where the principal point was held to begin with, or that cannot be solved.
         geometry: of the flight.
+        separates_height: whether that tells the focal length from the flying height.
     """
 
     covariance: Covariance
     halves: SplitHalf | None
     held: Held | None
-    geometry: Geometry
+    geometry: FlightGeometry
+    separates_height: bool
 
 
 def trust(found: Adjustment, *, seed: int = 0) -> Trust:
@@ -102,7 +90,8 @@ def trust(found: Adjustment, *, seed: int = 0) -> Trust:
     geometry = flight_geometry(bundle, C)
     split = halves(bundle, seed=seed)
     inflation = max(1.0, split.kappa2) if split is not None else 1.0
-    held = _held(bundle, C * inflation)
+    separates = geometry.focal_by_px <= FOCAL_BY_PX
+    held = _held(bundle, C * inflation, trusted=separates)
     between = np.zeros_like(C)
     if held is not None:
         shift = held.parameters - bundle.scene.parameters
@@ -115,6 +104,7 @@ def trust(found: Adjustment, *, seed: int = 0) -> Trust:
         halves=split,
         held=held,
         geometry=geometry,
+        separates_height=separates,
     )
 
 
@@ -185,8 +175,11 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
     return solved_half(matrix, right, mine.cost - reduced.from_points - from_poses, dof)
 
 
-def _held(bundle: Bundle, C: FloatArray) -> Held | None:
-    """The camera with its principal point in the middle, and how far the images leave that open."""
+def _held(bundle: Bundle, C: FloatArray, *, trusted: bool) -> Held | None:
+    """The camera with its principal point in the middle, and how far the images leave that open.
+
+    Where the geometry is too weak for the focal length, it is too weak for what the images say against that.
+    """
     at = [bundle.scene.model.parameters.index(name) for name in CENTRE]
     if not set(at) <= set(bundle.free.tolist()):
         return None
@@ -194,7 +187,7 @@ def _held(bundle: Bundle, C: FloatArray) -> Held | None:
     off = middle - scene.parameters[at]
     chi2 = float(off @ np.linalg.solve(C[np.ix_(at, at)], off))
     parameters = scene.parameters + C[:, at] @ np.linalg.solve(C[np.ix_(at, at)], off)
-    weight = math.exp(-chi2 / 2)
+    weight = math.exp(-chi2 / 2) if trusted else 1.0
     if not scene.model.is_possible(parameters):
         return None
     parameters[at] = middle
@@ -232,7 +225,7 @@ def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatAr
     return None
 
 
-def flight_geometry(bundle: Bundle, C: FloatArray) -> Geometry:
+def flight_geometry(bundle: Bundle, C: FloatArray) -> FlightGeometry:
     """Measure the adjusted flight.
 
     Args:
@@ -243,9 +236,7 @@ def flight_geometry(bundle: Bundle, C: FloatArray) -> Geometry:
     turns, centres = scene.rotations[tracks.used], scene.centres[tracks.used]
     points = scene.points[np.unique(tracks.point)]
     # The ground's own plane says what is up, whether the world was turned by positions or not.
-    middle = np.median(points, axis=0)
-    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
-    up = axes[2] * (1.0 if float(np.median((centres - middle) @ axes[2])) > 0 else -1.0)
+    up, middle = upward(points, centres), np.median(points, axis=0)
     heights, ground = (centres - middle) @ up, (points - middle) @ up
     typical = float(np.median(heights))
     down = np.degrees(np.arccos(np.clip(-turns[:, 2] @ up, -1.0, 1.0)))
@@ -255,8 +246,8 @@ def flight_geometry(bundle: Bundle, C: FloatArray) -> Geometry:
     across = np.degrees(np.arccos(np.clip(np.abs(level @ level.T), 0.0, 1.0)))
     size = 2 * len(tracks.point)
     by_px = math.sqrt(C[0, 0] / bundle.variance * size) / scene.parameters[0]
-    return Geometry(
-        focal_by_px=by_px,
+    return FlightGeometry(
+        focal_by_px=float(by_px),
         relief=float(np.subtract(*np.percentile(ground, (84.13, 15.87)))) / 2 / max(typical, 1e-12),
         height_ratio=float(np.percentile(heights, 90) / max(np.percentile(heights, 10), 1e-12)),
         tilt_deg=float(np.percentile(down, 90)),

@@ -13,7 +13,7 @@ from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = ["FEWEST_IMAGES", "Positions", "Scene", "Tracks", "aligned", "thinned"]
+__all__ = ["FEWEST_IMAGES", "Positions", "Scene", "Tracks", "aligned", "levelled", "thinned", "upward"]
 
 FEWEST_IMAGES: Final = 3
 """Fewer leave nothing to check a focal length by."""
@@ -120,6 +120,32 @@ def aligned(scene: Scene, positions: Positions) -> Scene:
         rotations=scene.rotations @ turn.T,
         centres=moved(scene.centres),
         points=moved(scene.points),
+    )
+
+
+def upward(points: FloatArray, centres: FloatArray) -> FloatArray:
+    """(3,) unit vector across the ground's own plane, to the side of the images.
+
+    Args:
+        points: (P, 3).
+        centres: (V, 3) of projection.
+    """
+    middle = np.median(points, axis=0)
+    axis = np.linalg.svd(points - middle, full_matrices=False)[2][2]
+    return np.asarray(axis * (1.0 if float(np.median((centres - middle) @ axis)) > 0 else -1.0))
+
+
+def levelled(scene: Scene) -> Scene:
+    """The same scene turned so that its ground is level, z up, where no position says how it lies."""
+    up = upward(scene.points, scene.centres)
+    across = np.cross(up, (1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else (0.0, 1.0, 0.0))
+    across /= np.linalg.norm(across)
+    turn = np.stack([across, np.cross(up, across), up])
+    return replace(
+        scene,
+        rotations=scene.rotations @ turn.T,
+        centres=scene.centres @ turn.T,
+        points=scene.points @ turn.T,
     )
 
 

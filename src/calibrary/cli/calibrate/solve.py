@@ -17,7 +17,7 @@ from calibrary.cli.registry.place import opened
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from calibrary.api.boards import CalibrateResult
+    from calibrary.api.boards import CalibrateResult, Places
     from calibrary.api.fleet import Fleet
     from calibrary.calibration import CameraKey
     from calibrary.cli.calibrate.solve_display import Display
@@ -28,8 +28,15 @@ __all__ = [
     "EXIT_NOT_PASSED",
     "LENS_MODELS",
     "add_arguments",
+    "add_file_flags",
+    "add_provenance_flags",
+    "add_registry_flags",
+    "check_outputs",
+    "finish",
     "process_count",
     "run",
+    "stated_camera",
+    "writes_registry",
 ]
 
 DESCRIPTION = """\
@@ -110,7 +117,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "OpenCV and mrcal do (default of --from)",
     )
     _add_output_flags(parser)
-    _add_provenance_flags(parser)
+    add_provenance_flags(parser)
     add_camera_flags(parser)
     _add_solving_flags(parser)
     add_json_flag(parser)
@@ -135,18 +142,29 @@ def _add_solving_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_output_flags(parser: argparse.ArgumentParser) -> None:
+    outputs = add_file_flags(parser)
+    outputs.add_argument(
+        "--corners", type=Path, metavar="FILE", help="what was seen, to solve it again with --from, .json"
+    )
+    add_registry_flags(parser)
+
+
+def add_file_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """What any calibration can write."""
     outputs = parser.add_argument_group("what is written")
     outputs.add_argument(
         "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
-    )
-    outputs.add_argument(
-        "--corners", type=Path, metavar="FILE", help="what was seen, to solve it again with --from, .json"
     )
     outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
     outputs.add_argument("--to", metavar="FORMAT", help="its format (default: by the suffix of its name)")
     outputs.add_argument(
         "--correlations", action="store_true", help="also show which parameters trade places"
     )
+    return outputs
+
+
+def add_registry_flags(parser: argparse.ArgumentParser) -> None:
+    """How a calibration becomes an entry."""
     keeping = parser.add_argument_group("the registry")
     keeping.add_argument(
         "--registry", type=Path, metavar="PATH", help="put the calibration into this one, as a draft"
@@ -160,7 +178,8 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     add_yes_flag(parser, "write into the registry without asking")
 
 
-def _add_provenance_flags(parser: argparse.ArgumentParser) -> None:
+def add_provenance_flags(parser: argparse.ArgumentParser) -> None:
+    """When it was made, and by whom."""
     stated = parser.add_argument_group("where it is from")
     stated.add_argument(
         "--date",
@@ -180,14 +199,25 @@ def run(arguments: argparse.Namespace) -> int:
     given = arguments
     places = Places(report=given.report, corners=given.corners, out=given.out, format=given.to)
     places.check()
-    fleet = opened(arguments) if _writes_registry(arguments) else None
+    fleet = opened(arguments) if writes_registry(arguments) else None
     display = Display(arguments)
     done = _calibrated(arguments, fleet)
-    display.show(done.result, done.collected, correlations=given.correlations)
+    return finish(arguments, places, fleet, display, done)
+
+
+def finish(
+    arguments: argparse.Namespace,
+    places: Places,
+    fleet: Fleet | None,
+    display: Display,
+    done: CalibrateResult,
+) -> int:
+    """Show a calibration, write what was asked for, and end by its verdict."""
+    display.show(done.result, done.collected, correlations=arguments.correlations)
     display.show_files(done.write(places))
-    kept = fleet is None or _keep(arguments, fleet, done, display)
+    kept = fleet is None or keep(arguments, fleet, done, display)
     display.verdict(done.result, done.collected)
-    if given.json:
+    if arguments.json:
         print_json(done.to_dict(), indent=None)
     return 0 if done.is_good and kept else EXIT_NOT_PASSED
 
@@ -213,7 +243,7 @@ def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> Calibrate
             date=given.date,
             operator=given.operator,
             focus=given.focus,
-            camera=_camera(arguments, fleet),
+            camera=stated_camera(arguments, fleet),
             keep_corners=given.corners,
             for_registry=fleet is not None,
             skip_other_sizes=given.skip_other_sizes,
@@ -222,7 +252,7 @@ def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> Calibrate
         )
 
 
-def _camera(arguments: argparse.Namespace, fleet: Fleet | None) -> Callable[[CameraKey], CameraKey]:
+def stated_camera(arguments: argparse.Namespace, fleet: Fleet | None) -> Callable[[CameraKey], CameraKey]:
     """What is said of the camera: by the entry that it is to replace, and by flags in its place."""
     from calibrary.api.boards import camera_of_entry
 
@@ -248,9 +278,15 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         parser.error("--marker-mm needs the size of the squares too: say --square-mm MM")
     if arguments.points is not None and arguments.image_size is None:
         parser.error("--points needs the size of the images: say --image-size WxH")
+    check_outputs(arguments)
+
+
+def check_outputs(arguments: argparse.Namespace) -> None:
+    """End as misused flags of files and of the registry that go without the flag they belong to."""
+    parser = arguments.parser
     if arguments.to is not None and arguments.out is None:
         parser.error("--to is the format of --out FILE, which is missing")
-    if _writes_registry(arguments):
+    if writes_registry(arguments):
         if not arguments.yes and not can_ask():
             parser.error(
                 "not a terminal, so nothing can be confirmed before the registry is written: give --yes"
@@ -261,11 +297,12 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         )
 
 
-def _writes_registry(arguments: argparse.Namespace) -> bool:
+def writes_registry(arguments: argparse.Namespace) -> bool:
+    """Whether an entry is asked for."""
     return arguments.registry is not None or arguments.as_key is not None
 
 
-def _keep(arguments: argparse.Namespace, fleet: Fleet, done: CalibrateResult, display: Display) -> bool:
+def keep(arguments: argparse.Namespace, fleet: Fleet, done: CalibrateResult, display: Display) -> bool:
     """Write the entry, if the verdict, the check and the person allow it; whether nothing speaks against it."""
     if done.verdict.value == "refuse":
         display.say("a refused calibration becomes no entry; nothing was written into the registry")

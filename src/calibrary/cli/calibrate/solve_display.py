@@ -18,7 +18,7 @@ from calibrary.cli.tables import Column, facts, fitted
 
 if TYPE_CHECKING:
     from calibrary.calib.collect import Collected
-    from calibrary.calib.result import CalibrationResult
+    from calibrary.calib.result import CalibrationResult, Flown
     from calibrary.jobs.calibrate_board.outputs import Files
     from calibrary.registry.git.writing import Written
     from calibrary.registry.proposals import Proposal
@@ -155,7 +155,7 @@ def _correlations(quality: Quality, width: int) -> list[Text]:
 def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
     """What the verdict was judged by, a line each."""
     evidence, seen, quality = result.evidence, result.evidence.geometry, result.calibration.quality
-    if evidence.unit != "mm":
+    if evidence.unit != "mm" and result.flown is None:
         yield (
             "scale",
             "unknown: the side of a square was not stated, so lengths are in squares (K does not need it)",
@@ -183,16 +183,34 @@ def _facts(result: CalibrationResult) -> Iterator[tuple[str, str]]:
             "board warp",
             f"{evidence.length(w0, '+')} across, {evidence.length(w1, '+')} down (F = {result.warp.f:.1f}), {found}",
         )
-    yield (
-        "tilt",
-        f"normals spread {seen.tilt_spread_deg:.0f}°, farthest ÷ nearest corner {seen.depth_ratio:.2f}",
-    )
+    if result.flown is not None:
+        yield from _flown(result.flown)
+    else:
+        yield (
+            "tilt",
+            f"normals spread {seen.tilt_spread_deg:.0f}°, farthest ÷ nearest corner {seen.depth_ratio:.2f}",
+        )
     yield (
         "coverage",
         f"{seen.coverage.fraction:.0%} of the cells, {seen.coverage.reach:.0%} of the way to the corners",
     )
     if evidence.edge_px is not None:
         yield "uncertainty", f"at most {evidence.edge_px:.2g} px anywhere in the frame"
+
+
+def _flown(flown: Flown) -> Iterator[tuple[str, str]]:
+    """How a flight was flown."""
+    seen = flown.geometry
+    if flown.chosen is not None:
+        yield "images", flown.chosen
+    yield (
+        "flight",
+        f"highest ÷ lowest image {seen.height_ratio:.2f}, nine of ten look down within {seen.tilt_deg:.0f}°, headings "
+        f"{seen.headings_deg:.0f}° apart, relief {seen.relief:.1%} of the flying height",
+    )
+    yield "systematic", f"a tenth of a pixel of systematic error may move fx by {seen.focal_by_px / 10:.1%}"
+    if flown.fx_held is not None:
+        yield "principal point", f"held in the middle of the image: fx {flown.fx_held:.2f} px"
 
 
 def _views(result: CalibrationResult, collected: Collected, width: int) -> list[Text]:
@@ -205,7 +223,8 @@ def _views(result: CalibrationResult, collected: Collected, width: int) -> list[
         if view.without is None:
             if view.rms_px is None or view.rms_px <= least:
                 continue
-            out = f"{len(view.corners_out)} corners rejected" if view.corners_out else ""
+            points = "corners" if result.flown is None else "points"
+            out = f"{len(view.corners_out)} {points} rejected" if view.corners_out else ""
             said = "; ".join(text for text in (out, remarks.get(view.name, "")) if text)
             rows.append((plain(view.name), f"{view.rms_px:.3f}", plain(said)))
         else:

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 
 from calibrary.calib.board import Board
 from calibrary.calib.collect import Collected
-from calibrary.calib.result import CalibrationResult
+from calibrary.calib.result import CalibrationResult, Flown
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate_board.page_plots import (
     board_plots,
     fit_plots,
+    flight_plots,
     frame_plots,
     lens_plots,
     trust_plots,
@@ -42,6 +43,7 @@ OUTCOMES = {
     BoardVerdict.REFUSE: Badge("refused", Tone.BAD),
 }
 TONES = {Severity.NOTE: Tone.NEUTRAL, Severity.UNPROVEN: Tone.CAUTION, Severity.ERROR: Tone.BAD}
+FLIGHT_REFUSED = "No K was written; what to fly instead is said below."
 LEADS = {
     BoardVerdict.PASS: "It may be approved.",
     BoardVerdict.PROVISIONAL: "It may be kept as a draft, and not be approved.",
@@ -55,12 +57,13 @@ def calibration_page(result: CalibrationResult, collected: Collected) -> Page:
     quality, views = result.calibration.quality, len(result.rms_by_view)
     rms = f"{quality.rms_px:.3f} px" if quality is not None and quality.rms_px is not None else "unknown"
     shown = len(result.views) + len(collected.rejected)
+    refused_flight = result.flown is not None and result.verdict is BoardVerdict.REFUSE
     versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
     return Page(
         title=f"Calibration of {result.calibration.camera}",
         badge=OUTCOMES[result.verdict],
         lead=f"From {views} of {shown} views of {collected.observations.board}, reprojection error (RMS) {rms}. "
-        f"{LEADS[result.verdict]}",
+        f"{FLIGHT_REFUSED if refused_flight else LEADS[result.verdict]}",
         sections=tuple(_sections(result, collected)),
         made_by=f"Made by {versions}.",
     )
@@ -72,7 +75,13 @@ def _sections(result: CalibrationResult, collected: Collected) -> Iterator[Secti
     yield Section(
         title="How the views fit", anchor="fit", blocks=(*fit_plots(result), _views(result, collected))
     )
-    yield Section(title="How the board was held", anchor="held", blocks=(_held(result), *board_plots(result)))
+    if result.flown is not None:
+        flown = (_flown(result.flown), *flight_plots(result))
+        yield Section(title="How the flight was flown", anchor="flown", blocks=flown)
+    else:
+        yield Section(
+            title="How the board was held", anchor="held", blocks=(_held(result), *board_plots(result))
+        )
     yield Section(title="How far to trust it", anchor="trust", blocks=tuple(trust_plots(result)))
     yield Section(title="The lens", anchor="lens", blocks=(_models(result), *lens_plots(result)))
     if frames := tuple(frame_plots(result, collected)):
@@ -162,12 +171,13 @@ def _values(calibration: Calibration) -> list[tuple[str, float]]:
 def _views(result: CalibrationResult, collected: Collected) -> Details:
     remarks = {remark.name: remark.remark.text for remark in collected.remarks}
     seen = {view.name: view for view in collected.observations.views}
+    of_flight = result.flown is not None
     rows: list[tuple[str | Badge, ...]] = []
     for view in result.views:
         given = seen.get(view.name)
         why = view.without.message if view.without is not None else remarks.get(view.name, "")
         if view.corners_out and not why:
-            why = f"{len(view.corners_out)} corners rejected"
+            why = f"{len(view.corners_out)} {'points' if of_flight else 'corners'} rejected"
         rows.append(
             (
                 view.name,
@@ -185,12 +195,12 @@ def _views(result: CalibrationResult, collected: Collected) -> Details:
         for one in collected.rejected
     ]
     table = Table(
-        caption="Every frame that was given",
+        caption="Every image that was chosen" if of_flight else "Every frame that was given",
         columns=(
             Column("frame"),
             Column("state"),
             Column("RMS (px)", numeric=True),
-            Column("corners", numeric=True),
+            Column("points" if of_flight else "corners", numeric=True),
             Column("edge width (px)", numeric=True),
             Column("remark"),
         ),
@@ -214,6 +224,23 @@ def _held(result: CalibrationResult) -> KeyValues:
                 "reach towards the frame's corners",
                 f"{seen.coverage.reach:.0%}, needed {limits.reach_needed:.0%}",
             ),
+        )
+    )
+
+
+def _flown(flown: Flown) -> KeyValues:
+    seen = flown.geometry
+    held = f"{flown.fx_held:.2f} px" if flown.fx_held is not None else "not tried"
+    chosen = (("images", flown.chosen),) if flown.chosen is not None else ()
+    return KeyValues(
+        (
+            *chosen,
+            ("highest ÷ lowest image", f"{seen.height_ratio:.2f}; half as high again is best"),
+            ("nine of ten look down within", f"{seen.tilt_deg:.0f}°; some at 30° are best"),
+            ("headings", f"{seen.headings_deg:.0f}° apart; 90° is best"),
+            ("relief", f"{seen.relief:.1%} of the flying height"),
+            ("0.1 px of systematic error", f"may move fx by {seen.focal_by_px / 10:.1%}"),
+            ("fx with the principal point in the middle", held),
         )
     )
 
@@ -260,7 +287,9 @@ def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
         "firmware": made.firmware,
         "date": f"{made.date}, {result.date_origin}",
         "focus": made.focus or "not said by the frames",
-        "board": board.described if isinstance(board, Board) else str(board),
+        "points" if result.flown is not None else "board": board.described
+        if isinstance(board, Board)
+        else str(board),
         "corner noise": f"{noise:.3f} px by coordinate, from neighbours alone" if noise is not None else None,
         "corners' SHA-256": made.sha256,
         "operator": made.operator,
@@ -269,7 +298,7 @@ def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
     files = [view for view in seen.views if view.sha256 is not None][:MOST_ROWS]
     if files:
         table = Table(
-            caption="Frames with a view of the board",
+            caption="The images" if result.flown is not None else "Frames with a view of the board",
             columns=(Column("frame"), Column("SHA-256")),
             rows=tuple((view.name, view.sha256 or "") for view in files),
         )

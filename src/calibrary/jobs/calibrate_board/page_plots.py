@@ -26,7 +26,7 @@ from calibrary.pages.plots import (
     vector_field,
 )
 
-__all__ = ["board_plots", "fit_plots", "frame_plots", "lens_plots", "trust_plots"]
+__all__ = ["board_plots", "fit_plots", "flight_plots", "frame_plots", "lens_plots", "trust_plots"]
 
 
 MEAN_CELLS: Final = (16, 12)
@@ -46,8 +46,12 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
         [view.rms_px or 0.0 for view in ordered],
         labels=[f"{view.name} (out)" if view.without is not None else view.name for view in ordered],
         axis=Axis("reprojection error (RMS)", "px"),
-        caption="How far corners lie from where the model puts them, by view. One that stands out was moved, blurred, "
-        "or has a corner that is none."
+        caption=f"How far {_seen_of(result)} lie from where the model puts them, by view. One that stands out was "
+        + (
+            "blurred, or shows what moves."
+            if result.flown is not None
+            else "moved, blurred, or has a corner that is none."
+        )
         + (" Views marked (out) were rejected." if any(view.without is not None for view in ordered) else ""),
     )
     pixels, residuals = _residuals(result)
@@ -57,7 +61,7 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
         residuals,
         size,
         axis=axis,
-        caption="Residuals of all corners. Where nothing is wrong they point every which way.",
+        caption=f"Residuals of all {_seen_of(result)}. Where nothing is wrong they point every which way.",
     )
     middles, means = _averaged(pixels, residuals, size)
     yield SideBySide(
@@ -68,8 +72,10 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
                 means,
                 size,
                 axis=Axis("mean residual", "px"),
-                caption="Their means by cell: a pattern here is something that the lens model, or the flat board, "
-                "does not explain.",
+                caption="Their means by cell: a pattern here is something that the lens model"
+                + (
+                    ", or the flat board, does not explain." if result.flown is None else " does not explain."
+                ),
             ),
         )
     )
@@ -77,19 +83,7 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
 
 def board_plots(result: CalibrationResult) -> Iterator[Block]:
     """Coverage, poses, and the board's warp."""
-    size = result.calibration.intrinsics.image_size
-    pixels, _ = _residuals(result)
-    columns, rows = CELLS
-    counts, _, _ = np.histogram2d(
-        pixels[:, 1], pixels[:, 0], bins=(rows, columns), range=((0, size[1]), (0, size[0]))
-    )
-    covered = heat_map(
-        np.where(counts > 0, counts, np.nan),
-        size,
-        axis=Axis("corners"),
-        cells=True,
-        caption="Where corners were seen. In an empty cell the distortion is a guess.",
-    )
+    covered = _covered(result)
     posed = [view for view in result.views if view.without is None and view.rotation is not None]
     normals = np.array([view.rotation[:, 2] for view in posed if view.rotation is not None])
     metric = result.evidence.unit == "mm"
@@ -115,6 +109,43 @@ def board_plots(result: CalibrationResult) -> Iterator[Block]:
             result.warp,
             caption=f"The board warp that fits best (F = {result.warp.f:.1f}); {taken}",
         )
+
+
+def flight_plots(result: CalibrationResult) -> Iterator[Block]:
+    """Coverage, and which way the images looked."""
+    posed = [view for view in result.views if view.rotation is not None]
+    ups = np.array([view.rotation[:, 2] for view in posed if view.rotation is not None])
+    metric = result.evidence.unit == "mm"
+    away = [float(np.linalg.norm(v.translation_mm)) for v in posed if v.translation_mm is not None]
+    looked = poses(
+        ups,
+        np.array(away) / (1000 if metric else 1),
+        axis=Axis("distance to the middle of the points", "m" if metric else result.evidence.unit),
+        caption="From which side the ground was seen; larger marks are nearer. Marks at different distances, and some "
+        "out to 30°, tell the focal length from the height.",
+    )
+    yield SideBySide((_covered(result), looked))
+
+
+def _covered(result: CalibrationResult) -> Figure:
+    """Where in the frame anything was seen."""
+    size = result.calibration.intrinsics.image_size
+    pixels, _ = _residuals(result)
+    columns, rows = CELLS
+    counts, _, _ = np.histogram2d(
+        pixels[:, 1], pixels[:, 0], bins=(rows, columns), range=((0, size[1]), (0, size[0]))
+    )
+    return heat_map(
+        np.where(counts > 0, counts, np.nan),
+        size,
+        axis=Axis(_seen_of(result)),
+        cells=True,
+        caption=f"Where {_seen_of(result)} were seen. In an empty cell the distortion is a guess.",
+    )
+
+
+def _seen_of(result: CalibrationResult) -> str:
+    return "corners" if result.flown is None else "points"
 
 
 def trust_plots(result: CalibrationResult) -> Iterator[Block]:

@@ -12,7 +12,7 @@ from calibrary.calib.geometry import Geometry
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Misfit
 from calibrary.calib.model_choice import Candidate, WarpTest
-from calibrary.calib.result import CalibrationResult, Dismissal, ViewResult
+from calibrary.calib.result import CalibrationResult, Dismissal, Flown, ViewResult
 from calibrary.calib.verdict import BoardVerdict, Limits
 from calibrary.calibration import Calibration
 from calibrary.records import Meta, Record
@@ -121,7 +121,8 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
         warp: None where there was no test.
         views: every view that was given.
         geometry: how the board was held.
-        length_unit: of lift, translation and distance: mm, or squares where the side of a square is not known.
+        length_unit: of lift, translation and distance: mm; squares where the side of a square is not known; units of
+            no known length where a flight's images state no positions.
         noise_px: of one coordinate, as neighbouring corners show it.
         condition: of the lens's normal matrix.
         kappa2_by_split: the variance factors of the splits into halves.
@@ -132,6 +133,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
         limits: what the calibration was judged by.
         versions: of the programs.
         date_origin: where provenance.date is from, in words.
+        flown: of a calibration from a flight; its points of the ground stand in the place of a board's corners.
     """
 
     verdict: BoardVerdict
@@ -142,7 +144,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
     warp: Warp | None
     views: tuple[ViewReport, ...]
     geometry: ViewGeometry
-    length_unit: Literal["mm", "squares"]
+    length_unit: Literal["mm", "squares", "units"]
     noise_px: float | None
     condition: float | None
     kappa2_by_split: tuple[float, ...]
@@ -153,6 +155,10 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-1"):
     limits: Limits
     versions: Mapping[str, str]
     date_origin: str | None
+    flown: Flown | None
+
+
+_UNITS: Mapping[str, Literal["mm", "squares", "units"]] = {"mm": "mm", "units": "units"}
 
 
 def report_of(result: CalibrationResult) -> CalibrateReport:
@@ -167,7 +173,7 @@ def report_of(result: CalibrationResult) -> CalibrateReport:
         warp=_warp(result.warp, kept=evidence.is_warped) if result.warp is not None else None,
         views=tuple(map(_view, result.views)),
         geometry=_geometry(evidence.geometry),
-        length_unit="mm" if evidence.unit == "mm" else "squares",
+        length_unit=_UNITS.get(evidence.unit, "squares"),
         noise_px=evidence.noise_px,
         condition=_finite(evidence.condition),
         kappa2_by_split=result.halves.by_split if result.halves is not None else (),
@@ -178,6 +184,7 @@ def report_of(result: CalibrationResult) -> CalibrateReport:
         limits=result.limits,
         versions=result.versions,
         date_origin=result.date_origin,
+        flown=result.flown,
     )
 
 

@@ -1,0 +1,129 @@
+"""``calibrary calibrate flight``: a camera from the images of a flight themselves, without a board."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calibrary.cli.calibrate.flags import number
+from calibrary.cli.calibrate.solve import (
+    LENS_MODELS,
+    add_file_flags,
+    add_provenance_flags,
+    add_registry_flags,
+    check_outputs,
+    finish,
+    stated_camera,
+    writes_registry,
+)
+from calibrary.cli.camera_flags import add_camera_flags
+from calibrary.cli.output import add_json_flag
+from calibrary.cli.progress import Bar
+from calibrary.cli.registry.place import opened
+
+if TYPE_CHECKING:
+    from calibrary.api.boards import CalibrateResult
+    from calibrary.api.fleet import Fleet
+
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
+
+DESCRIPTION = """\
+Find a camera's K and distortion from the images of a flight, and say how far to trust them.
+
+Some 30 images that overlap are chosen, of different heights, headings and tilts where there are such; points that they
+share are found, and lens, poses and points are adjusted together. Positions in the images are weighted by their own
+standard deviation, and are written nowhere. A flight over flat ground at one height, straight down, does not determine
+the focal length: that is said, with what is certain nevertheless and what to fly. Needs "calibrary[sfm]".
+"""
+EXAMPLES = """\
+examples:
+  calibrary calibrate flight flight/ --report flight.html
+  calibrary calibrate flight flight/ --images 40 --registry ../fleet
+  calibrary calibrate flight flight/ --from-registry dji/fc6310r/5472x3648 --registry ../fleet --json
+  calibrary calibrate flight flight/ --start 3650 --out camera.xml --to agisoft_xml
+
+exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, images that do not fit together, or the registry's check objects; 3 \
+unreadable input
+"""
+MODELS = tuple(
+    name for name in LENS_MODELS if name in {"auto", "k1k2", "k1k2p1p2", "brown", "rational", "fisheye"}
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the word's arguments."""
+    parser.add_argument("images", type=Path, nargs="+", metavar="DIR", help="folders, files or patterns")
+    parser.add_argument(
+        "--images", dest="most", type=_count, default=30, metavar="N", help="choose so many (default: 30)"
+    )
+    begin = parser.add_argument_group("where the search begins").add_mutually_exclusive_group()
+    begin.add_argument("--start", metavar="K", help="a focal length in px, or a calibration file")
+    begin.add_argument(
+        "--from-registry", metavar="KEY", help="the K of this entry; --registry says of which registry"
+    )
+    add_file_flags(parser)
+    add_registry_flags(parser)
+    add_provenance_flags(parser)
+    add_camera_flags(parser)
+    solving = parser.add_argument_group("how to solve")
+    solving.add_argument(
+        "--lens-model",
+        choices=MODELS,
+        default="auto",
+        help="distortion model (default: auto, chosen by the images)",
+    )
+    solving.add_argument(
+        "--max-side",
+        type=number(400, 8000),
+        default=1600,
+        metavar="PX",
+        help="size that points are looked for in (default: 1600); twice as much takes four times the time and memory",
+    )
+    solving.add_argument("--focus", metavar="TEXT", help='how the lens was focused: "locked at infinity"')
+    add_json_flag(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from calibrary.api.boards import Places
+    from calibrary.cli.calibrate.solve_display import Display
+
+    check_outputs(arguments)
+    given = arguments
+    places = Places(report=given.report, out=given.out, format=given.to)
+    places.check()
+    reads = writes_registry(arguments) or given.from_registry is not None
+    fleet = opened(arguments) if reads else None
+    display = Display(arguments)
+    done = _calibrated(arguments, fleet)
+    return finish(arguments, places, fleet if writes_registry(arguments) else None, display, done)
+
+
+def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> CalibrateResult:
+    from calibrary.api.flights import calibrate_flight
+    from calibrary.cli.console import note
+
+    given = arguments
+    with Bar(note(arguments), "flight:") as bar:
+        return calibrate_flight(
+            given.images,
+            most=given.most,
+            start=given.start,
+            fleet=fleet,
+            from_registry=given.from_registry,
+            lens_model=given.lens_model,
+            max_side=round(given.max_side),
+            date=given.date,
+            operator=given.operator,
+            focus=given.focus,
+            camera=stated_camera(arguments, fleet),
+            for_registry=writes_registry(arguments),
+            progress=bar,
+        )
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or not 3 <= int(text[:6]) <= 200:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of images, 3 … 200")
+    return int(text)

@@ -1,0 +1,193 @@
+"""From a folder of images to a calibration: choose some, match them, reconstruct, adjust, judge."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from calibrary.calib.assessment import programs
+from calibrary.calib.collect import Collected, NamedRemark
+from calibrary.calib.found import Reason, Remark
+from calibrary.calib.lens_models import Solvable
+from calibrary.calib.observations import ControlPoints, Observations, View
+from calibrary.calib.result import CalibrationResult
+from calibrary.calibration import CameraKey, ImageSize, Intrinsics
+from calibrary.errors import CalibrationError, InputError
+from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata, describe_frames, without_other_sizes
+from calibrary.jobs.calibrate_board.run import calibration_date
+from calibrary.parsers.imagery.position import fix_of
+from calibrary.progress import Progress, counted, stage
+from calibrary.records import replace
+from calibrary.sfm.adjust import adjust
+from calibrary.sfm.assessment import flight_result
+from calibrary.sfm.choose import Chosen, Taken, choose
+from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
+from calibrary.sfm.reconstruct import reconstruct
+from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
+
+__all__ = ["FlightRequest", "calibrate_flight_from"]
+
+MOST_POINTS: Final = 6000
+"""Of those that images share; more make σ smaller than anything that is not noise lets it be."""
+FOCAL_OF_WIDTH: Final = 0.8
+"""Of the longer side: where nothing is known, and as good a start as any."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightRequest:
+    """How to solve, and what is stated of the calibration.
+
+    Attributes:
+        images: how many to calibrate from, at most.
+        model: of the lens; None to choose it by the images.
+        start: K to begin with; None for a usual one.
+        max_side: px, longer side of what points are looked for in.
+        date: of the calibration; None for that of the images, else today.
+        operator: who made it.
+        focus: how the lens was focused, in place of what the images state.
+    """
+
+    images: int = 30
+    model: Solvable | None = None
+    start: Intrinsics | None = None
+    max_side: int = MAX_SIDE
+    date: date | None = None
+    operator: str | None = None
+    focus: str | None = None
+
+
+def calibrate_flight_from(
+    paths: Sequence[Path],
+    request: FlightRequest,
+    said: Callable[[CameraKey], CameraKey],
+    *,
+    progress: Progress | None = None,
+) -> tuple[CalibrationResult, Collected]:
+    """The calibration, and the images that it was made from.
+
+    Args:
+        paths: images of one camera.
+        request: how.
+        said: puts what was said of the camera in the place of what its images say.
+        progress: called with (done, total, what) for each part of the work.
+
+    Raises:
+        InputError: the images are of several cameras, or too few.
+        CalibrationError: they do not fit together, or do not determine a camera.
+        MissingExtraError: pycolmap is not installed.
+    """
+    paths, skipped = without_other_sizes(paths)
+    metadata = describe_frames(paths, said, request.focus)
+    if metadata.setting is None or len(paths) < FEWEST_IMAGES:
+        raise InputError(f"{len(paths)} images can be read; expected a flight, some 20 to 60 that overlap")
+    size = metadata.setting.image_size
+    chosen = choose(_taken(paths, size, progress), request.images)
+    start = request.start or _usual(size)
+    with tempfile.TemporaryDirectory(prefix="calibrary-flight-") as folder:
+        with stage(f"matched {len(chosen.pairs)} pairs of {len(chosen.images)} images"):
+            matched = match(
+                chosen.images,
+                folder=Path(folder),
+                start=start,
+                pairs=chosen.pairs,
+                max_side=request.max_side,
+                progress=progress,
+            )
+        with stage(f"reconstructed {len(chosen.images)} images"):
+            tracks, scene = reconstruct(
+                matched, start=start, fisheye=request.model is Solvable.FISHEYE, progress=progress
+            )
+    with stage(f"adjusted {len(tracks.point)} observations"):
+        found = adjust(thinned(tracks, MOST_POINTS), scene, model=request.model)
+        flight = flight_result(
+            found,
+            about=_about(chosen, metadata),
+            scale=max(1.0, max(size) / request.max_side),
+            chosen=_how(chosen, len(paths)),
+            versions=programs("pycolmap"),
+        )
+    result = _dated(flight.result, request, metadata)
+    placed = set(result.rms_by_view)
+    lost = [image.name for image in chosen.images if image.name not in placed]
+    remarks = tuple(
+        NamedRemark(
+            name=name,
+            remark=Remark(reason=Reason.NOT_PLACED, text="does not fit to the other images", rejects=True),
+        )
+        for name in lost
+    )
+    return result, Collected(
+        observations=result.observations,
+        rejected=remarks,
+        notes=(*metadata.notes, *skipped.notes),
+    )
+
+
+def _usual(size: ImageSize) -> Intrinsics:
+    focal = FOCAL_OF_WIDTH * max(size)
+    return Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size)
+
+
+def _taken(paths: Sequence[Path], size: ImageSize, progress: Progress | None) -> list[Taken]:
+    """What each image states of where it was taken."""
+    advance, found = counted(progress, len(paths), "positions"), []
+    names = [path.name for path in paths]
+    for path in paths:
+        name = path.name if names.count(path.name) == 1 else f"{path.parent.name}/{path.name}"
+        found.append(
+            Taken(
+                image=FlightImage(path=path, name=name, size=size),
+                fix=fix_of(path),
+                file_bytes=path.stat().st_size,
+            )
+        )
+        if advance is not None:
+            advance(1)
+    return found
+
+
+def _about(chosen: Chosen, metadata: FrameMetadata) -> Observations:
+    """What the images state of their camera, and their hashes."""
+    if metadata.setting is None:
+        raise CalibrationError("no image can be read")
+    setting = metadata.setting
+    nothing = np.empty(0, dtype=np.intp)
+    return Observations(
+        board=ControlPoints(points=np.empty((0, 3))),
+        image_size=setting.image_size,
+        views=tuple(
+            View(name=image.name, sha256=_sha256(image.path), ids=nothing, image_points=np.empty((0, 2)))
+            for image in chosen.images
+        ),
+        camera=setting.camera,
+        focus=setting.focus,
+        firmware=setting.camera.firmware,
+        taken=metadata.taken,
+    )
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _how(chosen: Chosen, total: int) -> str:
+    rest, blurred = chosen.left_out
+    out = [f"{rest} not needed"] * bool(rest) + [
+        f"{blurred} blurred or empty by the size of their files"
+    ] * bool(blurred)
+    return f"{len(chosen.images)} of {total}, {chosen.how}" + (f" ({', '.join(out)})" if out else "")
+
+
+def _dated(result: CalibrationResult, request: FlightRequest, metadata: FrameMetadata) -> CalibrationResult:
+    """With the day it is of, and who made it."""
+    day, origin = calibration_date(request.date, metadata.taken, datetime.now(UTC).date())
+    made = replace(result.calibration.provenance, date=day.isoformat(), operator=request.operator)
+    return replace(result, calibration=replace(result.calibration, provenance=made), date_origin=origin)
