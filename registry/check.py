@@ -47,7 +47,7 @@ SMALLEST_EIGENVALUE: Final = -1e-9
 
 
 BOARD_BLOCK: Final = "x-board-calibration"
-"""What a calibration from a board adds to its entry: its verdict, and how it was come by."""
+"""What a calibration from a board or a flight adds to its entry: its verdict, and how it was come by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -343,8 +343,8 @@ def _board(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     yield _finding(
         path,
         "board",
-        f"its board calibration ended {str(verdict).upper()}{why}, and only PASS may be used: photograph what the "
-        "reasons ask for and calibrate again, or keep it a draft",
+        f"its calibration ended {str(verdict).upper()}{why}, and only PASS may be used: photograph what the reasons "
+        "ask for and calibrate again, or keep it a draft",
     )
 
 

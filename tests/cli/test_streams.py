@@ -92,6 +92,7 @@ def test_every_command_is_in_the_table() -> None:
     serving = {
         "calibrary registry serve",
         "calibrary demo",
+        "calibrary calibrate flight",
         "calibrary calibrate synth",
         "calibrary calibrate watch",
     }

@@ -9,12 +9,13 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration
-from calibrary.synthetic import Head, Position, write_image
+from calibrary.synthetic import Head, Position, description, packet, write_image
 from tests.sfm.flights import HEIGHT_M, Plan, poses
 
 CELL_M = 0.12
 HALF_M = 150.0
 STEPS = 4
+RTK_M = 0.1
 LATITUDE, LONGITUDE = 47.2, 8.5
 METRES_PER_DEGREE = 111_320.0
 
@@ -115,19 +116,25 @@ def render_flight(
             write_image(
                 folder / f"IMG_{number:04}.JPG",
                 pixels,
-                _head(camera, plan, centre, number, random),
+                head_of(camera, plan, centre, number, random),
                 quality=quality,
             )
         )
     return paths
 
 
-def _head(
+def head_of(
     camera: Calibration, plan: Plan, centre: FloatArray, number: int, random: np.random.Generator
 ) -> Head:
-    position = None
+    """What the camera states in an image: an RTK receiver its standard deviations too."""
+    position, xmp = None, None
     if plan.gps_m is not None:
         across, up = plan.gps_m
+        if across < RTK_M:
+            said = {"RtkStdLon": f"{across:.5f}", "RtkStdLat": f"{across:.5f}", "RtkStdHgt": f"{up:.5f}"}
+            xmp = packet(
+                [description(about="", attributes={f"drone-dji:{name}": text for name, text in said.items()})]
+            )
         east, north, above = centre + random.normal(0, 1, 3) * (across, across, up)
         position = Position(
             latitude_deg=LATITUDE + north / METRES_PER_DEGREE,
@@ -145,6 +152,7 @@ def _head(
             "ExifImageHeight": height,
         },
         position=position,
+        xmp=xmp,
     )
 
 

@@ -123,6 +123,7 @@ def flight_plots(result: CalibrationResult) -> Iterator[Block]:
         axis=Axis("distance to the middle of the points", "m" if metric else result.evidence.unit),
         caption="From which side the ground was seen; larger marks are nearer. Marks at different distances, and some "
         "out to 30°, tell the focal length from the height.",
+        of="the ground",
     )
     yield SideBySide((_covered(result), looked))
 

@@ -122,12 +122,15 @@ def scatter(points: ArrayLike, *, x: Axis, y: Axis, caption: str, equal: bool = 
     return Figure(svg=draw(paint, width=520, height=400), alt=alt, caption=caption)
 
 
-def poses(normals: ArrayLike, distances: ArrayLike, *, axis: Axis, caption: str) -> Figure:
+def poses(
+    normals: ArrayLike, distances: ArrayLike, *, axis: Axis, caption: str, of: str = "the board"
+) -> Figure:
     """How a board was held: each view by the direction its board was tilted to, as if seen from the camera.
 
     Args:
         normals: (N, 3) normals of the board in the camera frame (x right, y down, z forward), any length.
         distances: (N,) from the camera; nearer boards get larger marks.
+        of: what is tilted.
         axis: what the distances measure, "distance" in "mm".
         caption: what to look for.
 
@@ -172,7 +175,7 @@ def poses(normals: ArrayLike, distances: ArrayLike, *, axis: Axis, caption: str)
         axes.set_xlabel("tilt to the right (°)")
         axes.set_ylabel("tilt downwards (°)")
 
-    alt = f"Tilt of the board in {len(tilt)} views{_range(tilt, Axis('tilt', '°'))}; {axis.quantity}"
+    alt = f"Tilt of {of} in {len(tilt)} views{_range(tilt, Axis('tilt', '°'))}; {axis.quantity}"
     alt += f"{_range(away, axis)}. Larger marks are nearer."
     return Figure(svg=draw(paint, width=520, height=470), alt=alt, caption=caption)
 

@@ -1,0 +1,169 @@
+"""``calibrary calibrate flight``: from images to the entry that an extraction uses; COLMAP's part is simulated here."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibrary.cli.main import main
+from calibrary.errors import CalibrationError
+from calibrary.jobs.calibrate_flight import run as job
+from calibrary.records import replace
+from calibrary.sfm.engine import MatchedFlight
+from calibrary.sfm.reconstruct import positions_of
+from calibrary.synthetic import write_image
+from tests.registry.git.repositories import seclude
+from tests.sfm.flights import CAMERA, PLANS, SIZE, Plan, fly, poses
+from tests.sfm.rendered import LATITUDE, head_of
+
+GOOD, FLAT = PLANS["two heights, flat, RTK"], PLANS["flat, one height"]
+SEED = 3
+
+
+def flight(folder: Path, plan: Plan) -> Path:
+    """Images with the heads that the plan's camera writes, and nothing in them."""
+    random = np.random.default_rng(SEED)
+    empty = np.full((SIZE[1], SIZE[0], 3), 90, dtype=np.uint8)
+    for number, centre in enumerate(poses(plan, SEED)[1]):
+        head = head_of(CAMERA, plan, centre, number, random)
+        write_image(folder / f"IMG_{number:04}.JPG", empty, head)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return flight(tmp_path_factory.mktemp("good") / "flight", GOOD)
+
+
+@pytest.fixture(scope="module")
+def flat(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return flight(tmp_path_factory.mktemp("flat") / "flight", FLAT)
+
+
+@pytest.fixture
+def simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[Plan], None]:
+    """Let COLMAP find what the plan's images would show."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+
+    def of(plan: Plan) -> None:
+        def found(matched: MatchedFlight, **_: object) -> object:
+            tracks, scene = fly(plan, SEED)
+            assert [image.name for image in matched.images] == list(tracks.names)
+            return replace(tracks, positions=positions_of(matched.images)), scene
+
+        monkeypatch.setattr(
+            job, "match", lambda images, *, folder, **_: MatchedFlight(folder=folder, images=tuple(images))
+        )
+        monkeypatch.setattr(job, "reconstruct", found)
+
+    return of
+
+
+def test_a_good_flight_becomes_the_k_of_its_images(
+    good: Path,
+    simulated: Callable[[Plan], None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    seclude(monkeypatch, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    simulated(GOOD)
+    assert main(["registry", "init", "fleet", "--yes"]) == 0
+    flags = ["--report", "flight.html", "--out", "camera.xml", "--to", "agisoft_xml"]
+    keep = ["--registry", "fleet", "--yes", "--approve", "--reason", "flown for it"]
+    capsys.readouterr()
+    assert main(["calibrate", "flight", str(good), *flags, *keep]) == 0
+    said = capsys.readouterr()
+    assert "PASS" in said.out.splitlines()[-1]
+    assert "30 of 30, by position" in said.out
+    page = Path("flight.html").read_text(encoding="utf-8")
+    assert "How the flight was flown" in page
+    assert "board" not in page.split("<main", 1)[-1].split("How far to trust")[0].lower()
+    # Where the images were taken is used, and written nowhere.
+    written = page + said.out + said.err + Path("camera.xml").read_text(encoding="utf-8")
+    entry = next(Path("fleet/cameras").rglob("*.yaml")).read_text(encoding="utf-8")
+    assert f"{LATITUDE:.1f}" not in written + entry
+    assert "kind: flight" in entry
+    assert "grade: adjusted" in entry
+    assert main(["extract", str(good), "--registry", "fleet", "--output-matrix", "K_matrix.npy"]) == 0
+    K = np.load("K_matrix.npy")
+    assert abs(K[0, 0] - CAMERA.intrinsics.fx) < 4
+    assert list(Path("temporary").iterdir()) == []
+
+
+def test_json_holds_what_the_verdict_is_based_on(
+    good: Path, simulated: Callable[[Plan], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    simulated(GOOD)
+    assert main(["calibrate", "flight", str(good), "--start", "1000", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"] == "pass"
+    assert document["calibration"]["grade"] == "adjusted"
+    assert document["flown"]["geometry"]["height_ratio"] > 1.4
+    assert len(document["calibration"]["provenance"]["sources"]) == 30
+    assert "pycolmap" in document["calibration"]["provenance"]["tool"]
+
+
+def test_a_flat_flight_is_refused_with_what_to_fly(
+    flat: Path, simulated: Callable[[Plan], None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    simulated(FLAT)
+    out, report = tmp_path / "camera.xml", tmp_path / "r.html"
+    flags = ["--out", str(out), "--to", "agisoft_xml", "--report", str(report)]
+    assert main(["calibrate", "flight", str(flat), *flags]) == 1
+    said = capsys.readouterr().out
+    assert "focal length and flying height cannot be told apart" in said
+    assert "oblique images of 30°" in said
+    assert "what is certain nevertheless is fx" in said
+    assert "REFUSE" in said.splitlines()[-1]
+    assert not out.exists()
+    assert "what to fly instead" in report.read_text(encoding="utf-8")
+
+
+def test_nothing_is_written_of_images_that_do_not_fit_together(
+    good: Path,
+    simulated: Callable[[Plan], None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    simulated(GOOD)
+
+    def none(*_: object, **__: object) -> object:
+        raise CalibrationError("no 3 fit together")
+
+    monkeypatch.setattr(job, "reconstruct", none)
+    report = tmp_path / "r.html"
+    assert main(["calibrate", "flight", str(good), "--report", str(report)]) == 1
+    assert "no 3 fit together" in capsys.readouterr().err
+    assert not report.exists()
+    assert list((tmp_path / "temporary").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("flags", "problem"),
+    [
+        (["--start", "3"], "no focal length"),
+        (["--images", "2"], "3 … 200"),
+        (["--to", "agisoft_xml"], "--out"),
+        (["--approve"], "--registry"),
+    ],
+)
+def test_what_makes_no_sense_is_said_before_any_work(
+    good: Path, flags: list[str], problem: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code: object = None
+    try:
+        code = main(["calibrate", "flight", str(good), *flags])
+    except SystemExit as stop:
+        code = stop.code
+    assert code in {2, 3}
+    assert problem in capsys.readouterr().err

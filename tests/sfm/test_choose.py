@@ -1,0 +1,93 @@
+"""Which images of a flight are chosen, and what they state of where they were taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibrary.parsers.imagery.position import Fix, fix_of
+from calibrary.records import replace
+from calibrary.sfm.choose import Taken, choose, overlapping_pairs
+from calibrary.sfm.engine import FlightImage
+from calibrary.synthetic import Head, Position, description, packet, write_image
+
+GREY = np.full((24, 32, 3), 99, dtype=np.uint8)
+
+
+def taken(name: str, fix: Fix | None, file_bytes: int = 1000) -> Taken:
+    image = FlightImage(path=Path(name), name=name, size=(4000, 3000))
+    return Taken(image=image, fix=fix, file_bytes=file_bytes)
+
+
+def strip(kind: str, count: int, *, up: float, pitch: float = -90.0, north: float = 47.0) -> list[Taken]:
+    return [
+        taken(
+            f"{kind}{at:03}",
+            Fix(
+                latitude_deg=north + at * 2e-4, longitude_deg=8.0, altitude_m=up, pitch_deg=pitch, yaw_deg=0.0
+            ),
+        )
+        for at in range(count)
+    ]
+
+
+def test_heights_and_tilts_that_differ_are_all_chosen_where_they_meet() -> None:
+    images = strip("low", 200, up=500.0) + strip("high", 20, up=900.0, north=47.02)
+    images += strip("oblique", 12, up=500.0, pitch=-60.0, north=47.021)
+    chosen = choose(images, 30)
+    kinds = {
+        name: sum(image.name.startswith(name) for image in chosen.images)
+        for name in ("low", "high", "oblique")
+    }
+    assert len(chosen.images) == 30
+    assert min(kinds.values()) >= 8
+    north = np.array([image.centre_m for image in chosen.images])[:, 1]
+    assert np.ptp(north) < 900
+    assert "3 kinds" in chosen.how
+
+
+def test_a_small_file_is_blurred_or_empty() -> None:
+    images = strip("a", 20, up=500.0)
+    images[7] = replace(images[7], file_bytes=400)
+    chosen = choose(images, 60)
+    assert images[7].image.name not in {image.name for image in chosen.images}
+    assert chosen.left_out == (0, 1)
+
+
+def test_without_positions_the_middle_is_taken_in_order() -> None:
+    chosen = choose([taken(f"{at:03}", None) for at in range(100)], 50)
+    assert [image.name for image in chosen.images] == [f"{at:03}" for at in range(25, 75)]
+    assert all(0 < b - a <= 12 for a, b in chosen.pairs)
+    assert len(chosen.pairs) == 50 * 12 - 12 * 13 // 2
+
+
+def test_neighbours_are_matched() -> None:
+    images = choose(strip("a", 40, up=500.0), 40).images
+    pairs = overlapping_pairs(images)
+    assert all(a < b for a, b in pairs)
+    assert {(at, at + 1) for at in range(39)} <= set(pairs)
+    assert len(pairs) < 40 * 12
+
+
+def test_a_position_is_read_with_its_standard_deviation(tmp_path: Path) -> None:
+    said = {"RtkStdLon": "0.011", "RtkStdLat": "0.031", "RtkStdHgt": "0.05", "GimbalPitchDegree": "-59.90"}
+    head = Head(
+        exif={"Make": "DJI"},
+        position=Position(latitude_deg=-33.25, longitude_deg=151.5, altitude_m=-4.25),
+        xmp=packet(
+            [description(about="", attributes={f"drone-dji:{name}": text for name, text in said.items()})]
+        ),
+    )
+    fix = fix_of(write_image(tmp_path / "a.jpg", GREY, head))
+    assert fix is not None
+    assert (fix.latitude_deg, fix.longitude_deg) == pytest.approx((-33.25, 151.5), abs=1e-8)
+    assert (fix.altitude_m, fix.std_m, fix.pitch_deg) == (-4.25, (0.02, 0.031, 0.05), -59.9)
+
+
+@pytest.mark.parametrize("north", [0.0, 91.0])
+def test_no_position_is_none(tmp_path: Path, north: float) -> None:
+    place = Position(latitude_deg=north, longitude_deg=0.0, altitude_m=0.0)
+    assert fix_of(write_image(tmp_path / "a.jpg", GREY, Head(position=place))) is None
+    assert fix_of(write_image(tmp_path / "b.jpg", GREY, Head())) is None
