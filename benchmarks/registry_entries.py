@@ -1,11 +1,12 @@
-"""What finding and checking entries costs, in registries of real entries of three sizes.
+"""What finding, listing and checking the entries of a registry costs, by how many there are.
 
-    python -m benchmarks.registry_entries [--quick] [--large] [--repeats R]
+    python benchmarks/registry_entries.py [--quick] [--large] [--repeats R]
 
 Registries of 1 000 and 10 000 entries (--large: 100 000 too), bare and packed; one camera in a hundred goes by another
-name as well. A resolve ends with K at the image's size; a warm one is asked of a process that is up, a cold one is a
-process from its start to its end, beside the least that any process could do: a git that prints the one file, and a
-Python that imports nothing. Nothing here fails on a slow machine; a goal is met or missed, and that is printed.
+name as well. A command is a process from its start to its end. All figures are seconds of processor time, user and
+system, of a process and of those it starts; what is compared runs in turns, and the median counts. The peers are git
+doing the least that gives the same, and GitPython as its manual shows it. Rows are
+``measure | ours | peer | ratio | limit | met``. Nothing here fails on a slow machine; a limit is met or missed.
 """
 
 from __future__ import annotations
@@ -14,29 +15,32 @@ import argparse
 import os
 import platform
 import random
+import resource
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from itertools import count
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from typing import Final
 
-from benchmarks.table import interleaved, ratio, row
+import git
+
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.records import replace
-from calibrary.registry.check_registry import check_all
 from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.commits import File, Person, Step, stream
 from calibrary.registry.git.maintenance import create, maintain
+from calibrary.registry.git.remotes import clone
+from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, write
-from calibrary.registry.index import index_at
 from calibrary.registry.reader import open_snapshot
 from calibrary.registry.snapshot import Snapshot
 
@@ -46,8 +50,6 @@ NAMED_EVERY = 100
 ASKED = 500
 CHECKED_UP_TO = 10_000
 SIZE = (5472, 3648)
-FLAT = 2.0
-"""How much slower a warm resolve may be in the largest registry than in the smallest; the rest is chance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,126 +103,245 @@ def registry_of(folder: Path, entries: int) -> Snapshot:
     return open_snapshot(folder)
 
 
-def warm(snapshot: Snapshot, entries: int) -> float:
-    """Resolving in a process that is up; the seconds that one takes."""
+def show(
+    measure: str,
+    ours: float,
+    unit: str = "s",
+    *,
+    peer: str = "",
+    other: float | None = None,
+    limit: float | None = None,
+    most: float | None = None,
+) -> None:
+    """Print a row.
+
+    Args:
+        measure: what was measured.
+        ours: its cost.
+        unit: of both.
+        peer: what it is compared with.
+        other: the peer's cost.
+        limit: that ours may not exceed.
+        most: how many times the peer's cost ours may be.
+    """
+    ratio = ours / other if other else None
+    limits, met = [], []
+    if limit is not None:
+        limits.append(f"≤ {limit:g} {unit}")
+        met.append(ours <= limit)
+    if most is not None and ratio is not None:
+        limits.append(f"≤ {most:g} ×")
+        met.append(ratio <= most)
+    cells = (
+        measure,
+        f"{ours:.3g} {unit}",
+        f"{other:.3g} {unit} ({peer})" if other is not None else "",
+        f"{ratio:.2f} ×" if ratio is not None else "",
+        ", ".join(limits),
+        "" if not met else "yes" if all(met) else "no",
+    )
+    print(" | ".join(cells), flush=True)
+
+
+def cpu_of(act: Callable[[], object]) -> float:
+    """Seconds of processor time of doing something, the processes it starts and waits for included."""
+    before = _cpu_s()
+    act()
+    return _cpu_s() - before
+
+
+def _cpu_s() -> float:
+    own, ended = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    return own.ru_utime + own.ru_stime + ended.ru_utime + ended.ru_stime
+
+
+def in_turns(contestants: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """The median cost of each."""
+    costs: dict[str, list[float]] = {name: [] for name in contestants}
+    for _ in range(repeats):
+        for name, act in contestants.items():
+            costs[name].append(cpu_of(act))
+    return {name: median(found) for name, found in costs.items()}
+
+
+def process(*words: str) -> Callable[[], object]:
+    """A process, from its start to its end."""
+    return lambda: subprocess.run(words, check=True, capture_output=True)
+
+
+def command(place: Path, *words: str) -> Callable[[], object]:
+    """A command on a registry."""
+    return process(sys.executable, "-m", "calibrary", "registry", *words, "--registry", str(place))
+
+
+def python(code: str, *words: str) -> Callable[[], object]:
+    """A program of a few lines."""
+    return process(sys.executable, "-c", code, *words)
+
+
+LIBRARIES: Final = (
+    "import argparse, git, msgspec, numpy, platformdirs, rich.console, rich.text, sqlite3, yaml"
+)
+"""What a command that reads a registry cannot do without; what it may cost more is calibrary's own."""
+NAIVE_LIST: Final = """
+import sys, git
+repo = git.Repo(sys.argv[1])
+every = (one.path for one in repo.head.commit.tree.traverse() if one.type == "blob")
+print(*[path for path in every if sys.argv[2] in path], sep="\\n")
+"""
+NAIVE_SHOW: Final = """
+import sys, git
+repo = git.Repo(sys.argv[1])
+print((repo.head.commit.tree / sys.argv[2]).data_stream.read().decode())
+"""
+NAIVE_LOG: Final = """
+import sys, git
+repo = git.Repo(sys.argv[1])
+for commit in repo.iter_commits(paths=sys.argv[2]):
+    print(commit.hexsha, commit.author, commit.summary, (commit.tree / sys.argv[2]).data_stream.read()[:0])
+"""
+
+
+def change_one(place: Path, entries: int, number: int) -> str:
+    """Commit a change of one entry; the commit before."""
+    repo = Repository.open(place, durable=False)
+    changed = replace(entry(entries // 2), tolerance=(number + 1) / 100)
+    before = repo.tip() or ""
+    blob = repo.read(before, changed.path)
+    base = blob.oid if blob is not None else None
+    write(repo, [Change(path=changed.path, data=entry_yaml(changed), base=base)], "Change one\n")
+    repo.close()
+    return before
+
+
+def commands(place: Path, entries: int, repeats: int) -> None:
+    """Whole commands, with the index known from before; and the index itself."""
+    word, key, path = f"{entries // 2:06d}", key_of(entries // 2), entry(entries // 2).path
+    cache, said = Path(os.environ["XDG_CACHE_HOME"]), f"{entries} entries: "
+    shutil.rmtree(cache, ignore_errors=True)
+    show(f"{said}index built, first list WORD", cpu_of(command(place, "list", word)))
+    size = sum(file.stat().st_size for file in cache.rglob("*.sqlite"))
+    show(f"{said}index, size", size / 1e6, "MB")
+    own = ("resolve", "--make", str(key.make), "--model", str(key.model))
+    named = ("resolve", "--make", "Other", "--model", f"NAME-{entries // 200 * NAMED_EVERY}")
+    cost = in_turns(
+        {
+            "libraries": python(LIBRARIES),
+            "list WORD": command(place, "list", word),
+            "list WORD naive": python(NAIVE_LIST, str(place), word),
+            "show": command(place, "show", f"model-{word}"),
+            "show git": process("git", "-C", str(place), "show", f"HEAD:{path}"),
+            "show naive": python(NAIVE_SHOW, str(place), path),
+            "resolve": command(place, *own),
+            "resolve named": command(place, *named),
+        },
+        repeats,
+    )
+    show(
+        f"{said}list WORD",
+        cost["list WORD"],
+        peer="GitPython, paths alone",
+        other=cost["list WORD naive"],
+        limit=1.0,
+    )
+    show(f"{said}show KEY", cost["show"], peer="GitPython, not parsed", other=cost["show naive"], limit=1.0)
+    show(f"{said}show KEY, beside git", cost["show"], peer="git show", other=cost["show git"])
+    imports = "its libraries' imports"
+    show(
+        f"{said}resolve, as a command",
+        cost["resolve"],
+        peer=imports,
+        other=cost["libraries"],
+        limit=1.0,
+        most=1.3,
+    )
+    show(
+        f"{said}resolve by another name",
+        cost["resolve named"],
+        peer=imports,
+        other=cost["libraries"],
+        limit=1.0,
+    )
+    after = []
+    for number in range(repeats):
+        before = change_one(place, entries, number)
+        after.append(cpu_of(command(place, "list", word)))
+    show(f"{said}list WORD, the first after a commit", median(after), limit=round(cost["list WORD"] + 1.0, 2))
+    span = in_turns(
+        {
+            "ours": command(place, "check", f"{before}..HEAD"),
+            "git": process("git", "-C", str(place), "diff", f"{before}..HEAD"),
+        },
+        repeats,
+    )
+    show(f"{said}check BASE..HEAD, one change", span["ours"], peer="git diff", other=span["git"])
+    if entries <= CHECKED_UP_TO:
+        out = str(place.parent / "all.lock")
+        whole = {
+            "list": command(place, "list"),
+            "lock": command(place, "lock", "--out", out),
+            "check": command(place, "check"),
+        }
+        for act in whole.values():
+            act()
+        cost = in_turns(whole, repeats)
+        at = entries == CHECKED_UP_TO
+        show(f"{said}list, all of them", cost["list"], limit=2.0 if at else None)
+        show(f"{said}check, all of them", cost["check"], limit=10.0 if at else None)
+        show(f"{said}lock, all of them", cost["lock"])
+
+
+def adding(place: Path, entries: int, repeats: int) -> None:
+    """One new entry, one commit: in a process that is up, beside git's two commands and GitPython's two calls."""
+    numbers, work = count(entries), place.parent / "work"
+    clone(str(place), work, durable=False).close()
+    bare = Repository.open(place, durable=False)
+    naive = git.Repo(work)
+
+    def ours() -> None:
+        one = entry(next(numbers))
+        write(bare, [Change(path=one.path, data=entry_yaml(one))], "Add\n")
+        # What its git has used counts once that has ended.
+        bare.close()
+
+    def written() -> str:
+        one = entry(next(numbers))
+        (work / one.path).parent.mkdir(parents=True, exist_ok=True)
+        (work / one.path).write_bytes(entry_yaml(one))
+        return one.path
+
+    def plain() -> None:
+        subprocess.run(["git", "-C", str(work), "add", written()], check=True, capture_output=True)
+        subprocess.run(["git", "-C", str(work), "commit", "-qm", "Add"], check=True, capture_output=True)
+
+    def by_gitpython() -> None:
+        naive.index.add([written()])
+        naive.index.commit("Add")
+
+    contestants: dict[str, Callable[[], object]] = {"ours": ours, "git": plain, "GitPython": by_gitpython}
+    cost = in_turns(contestants, repeats * 3)
+    naive.close()
+    shutil.rmtree(work)
+    said = f"{entries} entries: add and commit one"
+    show(said, cost["ours"] * 1e3, "ms", peer="git add, git commit", other=cost["git"] * 1e3, most=1.0)
+    show(
+        f"{said}, beside GitPython",
+        cost["ours"] * 1e3,
+        "ms",
+        peer="index.add, index.commit",
+        other=cost["GitPython"] * 1e3,
+    )
+
+
+def warm(snapshot: Snapshot, entries: int) -> None:
+    """Resolving in a process that is up: key to K at the image's size."""
     chance = random.Random(1)  # noqa: S311  the same numbers in every run
     keys = [key_of(chance.randrange(entries)) for _ in range(ASKED)]
     index = snapshot.index()
-    assert index.resolve(keys[0]) is not None
-    times: dict[str, list[float]] = {}
-    for name in ("first", "again"):
-        times[name] = []
-        for key in keys:
-            start = perf_counter()
-            index.resolve(key)
-            times[name].append(perf_counter() - start)
-    others = [CameraKey(make="Other", model=f"NAME-{n}") for n in range(0, entries, NAMED_EVERY)][:ASKED]
-    start = perf_counter()
-    index.resolve(others[0])
-    scan_s = perf_counter() - start
-    by_name = []
-    for key in others[1:]:
-        start = perf_counter()
-        assert index.resolve(key) is not None
-        by_name.append(perf_counter() - start)
-    print("\nResolve, warm: key to K at the image's size")
-    again = median(times["again"])
-    row("a camera that was asked for before", f"{again * 1e3:.3f} ms", again * 1e3, at_most=1.0)
-    row("a camera for the first time, read and parsed", f"{median(times['first']) * 1e3:.3f} ms")
-    row("by another name, for the first time", f"{median(by_name) * 1e3:.3f} ms")
-    row("  before that once: looking for other names", f"{scan_s:.2f} s")
-    return again
-
-
-def cold(snapshot: Snapshot, entries: int, repeats: int) -> None:
-    """Resolving as a process of its own."""
-    folder, number = snapshot.place, entries // 2
-    key, path = key_of(number), entry(number).path
-    command = [
-        sys.executable,
-        "-m",
-        "calibrary",
-        "registry",
-        "resolve",
-        "--registry",
-        str(folder),
-        "--json",
-    ]
-    own = [*command, "--make", str(key.make), "--model", str(key.model)]
-    named = [*command, "--make", "Other", "--model", "NAME-0"]
-    cache = Path(os.environ["XDG_CACHE_HOME"])
-
-    def forgetful() -> None:
-        shutil.rmtree(cache, ignore_errors=True)
-        process(own)
-
-    def process(words: list[str]) -> None:
-        subprocess.run(words, check=True, capture_output=True)
-
-    contestants: dict[str, Callable[[], object]] = {
-        "forgetful": forgetful,
-        "named": lambda: process(named),
-        "own": lambda: process(own),
-        "version": lambda: process([sys.executable, "-m", "calibrary", "--version"]),
-        "git": lambda: process(["git", "-C", str(folder), "show", f"HEAD:{path}"]),
-        "python": lambda: process([sys.executable, "-c", "pass"]),
-    }
-    process(named)
-    assert snapshot.repo is not None
-    assert snapshot.commit is not None
-    _ = index_at(snapshot.repo, snapshot.commit).files
-    times = interleaved(contestants, repeats)
-    # The turn of `named` comes right after the cache was thrown away: it looks through all entries.
-    times["named again"] = interleaved({"named again": lambda: process(named)}, repeats)["named again"]
-    print("\nResolve, cold: a process from start to end")
-    row("ours, other names known from before", each_ms(times["own"]))
-    row("ours, nothing known from before", each_ms(times["forgetful"]))
-    row("ours, by another name, known from before", each_ms(times["named again"]))
-    row("ours, by another name, nothing known from before", each_ms(times["named"]))
-    row("calibrary --version", each_ms(times["version"]))
-    row("git show HEAD:path", each_ms(times["git"]))
-    row("python -c pass", each_ms(times["python"]))
-    row("  ours takes, of calibrary --version", ratio(times["own"], times["version"])[0])
-
-
-def check(snapshot: Snapshot, entries: int) -> None:
-    """Everything that check says, of every entry."""
-    start = perf_counter()
-    done = check_all(snapshot)
-    seconds = perf_counter() - start
-    assert done.report.is_good
-    assert done.report.entries == entries
-    print("\nCheck of everything: schema, digest, path, policy, uncertainty, one against another")
-    row("entries a second, one process", f"{entries / seconds:.0f} /s", entries / seconds, at_least=500.0)
-
-
-def commands(snapshot: Snapshot, entries: int, repeats: int) -> None:
-    """Whole commands, each a process of its own, in seconds of processor time, that of the git they start included."""
-    folder, number = str(snapshot.place), entries // 2
-    before = snapshot.commit
-    changed = replace(entry(number), tolerance=0.01)
-    assert snapshot.repo is not None
-    blob = snapshot.repo.read(before or "", changed.path)
-    change = Change(path=changed.path, data=entry_yaml(changed), base=blob.oid if blob is not None else None)
-    write(snapshot.repo, [change], "Change one\n")
-    asked = {
-        "list WORD": (["list", f"{number:06d}"], 1.0),
-        "show KEY": (["show", f"model-{number:06d}"], 1.0),
-        "resolve": (
-            ["resolve", "--make", str(key_of(number).make), "--model", str(key_of(number).model)],
-            1.0,
-        ),
-        "check BASE..HEAD, one change": (["check", f"{before}..HEAD"], None),
-    }
-    if entries <= CHECKED_UP_TO:
-        asked["list"] = (["list"], 2.0)
-        asked["check"] = (["check"], None)
-        asked["lock"] = (["lock", "--out", str(snapshot.place.parent / "all.lock")], None)
-    print("\nCommands, the index known from before: seconds of processor time")
-    for name, (words, goal) in asked.items():
-        command = [sys.executable, "-m", "calibrary", "registry", *words, "--registry", folder]
-        seconds = [cpu_s(command) for _ in range(repeats + 1)][1:]
-        row(name, f"{median(seconds):.2f} s", median(seconds), at_most=goal)
+    first = cpu_of(lambda: [index.resolve(key) for key in keys]) / ASKED
+    again = cpu_of(lambda: [index.resolve(key) for key in keys]) / ASKED
+    show(f"{entries} entries: resolve, warm, a camera for the first time", first * 1e3, "ms")
+    show(f"{entries} entries: resolve, warm, again", again * 1e3, "ms", limit=1.0)
 
 
 def revised(folder: Path, count: int) -> Entry:
@@ -246,63 +367,45 @@ def revised(folder: Path, count: int) -> Entry:
     return one
 
 
-def revisions(folder: Path, count: int, repeats: int) -> None:
+def log(folder: Path, count: int, repeats: int) -> None:
     """The log of one entry that was changed very often."""
-    revised(folder, count)
-    command = [
-        sys.executable,
-        "-m",
-        "calibrary",
-        "registry",
-        "log",
-        "model-000000",
-        "--registry",
-        str(folder),
-    ]
-    first, *again = (cpu_s(command) for _ in range(repeats + 1))
-    print(f"\nLog of an entry with {count} revisions: seconds of processor time")
-    row("for the first time", f"{first:.2f} s")
-    row("again", f"{median(again):.2f} s")
-
-
-def cpu_s(command: list[str]) -> float:
-    """Seconds of processor time of a process and of what it starts."""
-    before = os.times()
-    subprocess.run(command, check=True, capture_output=True)
-    after = os.times()
-    return after.children_user + after.children_system - before.children_user - before.children_system
-
-
-def each_ms(seconds: list[float]) -> str:
-    """The median."""
-    return f"{median(seconds) * 1e3:.0f} ms"
+    one = revised(folder, count)
+    show(f"log of {count} revisions, for the first time", cpu_of(command(folder, "log", "model-000000")))
+    cost = in_turns(
+        {
+            "ours": command(folder, "log", "model-000000"),
+            "git": process("git", "-C", str(folder), "log", "-p", "--", one.path),
+            "naive": python(NAIVE_LOG, str(folder), one.path),
+        },
+        repeats,
+    )
+    show(f"log of {count} revisions", cost["ours"], peer="git log -p", other=cost["git"])
+    show(
+        f"log of {count} revisions, beside GitPython",
+        cost["ours"],
+        peer="iter_commits, each blob",
+        other=cost["naive"],
+    )
 
 
 def measure(sizes: Sizes) -> None:
     """Make the registries and print everything."""
-    git = subprocess.run(["git", "version"], check=True, capture_output=True, text=True).stdout.split()[2]
+    version = subprocess.run(["git", "version"], check=True, capture_output=True, text=True).stdout.split()[2]
     print(
-        f"Python {platform.python_version()}, git {git}, {os.cpu_count()} cores, {platform.system()}", end=""
+        f"Python {platform.python_version()}, git {version}, GitPython {git.__version__}, {os.cpu_count()} processors, "
+        f"{platform.system()}, load {os.getloadavg()[0]:.1f}; processor time"
     )
-    print(f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "")
-    again = []
+    print("measure | ours | peer | ratio | limit | met")
     for entries in sizes.entries:
         with tempfile.TemporaryDirectory(prefix="calibrary-bench-") as name:
-            print(f"\n{entries} entries")
             snapshot = registry_of(Path(name, "registry"), entries)
-            again.append(warm(snapshot, entries))
-            cold(snapshot, entries, sizes.repeats)
-            if entries <= CHECKED_UP_TO:
-                check(snapshot, entries)
-            commands(snapshot, entries, sizes.repeats)
+            commands(snapshot.place, entries, sizes.repeats)
+            warm(snapshot, entries)
+            adding(snapshot.place, entries, sizes.repeats)
             assert snapshot.repo is not None
             snapshot.repo.close()
     with tempfile.TemporaryDirectory(prefix="calibrary-bench-") as name:
-        revisions(Path(name, "registry"), sizes.revisions, sizes.repeats)
-    if len(again) > 1:
-        growth = again[-1] / again[0]
-        print(f"\nResolve, warm, from {sizes.entries[0]} to {sizes.entries[-1]} entries")
-        row("  the largest registry takes", f"{growth:.2f} ×", growth, at_most=FLAT)
+        log(Path(name, "registry"), sizes.revisions, sizes.repeats)
 
 
 def main() -> None:

@@ -36,7 +36,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "convert-files-1": "calibrary.jobs.convert.report:ConvertFilesReport",
     "formats-1": "calibrary.parsers.listing:FormatListing",
     "onboard-1": "calibrary.jobs.onboard.report:OnboardReport",
-    "entry-listing-1": "calibrary.registry.snapshot:EntryListing",
+    "entry-listing-1": "calibrary.registry.stored:EntryListing",
     "registry-show-1": "calibrary.registry.history:ShownEntry",
     "registry-log-1": "calibrary.registry.history:LogReport",
     "registry-blame-1": "calibrary.registry.history:BlameReport",

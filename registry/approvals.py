@@ -24,7 +24,7 @@ from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.signatures import signatures
 from calibrary.registry.history import Approval, of_path, origin
-from calibrary.registry.snapshot import StoredEntry
+from calibrary.registry.stored import StoredEntry
 from calibrary.registry.writing import APPROVED_DIGEST
 
 __all__ = [

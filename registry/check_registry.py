@@ -16,6 +16,7 @@ from calibrary.registry.check import CheckReport, check, check_order
 from calibrary.registry.configuration import CONFIGURATION_FILE, Configuration, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.folder import entry_paths, proposal_paths, read_entry_file
 from calibrary.registry.git.history import changed, commit_at, history, parse_rev
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
@@ -41,7 +42,8 @@ from calibrary.registry.paths import (
     is_entry,
     is_proposal,
 )
-from calibrary.registry.snapshot import Snapshot, StoredEntry, entry_paths, proposal_paths, read_entry_file
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import StoredEntry
 from calibrary.validation import Finding, Severity
 
 __all__ = [

@@ -22,7 +22,8 @@ from calibrary.registry.entry import UNSTATED, Entry, Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import folder_of, proposal_path
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import StoredEntry
 
 __all__ = ["EVIDENCE", "Contribution", "contribute", "general_entry"]
 

@@ -18,7 +18,8 @@ from calibrary.registry.proposals import (
     proposal_of,
     require_not_held,
 )
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import StoredEntry
 
 __all__ = ["approving", "of_current"]
 

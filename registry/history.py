@@ -23,7 +23,8 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import index_at
 from calibrary.registry.paths import ROOT, SUFFIX, proposal_path
-from calibrary.registry.snapshot import ListedEntry, Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import ListedEntry, StoredEntry
 from calibrary.registry.writing import SOURCE_FILE, SOURCE_SHA256
 
 __all__ = [

@@ -25,7 +25,8 @@ from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.resolution import Earlier, RegistryIndex
-from calibrary.registry.snapshot import Snapshot, StoredEntry, used_before
+from calibrary.registry.snapshot import Snapshot, used_before
+from calibrary.registry.stored import StoredEntry
 from calibrary.strictyaml import line_of, load_yaml
 
 __all__ = [

@@ -21,12 +21,14 @@ from calibrary.registry.configuration import (
 )
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare
+from calibrary.registry.folder import read_entry_file
 from calibrary.registry.git.branches import require_branch
 from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.history import EntryRevision, FieldOrigin
 from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
-from calibrary.registry.snapshot import Snapshot, StoredEntry, in_its_place, read_entry_file
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import StoredEntry, in_its_place
 from calibrary.registry.writing import parsed
 
 __all__ = ["RegistryReader", "open_snapshot", "uncommitted"]

@@ -20,7 +20,8 @@ from calibrary.registry.git.writing import Change, Written, identity
 from calibrary.registry.paths import check_path
 from calibrary.registry.proposals import Proposal, Proposals, differs_in_status_only, needs_no_approval
 from calibrary.registry.reader import RegistryReader
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import StoredEntry
 from calibrary.registry.sync import Choice
 from calibrary.registry.writing import Note, note_of, write_changes
 

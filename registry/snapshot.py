@@ -7,7 +7,6 @@ by name, as ``folder:PATH``: a repository that is damaged must not turn into fil
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,17 +14,15 @@ from datetime import date
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
-from calibrary.records import Json, Meta, Record
 from calibrary.registry.configuration import Configuration
-from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
-from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
+from calibrary.registry.entry import USABLE, Entry, Status
+from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import Row, entry_row
+from calibrary.registry.folder import entry_paths, proposal_paths, read_entry_file
 from calibrary.registry.git.history import history
-from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import LABEL, Index, index_at, label_in, parsed_or_error
 from calibrary.registry.paths import (
@@ -43,92 +40,11 @@ from calibrary.registry.paths import (
     unit_folder,
     unit_paths,
 )
-from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
+from calibrary.registry.resolution import RegistryIndex, Resolution
+from calibrary.registry.stored import StoredEntry, in_its_place
 from calibrary.registry.writing import parsed
 
-__all__ = [
-    "EntryListing",
-    "ListedEntry",
-    "Snapshot",
-    "StoredEntry",
-    "entry_paths",
-    "proposal_paths",
-    "read_entry_file",
-    "used_before",
-]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredEntry:
-    """An entry as it is stored at one state of a registry.
-
-    Attributes:
-        entry: what the file says.
-        path: of the file.
-        oid: blob id of the content, from which a change of it starts; None in a plain folder.
-        commit: where it was read, 40 hexadecimal digits; None in a plain folder.
-        proposal: path of what is proposed to take its place; None where nothing is, or that was not asked.
-    """
-
-    entry: Entry
-    path: str
-    oid: str | None
-    commit: str | None
-    proposal: str | None = None
-
-    @property
-    def id(self) -> str:
-        """The entry's longest KEY."""
-        return id_of(self.path)
-
-    @property
-    def is_pending(self) -> bool:
-        """Whether it waits for approval, beside what is in use or, in an older registry, in its place."""
-        return is_proposal(self.path) or self.entry.status is Status.DRAFT
-
-    @property
-    def members(self) -> dict[str, Any]:
-        """The members of a listed entry, by name."""
-        stated = {name: getattr(self.entry, name) for name in EntryFields.__struct_fields__}
-        place = {"id": self.id, "path": self.path, "commit": self.commit, "blob": self.oid}
-        return {**place, "proposal": self.proposal, **stated}
-
-
-class ListedEntry(EntryFields):
-    """An entry as it is stored at a commit, with its calibration in the form that every command prints.
-
-    Attributes:
-        id: the longest KEY.
-        path: of its file.
-        commit: at which it was read; None in a plain folder.
-        blob: git's id of the file, to which an approval is bound; None in a plain folder.
-        proposal: path of what is proposed to take its place; None where nothing is.
-    """
-
-    id: str
-    path: Annotated[str, Meta(pattern="^(cameras|proposals)/.+[.]yaml$")]
-    commit: ObjectId | None
-    blob: ObjectId | None
-    proposal: str | None = None
-
-    def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
-        """Its place first: a calibration is long."""
-        return {name: document.pop(name) for name in ListedEntry.__annotations__} | document
-
-
-class EntryListing(Record, tag_field="schema", tag="calibrary/entry-listing-1"):
-    """What calibrary registry list --json prints.
-
-    Attributes:
-        entries: by path.
-    """
-
-    entries: tuple[ListedEntry, ...]
-
-    @classmethod
-    def of(cls, stored: Iterable[StoredEntry]) -> EntryListing:
-        """The listing of stored entries."""
-        return cls(entries=tuple(ListedEntry(**one.members) for one in stored))
+__all__ = ["Snapshot", "used_before"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -491,66 +407,3 @@ def used_before(repo: Repository, at: str, path: str) -> Iterator[tuple[str, Ent
             entry = parse_entry(repo.blob(revision.oid), revision.path)
             if entry.is_usable:
                 yield revision.commit, entry
-
-
-def in_its_place(stored: StoredEntry) -> StoredEntry:
-    """The same, if it lies where its camera belongs.
-
-    Raises:
-        RegistryError: the file of one camera lies where another's belongs.
-    """
-    if stored.entry.path != in_use_path(stored.path) and is_keyed(in_use_path(stored.path)):
-        raise RegistryError(
-            f"{stored.path}: its camera belongs at {stored.entry.path}, so this is not the K of {stored.id}; "
-            f"'calibrary registry log {stored.id}' shows who wrote it"
-        )
-    return stored
-
-
-def entry_paths(root: Path) -> list[str]:
-    """The paths of all entries below a registry's root, sorted; links to folders are not followed.
-
-    Raises:
-        RegistryError: there is no registry here, or a folder of it cannot be read.
-    """
-    if not (root / ROOT).is_dir():
-        raise RegistryError(
-            f"{root}: no registry here: expected a folder 'cameras' with one YAML file a camera"
-        )
-    return _entries_below(root, ROOT)
-
-
-def proposal_paths(root: Path) -> list[str]:
-    """The same of what is proposed below a registry's root."""
-    return _entries_below(root, PROPOSED)
-
-
-def _entries_below(root: Path, top: str) -> list[str]:
-    def refuse(error: OSError) -> None:
-        raise RegistryError(f"{error.filename}: cannot be read: {error.strerror}") from None
-
-    start = len(str(root)) + 1 if str(root) != "." else 0
-    found = []
-    for folder, _, names in os.walk(root / top, onerror=refuse) if (root / top).is_dir() else ():
-        below = folder[start:].replace(os.sep, "/")
-        found += [f"{below}/{name}" for name in names if is_entry(name)]
-    return sorted(found)
-
-
-def read_entry_file(root: Path, path: str) -> bytes:
-    """The bytes of one entry.
-
-    Raises:
-        RegistryError: it is no regular file, too large, or cannot be read.
-    """
-    file = root / path
-    try:
-        if file.is_symlink() or not file.is_file():
-            raise RegistryError(f"{path}: expected a regular file")
-        with file.open("rb") as opened:
-            data = opened.read(LARGEST_ENTRY + 1)
-    except OSError as error:
-        raise RegistryError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(data) > LARGEST_ENTRY:
-        raise RegistryError(f"{path}: is larger than {LARGEST_ENTRY >> 10} KiB, expected one camera's entry")
-    return data

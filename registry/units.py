@@ -19,8 +19,9 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Written
 from calibrary.registry.paths import in_use_path, unit_folder
 from calibrary.registry.proposals import ChangeReport, Proposals, change_report
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.spreadsheet import csv_text, read_sheet, same_number
+from calibrary.registry.stored import StoredEntry
 
 __all__ = ["RowProblem", "UnitsImport", "UnitsReport", "import_units", "units_csv", "units_report"]
 

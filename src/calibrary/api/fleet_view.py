@@ -23,7 +23,8 @@ from calibrary.registry.history import recorded
 from calibrary.registry.paths import id_of, in_use_path, is_entry, is_proposal
 from calibrary.registry.query import parse_where, row_of, select
 from calibrary.registry.reader import RegistryReader, open_snapshot
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import StoredEntry
 
 if TYPE_CHECKING:
     from calibrary.api.changes import FleetChanges

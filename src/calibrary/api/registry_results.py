@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
 from calibrary.records import Json, to_json
-from calibrary.registry import history
-from calibrary.registry import snapshot as stored_entries
+from calibrary.registry import history, stored
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.fields import FieldChange, entry_rows, entry_text
 from calibrary.registry.history import (
@@ -24,7 +23,8 @@ from calibrary.registry.history import (
 )
 from calibrary.registry.query import Selection, short_ids
 from calibrary.registry.resolution import RejectedEntry
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import StoredEntry
 
 if TYPE_CHECKING:
     from calibrary.jobs.exchange.resolve import Answer
@@ -134,7 +134,7 @@ class EntryListing:
 
     def to_dict(self) -> dict[str, Json]:
         """As plain data for JSON (schemas/entry-listing-1.schema.json)."""
-        return to_json(stored_entries.EntryListing.of(self.entries))
+        return to_json(stored.EntryListing.of(self.entries))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

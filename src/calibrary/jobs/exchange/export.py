@@ -21,8 +21,8 @@ from calibrary.parsers.writing import check_limit
 from calibrary.records import Meta, Record
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.snapshot import StoredEntry
 from calibrary.registry.spreadsheet import csv_text
+from calibrary.registry.stored import StoredEntry
 
 __all__ = [
     "TABLES",

@@ -20,7 +20,8 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Approval, Recorded, recorded
 from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path, unit_folder
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stored import StoredEntry
 from calibrary.registry.writing import parsed
 
 __all__ = ["Answer", "Question", "ResolutionReport", "answer", "asked", "resolution_report"]
