@@ -168,7 +168,13 @@ class FleetView:
             return all(word in called for word in lowered)
 
         in_use = snapshot.paths
-        named = [*filter(is_named, in_use), *filter(is_named, filter(is_entry, snapshot.proposed))]
+        every = (*in_use, *filter(is_entry, snapshot.proposed))
+        if lowered:
+            # Nearly all of many are left out by the first word already.
+            every = tuple(
+                path for path in every if lowered[0] in path or (labels and in_use_path(path) in labels)
+            )
+        named = filter(is_named, every)
         found = [
             (path, row_of(path, row, snapshot.beside(path)))
             for path, row in snapshot.rows(named, unreadable=unreadable.append)
