@@ -13,14 +13,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, NoReturn
 
 from msgspec import field
 
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.records import Meta, Record, from_json, replace, to_json
 from calibrary.records.limits import require_declared
-from calibrary.registry.entry import Status
+from calibrary.registry.entry import USABLE, Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
 from calibrary.registry.git.objects import ObjectId
@@ -90,7 +90,12 @@ def usable_paths(snapshot: Snapshot) -> list[str]:
     Raises:
         RegistryError: one cannot be read.
     """
-    return [stored.path for stored in snapshot.entries() if stored.entry.is_usable]
+
+    def refuse(error: RegistryError) -> NoReturn:
+        raise error
+
+    rows = snapshot.rows(snapshot.paths, unreadable=refuse)
+    return [path for path, row in rows if row["status"] in USABLE]
 
 
 def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
