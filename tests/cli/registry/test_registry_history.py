@@ -87,7 +87,7 @@ def test_blame_agrees_with_gits_own_of_the_file(kept: Path, capsys: pytest.Captu
 def test_blame_of_a_field_that_came_back_names_its_return(
     kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    add(xml(tmp_path / "a.xml"), "--firmware", "01.08", "--approve")
+    add(xml(tmp_path / "a.xml"), "--firmware", "01.08", "--approve", "--reason", "back to the old firmware")
     [fx] = printed(capsys, "registry-blame-1", "blame", "fc6310r", "intrinsics.fx")["fields"]
     assert (fx["value"], fx["commit"]) == (3660.5, git(kept, "rev-parse", "HEAD"))
 
