@@ -277,8 +277,10 @@ class Calibration(Record):
         px = np.empty((len(rays), 2))
         for rows in blocks(len(rays), CHUNK_ROWS):
             x, y = to_distorted(rays[rows]).T
-            px[rows, 0] = K.fx * x + (K.skew * y + K.cx)
-            px[rows, 1] = K.fy * y + K.cy
+            # A coefficient of 1e306 is finite, and so may be what it makes of a point; a pixel of it is not.
+            with np.errstate(over="ignore", invalid="ignore"):
+                px[rows, 0] = K.fx * x + (K.skew * y + K.cx)
+                px[rows, 1] = K.fy * y + K.cy
         return px
 
     def unproject(self, pixels: ArrayLike) -> FloatArray:
@@ -302,8 +304,9 @@ class Calibration(Record):
         rays = np.empty((len(px), 3))
         for rows in blocks(len(px), CHUNK_ROWS):
             x, y = px[rows].T
-            y = (y - K.cy) / K.fy
-            x = (x - K.cx - K.skew * y) / K.fx
+            with np.errstate(over="ignore", invalid="ignore"):
+                y = (y - K.cy) / K.fy
+                x = (x - K.cx - K.skew * y) / K.fx
             rays[rows] = cast(np.column_stack([x, y]))
         return rays
 

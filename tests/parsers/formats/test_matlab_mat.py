@@ -203,3 +203,18 @@ def test_a_bomb_is_not_unpacked() -> None:
 def test_a_broken_file_names_what_is_wrong(values: dict[str, Any], match: str) -> None:
     with pytest.raises(ParseError, match=match):
         read(mat(values))
+
+
+def test_a_coefficient_beyond_all_measure_projects_without_a_warning() -> None:
+    """Found by fuzzing: a byte of k3's exponent was changed."""
+    camera = Calibration.from_opencv(
+        np.array([[433.2, 0, 371.6], [0, 432.9, 238.3], [0, 0, 1]]),
+        [-0.2, 0.04, 0, 0, 1.1e306],
+        image_size=(752, 480),
+    )
+    pixels = camera.project([[0.0, 0.0, 1.0], [0.3, -0.2, 1.0], [-0.9, 0.7, 1.0]])
+    assert pixels[0].tolist() == [372.1, 238.8]
+    assert not np.isfinite(pixels[2]).any()
+    rays = camera.unproject([[372.1, 238.8], [900.0, 900.0]])
+    assert rays[0] == pytest.approx([0.0, 0.0, 1.0])
+    assert not np.isfinite(rays[1]).any()
