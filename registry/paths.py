@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 from calibrary.calibration import CameraKey
 from calibrary.distortion.described import DOCUMENT
 from calibrary.errors import AmbiguousCameraError, InputError, RegistryError, UnknownCameraError
-from calibrary.known_camera import SERIAL_HASH_DIGITS, hash_serial
+from calibrary.known_camera import HEX_DIGITS, SERIAL_HASH_DIGITS, hash_serial
 from calibrary.registry.git.names import is_safe_name
 
 if TYPE_CHECKING:
@@ -164,7 +164,6 @@ SUFFIX: Final = ".yaml"
 UNIT: Final = "sn-"
 """Begins the name of a unit's folder; the hash of its serial number follows."""
 SHORTEST_HASH: Final = 4
-HEX_DIGITS: Final = frozenset("0123456789abcdef")
 LONGEST_LEAF: Final = 110
 
 MOST_LISTED: Final = 8

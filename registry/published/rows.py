@@ -13,7 +13,7 @@ from typing import Final
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
-from calibrary.known_camera import SERIAL_HASH_DIGITS
+from calibrary.known_camera import is_serial_hash
 from calibrary.records import replace, to_json
 from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.git.repository import Repository
@@ -34,7 +34,6 @@ from calibrary.workers import mapped
 
 __all__ = ["Row", "names_of", "written_rows"]
 
-HEX: Final = frozenset("0123456789abcdef")
 CHUNK: Final = 500
 WORTH_A_POOL: Final = 2000
 """Entries from which starting workers costs less than it saves."""
@@ -178,7 +177,7 @@ def _require_publishable(path: str, entry: Entry) -> None:
             f"{path}: its camera belongs at {entry.path}; 'calibrary registry check' shows what is wrong with it"
         )
     serial = entry.calibration.camera.serial
-    if serial is not None and (len(serial) != SERIAL_HASH_DIGITS or not set(serial) <= HEX):
+    if serial is not None and not is_serial_hash(serial):
         raise RegistryError(
             f"{path}: its serial number is not hashed, so it is not published; 'calibrary registry add FILE' hashes it"
         )

@@ -13,6 +13,7 @@ from calibrary.records.limits import require_declared
 
 __all__ = [
     "BANDS",
+    "HEX_DIGITS",
     "SERIAL_HASH_DIGITS",
     "SUB_CAMERAS",
     "KnownCamera",
@@ -21,6 +22,7 @@ __all__ = [
     "SensorWidth",
     "Text",
     "hash_serial",
+    "is_serial_hash",
     "normalise_sub_camera",
 ]
 
@@ -55,6 +57,8 @@ _LONGEST_WORD: Final = 48
 SERIAL_HASH_DIGITS: Final = 16
 """64 bits: two of a million cameras share a hash with a chance of 3e-8."""
 
+HEX_DIGITS: Final = frozenset("0123456789abcdef")
+
 
 def hash_serial(make: str | None, serial: str) -> str:
     """What stands for a serial number wherever anything is written down.
@@ -64,6 +68,11 @@ def hash_serial(make: str | None, serial: str) -> str:
     """
     digest = hashlib.sha256(b"calibrary serial\0" + (make or "").encode() + b"\0" + serial.encode())
     return digest.hexdigest()[:SERIAL_HASH_DIGITS]
+
+
+def is_serial_hash(serial: str) -> bool:
+    """Whether this has the form of :func:`hash_serial`'s result."""
+    return len(serial) == SERIAL_HASH_DIGITS and set(serial) <= HEX_DIGITS
 
 
 def normalise_sub_camera(text: str) -> str | None:

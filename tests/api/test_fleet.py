@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from datetime import date
 from pathlib import Path
 
@@ -80,3 +81,19 @@ def test_it_is_plain_data_by_the_commands_schema(fleet: calibrary.Fleet) -> None
     require(json.loads(json.dumps(document, allow_nan=False)), "resolution-1", source="to_dict")
     assert document["on"] == "2026-05-01"
     assert document["known_by"] == "what was said"
+
+
+def test_a_serial_number_is_hashed_before_it_is_proposed_or_asked_for(
+    furnished: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(furnished / "fleet", tmp_path / "fleet")
+    mine = calibrary.open_registry(tmp_path / "fleet")
+    unit = calibrary.CameraKey(make="DJI", model="FC6310R", serial="0V2LG3H03")
+    change = mine.propose(furnished / "camera.xml", camera=unit, approve=True, reason="measured")
+    assert [one.entry.id for one in change.proposals.items] == ["dji/fc6310r/sn-9bd2d9940c7c0724/5472x3648"]
+    change.write()
+    asked = replace(unit, image_size=(5472, 3648))
+    for question in (asked, replace(asked, serial="9bd2d9940c7c0724")):
+        answer = calibrary.open_registry(tmp_path / "fleet").resolve(question)
+        assert answer.entry is not None
+        assert answer.entry.id == "dji/fc6310r/sn-9bd2d9940c7c0724/5472x3648"

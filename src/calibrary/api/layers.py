@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from calibrary.api.registry_results import FleetAnswer
-from calibrary.api.stated import CameraLike, overlay
+from calibrary.api.stated import CameraLike, hashed, overlay
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.jobs.exchange.layers import Layers, Place, open_layers
 from calibrary.jobs.exchange.resolve import Question, answer, asked
@@ -72,7 +72,7 @@ def resolved(
         question = asked(layers, str(camera) if camera is not None else None, overlay(stated))
     else:
         key = camera.camera if isinstance(camera, Calibration) else camera
-        known = asked(layers, None, lambda _: overlay(stated)(key))
+        known = asked(layers, None, lambda _: overlay(stated)(hashed(key)))
         question = Question(key=known.key, known_by="what was said")
     day = on or question.day or date.today()
     return FleetAnswer(answer(layers, question, on=day), day)

@@ -15,7 +15,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
 from calibrary.errors import InputError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.exchange.argument import Reading, choose, entry_file
-from calibrary.known_camera import SERIAL_HASH_DIGITS, hash_serial
+from calibrary.known_camera import hash_serial, is_serial_hash
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.plausible import refuse_implausible
 from calibrary.records import replace
@@ -30,7 +30,6 @@ __all__ = ["AddRequest", "Stated", "propose_file", "save_file"]
 
 OPTIONAL_TEXTS: Final = ("sub_camera", "lens", "capture_mode", "firmware")
 OF_THE_MODEL: Final = {Grade.DESIGN, Grade.DERIVED}
-HEX: Final = frozenset("0123456789abcdef")
 SERIAL_IN_NAME: Final = re.compile(r"(?i)\b(SN|serial)(?:[-_ ][0-9A-Z]*\d{3}|\d{4})[0-9A-Z]*")
 """ZED names its files ``SN12345678.conf``, and so do people."""
 
@@ -240,7 +239,7 @@ def _from_calibration(
 def _from_entry(entry: Entry, request: AddRequest) -> tuple[Entry, tuple[str, ...]]:
     """An entry's own file, perhaps edited by hand."""
     camera = _said(request.key(entry.calibration.camera))
-    if camera.serial is not None and not _is_hash(camera.serial):
+    if camera.serial is not None and not is_serial_hash(camera.serial):
         camera = replace(camera, serial=hash_serial(camera.make, camera.serial))
     made = entry.calibration.provenance
     warnings = tuple(request.stated.warnings(made))
@@ -268,10 +267,6 @@ def _said(camera: CameraKey) -> CameraKey:
     """The key without the fields that the user emptied."""
     empty = {name: None for name in OPTIONAL_TEXTS if getattr(camera, name) == ""}
     return replace(camera, **empty) if empty else camera
-
-
-def _is_hash(serial: str) -> bool:
-    return len(serial) == SERIAL_HASH_DIGITS and set(serial) <= HEX
 
 
 def _require_key(camera: CameraKey, source: str) -> None:
