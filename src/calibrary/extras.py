@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as version_of
 from importlib.util import find_spec
 
 from calibrary.errors import MissingExtraError
@@ -78,15 +80,28 @@ def missing(modules: Sequence[str], job: str) -> MissingExtraError:
 
 
 def _check(module: str, job: str) -> None:
-    """Load a library that another package may have brought, and look how old it is."""
+    """Look how old a library is that another package may have brought.
+
+    One that is installed under its own name is not loaded for that: pycolmap takes over the signals of its process.
+    """
     library = LIBRARIES[module]
     if library.floor is None:
         return
     try:
-        version = str(import_module(module).__version__)
-    except ImportError as error:
-        reason = str(error).splitlines()[0]
-        raise MissingExtraError(f"{job} needs {library.name}, which does not load: {reason}") from None
+        version = version_of(module)
+    except PackageNotFoundError:
+        version = _loaded_version(module, job)
     if tuple(map(int, version.split(".")[:2])) < library.floor:
         wanted = ".".join(map(str, library.floor))
         raise MissingExtraError(f"{job} needs {library.name} {wanted} or newer, found {version}: upgrade it")
+
+
+def _loaded_version(module: str, job: str) -> str:
+    """The version that a module states, such as cv2, which five packages install."""
+    try:
+        return str(import_module(module).__version__)
+    except ImportError as error:
+        reason = str(error).splitlines()[0]
+        raise MissingExtraError(
+            f"{job} needs {LIBRARIES[module].name}, which does not load: {reason}"
+        ) from None
