@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.jobs.diff.wording import length, pixels
@@ -21,9 +21,11 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path
-from calibrary.registry.proposals import Proposals
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
+
+if TYPE_CHECKING:
+    from calibrary.registry.proposals import Proposals
 
 __all__ = ["require_reason", "with_material_changes", "with_material_changes_of_range"]
 
