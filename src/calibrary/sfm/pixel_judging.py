@@ -33,7 +33,7 @@ AGREES_SIGMAS: Final = 2.0
 
 SYSTEMATIC: Final = 0.01
 """Relative standard deviation of fx by systematic errors of the images, where one pixel at its worst doubles fx;
-it goes with the square of that. Two dozens of a real nadir flight, of 1.2 and 1.45, were 1.8 % and 3.2 % off."""
+it goes with the square of that. Chosen by simulated flights, and so that parts of one real nadir flight agree."""
 
 LEAST_STD: Final = 0.002
 """Of fx: what no dozen images can claim to know better; focus and heat move it by as much from day to day."""
