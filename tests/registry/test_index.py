@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import NoReturn
 
@@ -190,11 +191,11 @@ def test_one_of_another_commit_version_or_repository_is_written_anew(
     kept = tmp_path / "kept"
     _ = index_at(repo, tip(repo), folder=kept).files
     [file] = kept.iterdir()
-    with sqlite3.connect(file) as db:
+    with closing(sqlite3.connect(file)) as db, db:
         db.execute("UPDATE meta SET value = ? WHERE key = ?", ("0" * 40, key))
         db.execute("DELETE FROM files")
     require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
-    with sqlite3.connect(file) as db:
+    with closing(sqlite3.connect(file)) as db:
         assert dict(db.execute("SELECT key, value FROM meta"))["commit"] == tip(repo)
 
 

@@ -125,7 +125,7 @@ def test_what_only_another_program_needs_stays_out(
     file = xml(tmp_path / "a.xml")
     file.write_text(file.read_text().replace("</calibration>", "<owner>Jane Doe</owner></calibration>"))
     code, told, _ = run(capsys, "add", file, *CAMERA, "--yes")
-    assert (code, "not imported, because it was not reviewed" in told) == (0, True)
+    assert (code, "fields of the file that only its program uses stay out of the entry" in told) == (0, True)
     assert held(fleet).entry.calibration.extras == ()
     assert b"Jane Doe" not in entry_yaml(held(fleet).entry)
 

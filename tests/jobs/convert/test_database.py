@@ -137,7 +137,7 @@ def test_every_run_keeps_what_it_found(folder: Path) -> None:
     parsers.write([camera(3000)], folder / "camera.yml", "opencv_storage")
     assert convert(folder) == 0
     for backup, wanted in (("database.db.before-2.sql", second), ("database.db.before.sql", first)):
-        with sqlite3.connect(path) as connection:
+        with closing(sqlite3.connect(path)) as connection:
             connection.executescript((folder / backup).read_text())
         assert rows(path) == wanted
 
@@ -183,7 +183,7 @@ def test_no_database_is_made(folder: Path, capsys: pytest.CaptureFixture[str]) -
 def test_another_program_that_changed_it_meanwhile_wins(folder: Path) -> None:
     path = database(folder / "database.db", SIZE)
     change = change_of(path, read_database(path), {1: camera().to_colmap()})
-    with sqlite3.connect(path) as connection:
+    with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("UPDATE cameras SET prior_focal_length = 1")
     before = rows(path)
     with pytest.raises(InputError, match="another program changed"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -46,7 +47,7 @@ def read(path: Path) -> dict[str, tuple[str, list[float], bool]]:
 
 
 def rows(path: Path) -> list[tuple[object, ...]]:
-    with sqlite3.connect(path) as connection:
+    with closing(sqlite3.connect(path)) as connection:
         return connection.execute("SELECT * FROM cameras ORDER BY camera_id").fetchall()
 
 
@@ -90,7 +91,7 @@ def test_what_was_there_can_be_put_back(flight: Path) -> None:
     before = rows(database(flight / "database.db", FIRST, SECOND))
     assert extract() == 0
     assert rows(flight / "database.db") != before
-    with sqlite3.connect(flight / "database.db") as connection:
+    with closing(sqlite3.connect(flight / "database.db")) as connection:
         connection.executescript((flight / RESTORE).read_text())
     assert rows(flight / "database.db") == before
 

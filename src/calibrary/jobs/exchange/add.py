@@ -188,7 +188,7 @@ def _from_calibration(
     warnings = []
     if calibration.extras:
         names = ", ".join(sorted({name for name, _ in calibration.extras})[:6])
-        warnings.append(f"not imported, because it was not reviewed: {names}")
+        warnings.append(f"fields of the file that only its program uses stay out of the entry: {names}")
     camera = calibration.camera
     if source.is_image:
         if camera.serial is not None and calibration.grade in OF_THE_MODEL:

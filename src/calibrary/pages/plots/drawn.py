@@ -130,7 +130,7 @@ def arrow_map(
     if usual > LEAST:
         gain = LONG_ARROW * max(image_size) * frame.scale / usual
         cut = length > CUT * usual
-        shrink = np.where(cut, CUT * usual / np.where(length > 0, length, 1.0), 1.0)[..., None]
+        shrink = (CUT * usual / np.maximum(length, CUT * usual))[..., None]
         drawn = np.where(valid[..., None], given, 0.0) * gain * shrink
         at = frame.at(begin)
         kinds = ((valid & ~counts, MUTED, 0.9), (counts & ~cut, ACCENT, 1.3), (counts & cut, BAD, 2.0))
