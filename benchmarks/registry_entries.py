@@ -395,7 +395,6 @@ def measure(sizes: Sizes) -> None:
         f"Python {platform.python_version()}, git {version}, GitPython {git.__version__}, {os.cpu_count()} processors, "
         f"{platform.system()}, load {os.getloadavg()[0]:.1f}; processor time"
     )
-    print("measure | ours | peer | ratio | limit | met")
     for entries in sizes.entries:
         with tempfile.TemporaryDirectory(prefix="calibrary-bench-") as name:
             snapshot = registry_of(Path(name, "registry"), entries)
