@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -84,14 +84,11 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
 def board_plots(result: CalibrationResult) -> Iterator[Block]:
     """Coverage, poses, and the board's warp."""
     covered = _covered(result)
-    posed = [view for view in result.views if view.without is None and view.rotation is not None]
-    normals = np.array([view.rotation[:, 2] for view in posed if view.rotation is not None])
-    metric = result.evidence.unit == "mm"
-    away = [float(np.linalg.norm(v.translation_mm)) for v in posed if v.translation_mm is not None]
+    normals, away, unit = _posed(result, [view for view in result.views if view.without is None])
     held = poses(
         normals,
-        np.array(away) / (1000 if metric else 1),
-        axis=Axis("distance", "m" if metric else result.evidence.unit),
+        away,
+        axis=Axis("distance", unit),
         caption="To which side the board was tilted, as seen from the camera; larger marks are nearer. "
         "All around and out to 30° is best.",
     )
@@ -113,19 +110,24 @@ def board_plots(result: CalibrationResult) -> Iterator[Block]:
 
 def flight_plots(result: CalibrationResult) -> Iterator[Block]:
     """Coverage, and which way the images looked."""
-    posed = [view for view in result.views if view.rotation is not None]
-    ups = np.array([view.rotation[:, 2] for view in posed if view.rotation is not None])
-    metric = result.evidence.unit == "mm"
-    away = [float(np.linalg.norm(v.translation_mm)) for v in posed if v.translation_mm is not None]
+    ups, away, unit = _posed(result, result.views)
     looked = poses(
         ups,
-        np.array(away) / (1000 if metric else 1),
-        axis=Axis("distance to the middle of the points", "m" if metric else result.evidence.unit),
+        away,
+        axis=Axis("distance to the middle of the points", unit),
         caption="From which side the ground was seen; larger marks are nearer. Marks at different distances, and some "
         "out to 30°, tell the focal length from the height.",
         of="the ground",
     )
     yield SideBySide((_covered(result), looked))
+
+
+def _posed(result: CalibrationResult, views: Sequence[ViewResult]) -> tuple[FloatArray, FloatArray, str]:
+    """(N, 3) directions of the third axis and (N,) distances of the views that have a pose, and the distances' unit."""
+    posed = [view for view in views if view.rotation is not None]
+    axes = np.array([view.rotation[:, 2] for view in posed if view.rotation is not None])
+    away = np.array([float(np.linalg.norm(v.translation_mm)) for v in posed if v.translation_mm is not None])
+    return (axes, away / 1000, "m") if result.evidence.unit == "mm" else (axes, away, result.evidence.unit)
 
 
 def _covered(result: CalibrationResult) -> Figure:
