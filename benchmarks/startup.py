@@ -12,6 +12,7 @@ import argparse
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
 from benchmarks.table import at_most, compared, in_turns, machine
@@ -43,7 +44,7 @@ def main() -> None:
 
         for flag in ("--version", "--help"):
             times = in_turns(
-                {"ours": lambda: run("-m", "calibrary", flag), "peer": lambda: run("-c", "pass")},  # noqa: B023
+                {"ours": partial(run, "-m", "calibrary", flag), "peer": partial(run, "-c", "pass")},
                 repeats,
             )
             ours, bare = ([cost.cpu_s for cost in times[who]] for who in ("ours", "peer"))
@@ -52,8 +53,8 @@ def main() -> None:
         for what, (arguments, modules) in UNAVOIDABLE.items():
             times = in_turns(
                 {
-                    "ours": lambda: run("-m", "calibrary", *arguments),  # noqa: B023
-                    "peer": lambda: run("-c", f"import {modules}"),  # noqa: B023
+                    "ours": partial(run, "-m", "calibrary", *arguments),
+                    "peer": partial(run, "-c", f"import {modules}"),
                 },
                 repeats,
             )
