@@ -10,7 +10,7 @@ from datetime import date
 from typing import Final, TypeAlias
 
 from calibrary.calibration import Calibration, CameraKey
-from calibrary.errors import InputError, RegistryError
+from calibrary.errors import AmbiguousEntryError, InputError, RegistryError
 from calibrary.records import Record, replace
 from calibrary.registry.entry import USABLE, Entry, Status
 from calibrary.registry.entry_match import ONLY_PROPOSED, EntryMatch, match_entry
@@ -103,7 +103,7 @@ def resolve(
         statuses: of the entries that may be taken; drafts and retired ones only where they are asked for.
 
     Raises:
-        RegistryError: two entries fit equally well; the message names them.
+        AmbiguousEntryError: two entries fit equally well; the message names them.
     """
     fits, misses = _sorted_out(entries, key, on, statuses)
     best = _best(fits, key)
@@ -126,7 +126,7 @@ def answering(entries: Mapping[str, Entry], key: CameraKey, *, on: date | None =
     """The path of the entry that :func:`resolve` finds, for those who want no more of it.
 
     Raises:
-        RegistryError: two entries fit equally well.
+        AmbiguousEntryError: two entries fit equally well.
     """
     best = _best(_sorted_out(entries, key, on, USABLE)[0], key)
     return best.path if best is not None else None
@@ -213,7 +213,8 @@ class RegistryIndex:
         """The most specific entry for a camera; see :func:`resolve`.
 
         Raises:
-            RegistryError: two entries fit equally well, or a candidate cannot be read.
+            AmbiguousEntryError: two entries fit equally well.
+            RegistryError: a candidate cannot be read.
         """
         for candidates in (self.candidates, self._by_alias):
             entries, commits = self._valid_on(candidates(key), on)
@@ -354,7 +355,7 @@ def _best(fits: Sequence[EntryMatch], key: CameraKey) -> EntryMatch | None:
     best, *others = fits
     alike = [other.path for other in others if other.rank == best.rank]
     if alike:
-        raise RegistryError(
+        raise AmbiguousEntryError(
             f"{len(alike) + 1} entries match {key} equally well: {', '.join([best.path, *alike][:MOST_NEAR])}; retire "
             "all but one, or state in each what it applies to"
         )

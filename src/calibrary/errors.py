@@ -16,6 +16,7 @@
     ├── RegistryError
     │   ├── UnknownCameraError (KeyError)
     │   ├── AmbiguousCameraError         a KEY is of several entries; they are named
+    │   ├── AmbiguousEntryError          several entries fit a camera equally well; they are named
     │   └── ConflictError                the entry has changed since it was read
     ├── CalibrationError                 a calibration could not be computed
     └── MissingExtraError (ImportError)  a library that the job needs is not installed
@@ -30,6 +31,7 @@ from typing import Protocol
 
 __all__ = [
     "AmbiguousCameraError",
+    "AmbiguousEntryError",
     "AmbiguousFormatError",
     "BadRationalError",
     "CalibraryError",
@@ -152,6 +154,10 @@ class UnknownCameraError(RegistryError, KeyError):
 
 class AmbiguousCameraError(RegistryError):
     """A KEY fits several entries; the message names them."""
+
+
+class AmbiguousEntryError(RegistryError):
+    """Several entries fit a camera equally well; the message names them."""
 
 
 class ConflictError(RegistryError):

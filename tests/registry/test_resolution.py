@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from calibrary.calibration import CameraKey, SourceFile
-from calibrary.errors import RegistryError
+from calibrary.errors import AmbiguousEntryError, RegistryError
 from calibrary.quality import Quality
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Status, Validity
@@ -67,7 +67,7 @@ def test_what_an_entry_states_must_be_so(key: CameraKey, expected: float | None)
 def test_a_focal_length_that_is_not_known_is_no_proof() -> None:
     assert fx(at_home(FOCAL), replace(KEY, focal_mm=None)) == 3004.0
     assert fx(at_home(FOCAL, MODEL), replace(KEY, focal_mm=None)) == 3006.0
-    with pytest.raises(RegistryError, match="2 entries match"):
+    with pytest.raises(AmbiguousEntryError, match="2 entries match"):
         fx(at_home(FOCAL, an_entry(focal_mm=24.0)), replace(KEY, focal_mm=None))
 
 
@@ -80,7 +80,7 @@ def test_the_nearest_focal_length_answers_and_a_distant_one_never() -> None:
 
 def test_two_that_fit_alike_are_an_error_that_names_both() -> None:
     twins = {"cameras/a.yaml": FOCAL, "cameras/b.yaml": an_entry()}
-    with pytest.raises(RegistryError, match=r"cameras/a\.yaml, cameras/b\.yaml"):
+    with pytest.raises(AmbiguousEntryError, match=r"cameras/a\.yaml, cameras/b\.yaml"):
         fx(twins)
 
 
@@ -89,7 +89,7 @@ def test_two_open_ranges_of_firmware_that_both_hold_are_an_error_that_names_both
     both = at_home(an_entry(fx=3001.0, firmware=since), an_entry(fx=3002.0, firmware=until))
     assert fx(both, replace(KEY, firmware="01.30")) == 3001.0
     assert fx(both, replace(KEY, firmware="1.8")) == 3002.0
-    with pytest.raises(RegistryError, match="2 entries match"):
+    with pytest.raises(AmbiguousEntryError, match="2 entries match"):
         resolve(both, replace(KEY, firmware="01.10"))
 
 

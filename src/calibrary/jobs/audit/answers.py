@@ -7,7 +7,7 @@ from datetime import date
 from enum import StrEnum
 
 from calibrary.calibration import CameraKey
-from calibrary.errors import RegistryError
+from calibrary.errors import AmbiguousEntryError, RegistryError
 from calibrary.jobs.audit.flights import Flown
 from calibrary.jobs.audit.rules import Rule
 from calibrary.registry.entry import Status
@@ -89,9 +89,8 @@ def answer_to(flown: Flown, index: RegistryIndex, today: date) -> Answer:
                 return Answer(flown=flown, use=use, resolution=found, finding=_unusable(flown, use, found))
         near = index.near(key, on=flown.last or today)
     except RegistryError as error:
-        several = "equally well" in str(error)
         finding = Finding(
-            rule=Rule.SEVERAL if several else Rule.BROKEN,
+            rule=Rule.SEVERAL if isinstance(error, AmbiguousEntryError) else Rule.BROKEN,
             severity=Severity.ERROR,
             camera=named(flown),
             message=str(error),
