@@ -15,6 +15,7 @@ from calibrary.jobs.extract.hand_off import Solver, seed_command
 from calibrary.jobs.extract.outputs import STALE, Outputs, check_place, plan
 from calibrary.jobs.extract.report import report_of
 from calibrary.jobs.extract.run import Request, run
+from calibrary.jobs.extract.task_folder import check_task_place, lay_out
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.images.places import place_of
 from calibrary.policy import FLEET
@@ -26,6 +27,7 @@ __all__ = [
     "ExtractResult",
     "Outputs",
     "check_place",
+    "check_task_place",
     "extract",
     "seed_command",
     "write_outputs",
@@ -71,6 +73,8 @@ class ExtractResult:
         hand_off: str = "none",
         page: PathLike | None = None,
         database: PathLike | None = None,
+        task: PathLike | None = None,
+        copy_images: bool = False,
     ) -> Outputs:
         """The files of a run: one K per camera, a report, what a solver needs; nothing is written.
 
@@ -80,13 +84,21 @@ class ExtractResult:
                 solver that gets K.
             page: where the report goes as a page.
             database: a COLMAP database that has the images, to write their cameras into.
+            task: a new folder for "odm" or "opensfm" to process as it is, with the images in it.
+            copy_images: into the task; else it has hard links to them.
 
         Raises:
             InputError: ``matrix`` is not a .npy, a file that may not be replaced is in the way, or a solver is to get
                 more images than are named.
         """
-        place = Path(database) if database is not None else None
-        found = plan(self.extraction, Path(matrix), Solver(hand_off), database=place)
+        found = plan(
+            self.extraction,
+            Path(matrix),
+            Solver(hand_off),
+            database=Path(database) if database is not None else None,
+            task=Path(task) if task is not None else None,
+            copied=copy_images,
+        )
         if page is None:
             return found
         from calibrary.jobs.extract.page import outcome_page
@@ -101,11 +113,13 @@ class ExtractResult:
 
 
 def write_outputs(outputs: Outputs) -> None:
-    """Write all files, or none; then the cameras of a COLMAP database, all or none.
+    """Put the images of a task in place, write all files, then the cameras of a COLMAP database; each all or none.
 
     Raises:
         InputError: one cannot be written.
     """
+    if outputs.task is not None:
+        lay_out(outputs.task)
     write_files(outputs.files)
     if outputs.database is not None:
         write_database(outputs.database)

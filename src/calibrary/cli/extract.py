@@ -25,6 +25,7 @@ examples:
   calibrary extract flight/ --recursive --json   the same for machines
   calibrary extract flight/ --sensor-width-mm 13.2 --sensor-height-mm 8.8
   calibrary extract flight/ --registry ../fleet-registry --hand-off colmap
+  calibrary extract flight/ --hand-off odm --task survey    a folder that ODM and WebODM process as it is
   calibrary extract flight/ --html flight.html   the same as a page to show
   calibrary extract flight/ --verify             hold K against the pixels too
   calibrary extract s3://bucket/2024/ --resume parts   images where they lie; go on where it left off
@@ -192,6 +193,14 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
         "they were is kept as SQL",
     )
     written.add_argument(
+        "--task",
+        type=Path,
+        metavar="DIR",
+        help="with --hand-off odm or opensfm: a new folder DIR that is processed as it is, with the images as hard "
+        "links, the cameras and the options",
+    )
+    written.add_argument("--copy-images", action="store_true", help="with --task: copy the images into it")
+    written.add_argument(
         "--html", type=Path, metavar="FILE", help="also write the report as a page, to look at and to hand on"
     )
     written.add_argument(
@@ -205,7 +214,7 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.api.images import check_place, extract, write_outputs
+    from calibrary.api.images import check_place, check_task_place, extract, write_outputs
     from calibrary.api.pages import check_page_place
     from calibrary.cli.console import note, out
     from calibrary.cli.extract_display import Display
@@ -214,10 +223,16 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
     if arguments.database is not None and arguments.hand_off != "colmap":
         arguments.parser.error("--database is for --hand-off colmap")
+    if arguments.task is not None and arguments.hand_off not in {"odm", "opensfm"}:
+        arguments.parser.error("--task is for --hand-off odm and --hand-off opensfm")
+    if arguments.copy_images and arguments.task is None:
+        arguments.parser.error("--copy-images is for --task DIR")
     matrix = Path(arguments.output_matrix)
     check_place(matrix)
     if arguments.html is not None:
         check_page_place(arguments.html)
+    if arguments.task is not None:
+        check_task_place(arguments.task)
     with _lines(arguments) as lines, Display(out(arguments), note(arguments)) as display:
         result = extract(
             _given(arguments),
@@ -238,7 +253,12 @@ def run(arguments: argparse.Namespace) -> int:
             progress=display.progress,
         )
     outputs = result.outputs(
-        matrix, hand_off=arguments.hand_off, page=arguments.html, database=arguments.database
+        matrix,
+        hand_off=arguments.hand_off,
+        page=arguments.html,
+        database=arguments.database,
+        task=arguments.task,
+        copy_images=arguments.copy_images,
     )
     if not arguments.dry_run:
         write_outputs(outputs)

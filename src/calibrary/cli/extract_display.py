@@ -6,6 +6,7 @@ and the reasons. So it reads the same in 80 columns as in 200.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -143,6 +144,10 @@ class Display:
         self._screen.say("[bold]Would write[/]" if dry_run else "[bold]Wrote[/]")
         for path in outputs.files:
             self._screen.say(f"  {plain(str(path))}")
+        if outputs.task is not None:
+            linked = "copied" if outputs.task.copied else "linked"
+            for folder, count in Counter(path.parent for path in outputs.task.images).items():
+                self._screen.say(f"  {plain(str(folder))}: {_count(count, 'image')}, {linked}")
         for path in outputs.stale:
             self._remarks.say(f"[yellow]note[/]: {plain(str(path))} {STALE}")
         for slug, why in outputs.not_handed_over.items():

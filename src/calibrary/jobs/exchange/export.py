@@ -15,10 +15,11 @@ from typing import Annotated, Final
 from calibrary import parsers
 from calibrary.atomic import check_folder, write_files
 from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.jobs.exchange.opensfm_names import odm_entry_names
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
 from calibrary.parsers.writing import check_limit
-from calibrary.records import Meta, Record
+from calibrary.records import Json, Meta, Record, encoded
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.spreadsheet import csv_text
@@ -37,6 +38,8 @@ __all__ = [
 
 SHORT: Final[Mapping[str, str]] = {"odm": "odm_cameras", "opensfm": "opensfm", "colmap": "colmap_text"}
 """Names that people use for formats, beside the formats' own."""
+
+ODM: Final = "odm_cameras"
 
 TABLES: Final = ("csv", "yaml")
 
@@ -222,7 +225,7 @@ def _one_file(stored: Sequence[StoredEntry], record: Format, out: Path, limit: f
                 f"{record.name} holds none of the {len(left)} entries: {next(iter(left.values()))}"
             ) from None
         data, verdict = _encoded(stored, record, out, limit)
-    write_files({out: data})
+    write_files({out: _as_odm_names_them(stored, data) if record.name == ODM else data})
     return Export(
         format=record.name,
         written=tuple(
@@ -264,12 +267,28 @@ def _namesakes(
         names: dict[str, str] = {}
         for one in sorted(alike, key=_stated) if len(alike) > 1 else ():
             try:
-                name = _name_in(_encoded([one], record, out, limit)[0])
+                data = _encoded([one], record, out, limit)[0]
             except InputError:
                 continue
-            if name is not None and (other := names.setdefault(name, one.id)) != one.id:
-                left[one.id] = f"{record.name} calls it {name!r}, as it does {other}"
+            own = odm_entry_names(one.entry.calibration) if record.name == ODM else _name_in(data)
+            taken = next((name for name in sorted(own) if name in names), None)
+            if taken is not None:
+                left[one.id] = f"{record.name} calls it {taken!r}, as it does {names[taken]}"
+            else:
+                names |= dict.fromkeys(own, one.id)
     return left
+
+
+def _as_odm_names_them(stored: Sequence[StoredEntry], data: bytes) -> bytes:
+    """``cameras.json`` with each camera under every name that ODM may give its images."""
+    cameras: list[Json] = [*json.loads(data).values()]
+    return encoded(
+        {
+            name: camera
+            for one, camera in zip(stored, cameras, strict=True)
+            for name in sorted(odm_entry_names(one.entry.calibration))
+        }
+    )
 
 
 def _stated(one: StoredEntry) -> tuple[bool | str, ...]:
@@ -278,13 +297,13 @@ def _stated(one: StoredEntry) -> tuple[bool | str, ...]:
     return (*(value is not None for value in said), one.path)
 
 
-def _name_in(data: bytes) -> str | None:
+def _name_in(data: bytes) -> set[str]:
     """What the format calls a camera in its own file, where cameras are found by name there."""
     try:
         document = json.loads(data)
     except ValueError:
-        return None
-    return next(iter(document), None) if isinstance(document, dict) and len(document) == 1 else None
+        return set()
+    return set(document) if isinstance(document, dict) and len(document) == 1 else set()
 
 
 def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> Export:

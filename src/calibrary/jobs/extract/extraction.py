@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, CameraKey, Grade
@@ -132,6 +133,7 @@ class Extraction:
         beside: the calibration files that lie with the images.
         beside_unread: what looks like one and cannot be read, with the reason.
         warnings: what the user should know about the run itself.
+        root: the folder that the images' names are relative to.
     """
 
     policy: Policy
@@ -144,6 +146,7 @@ class Extraction:
     lost: int = 0
     beside: tuple[Candidates, ...] = ()
     beside_unread: tuple[tuple[str, str], ...] = ()
+    root: Path = Path()
 
     @property
     def images(self) -> int:

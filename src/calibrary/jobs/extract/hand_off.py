@@ -15,11 +15,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from calibrary import parsers
-from calibrary.calibration import Calibration, Grade, ImageSize
+from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.colmap import ColmapCamera
+from calibrary.jobs.exchange.opensfm_names import odm_names, opensfm_names
 from calibrary.parsers.opensfm_models import opensfm_camera
 from calibrary.records import encoded, replace
 
@@ -29,6 +30,7 @@ __all__ = [
     "Solver",
     "colmap_camera",
     "hand_off",
+    "is_fixed",
     "notes",
     "refinement",
     "refusal",
@@ -131,9 +133,14 @@ def notes(solver: Solver, files: Mapping[str, bytes]) -> tuple[str, ...]:
     return ()
 
 
+def is_fixed(calibration: Calibration) -> bool:
+    """Whether K and distortion were measured, so that bundle adjustment had better not move them."""
+    return calibration.grade in {Grade.CALIBRATED, Grade.ADJUSTED} and calibration.distortion is not None
+
+
 def refinement(calibration: Calibration) -> str:
     """What a bundle adjustment should do with a camera's numbers."""
-    if calibration.grade in {Grade.CALIBRATED, Grade.ADJUSTED} and calibration.distortion is not None:
+    if is_fixed(calibration):
         return "keep fixed: it was measured"
     if isinstance(calibration.distortion, NoDistortion):
         return "refine the focal length only: it has no distortion"
@@ -219,7 +226,7 @@ def _colmap_script(cameras: Sequence[tuple[Candidate, Calibration]]) -> str:
             f'colmap feature_extractor --database_path "$2" --image_path "$1" '
             f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} {_reader_options(calibration)}"
         )
-    refine = [not refinement(K).startswith("keep") for _, K in cameras]
+    refine = [not is_fixed(K) for _, K in cameras]
     flag, why = (
         ("1", "Not all was measured: let bundle adjustment find it with") if any(refine) else ("0", FIXED)
     )
@@ -296,9 +303,10 @@ def _named(
     Raises:
         UnsupportedModelError: a camera shares a name with another one, whose images would get its K.
     """
+    names_of = odm_names if solver is Solver.ODM else opensfm_names
     named: dict[str, Candidate] = {}
     for camera in sorted(cameras, key=lambda camera: camera.slug not in models):
-        for name in sorted(_solver_names(camera, solver)):
+        for name in sorted(names_of(camera.states)):
             other = named.get(name)
             if other is not None:
                 raise UnsupportedModelError(
@@ -309,52 +317,6 @@ def _named(
                 named[name] = camera
     prefix = "v2 " if solver is Solver.OPENSFM else ""
     return {prefix + name: models[camera.slug] for name, camera in named.items()}
-
-
-def _solver_names(camera: Candidate, solver: Solver) -> set[str]:
-    """What OpenSfM calls a camera, "make model width height projection focal", by its own reading of EXIF.
-
-    OpenSfM counts in EXIF's frame unless it is told not to; ODM tells it so, and to take every lens for brown
-    that no tag or flag calls otherwise (``camera_id_`` and ``extract_projection_type`` in opensfm/exif.py).
-    """
-    names: set[str] = set()
-    for stated in camera.states:
-        # EXIF that GDAL keeps in its own text is read by GDAL alone.
-        metadata = ImageMetadata(size=stated.size) if stated.exif_in_text else stated
-        make = metadata.make or "unknown"
-        model = metadata.lens or metadata.model or "unknown"
-        if metadata.make:
-            model = model.replace(metadata.make, "")
-        sizes, projections = {metadata.size}, {"perspective"}
-        if solver is Solver.ODM:
-            projections |= {"brown", "fisheye_opencv"}
-        elif metadata.exif_size is not None:
-            sizes.add(metadata.exif_size)
-        names |= {
-            f"{make.strip()} {model.strip()} {size[0]} {size[1]} {projection} {prior}".lower()
-            for size in sizes
-            for projection in projections
-            for prior in _focal_priors(metadata, size)
-        }
-    return names
-
-
-def _focal_priors(metadata: ImageMetadata, size: ImageSize) -> set[str]:
-    """The last word of such a name: OpenSfM's first guess of the focal length, "0.0" where EXIF gives none.
-
-    FocalLengthIn35mmFilm over 36 mm, in newer releases over 34 mm unless the frame is 3:2 or longer; else
-    FocalLength over the width of the focal plane. A sensor from OpenSfM's own table cannot be known here.
-    """
-    guesses = [0.0]
-    resolution, unit = metadata.focal_plane_resolution, metadata.focal_plane_unit
-    if metadata.focal_35mm is not None:
-        guesses = [metadata.focal_35mm / 36.0]
-        aspect = max(size) / min(size)
-        if abs(aspect - 4 / 3) <= abs(aspect - 3 / 2):
-            guesses.append(metadata.focal_35mm / 34.0)
-    elif metadata.focal_mm is not None and resolution is not None and unit is not None:
-        guesses = [metadata.focal_mm / (size[0] / resolution[0] * unit.millimetres)]
-    return {str(guess)[:6] for guess in guesses}
 
 
 def _json(document: Mapping[str, object]) -> bytes:

@@ -30,6 +30,7 @@ from calibrary.jobs.extract.hand_off import (
     refusal,
 )
 from calibrary.jobs.extract.report import encode, report_of
+from calibrary.jobs.extract.task_folder import TASKS, TaskFolder, task_folder
 from calibrary.records import replace
 from calibrary.validation import Verdict
 
@@ -52,6 +53,7 @@ class Outputs:
         hand_off_notes: what to know of its files to use them rightly.
         refine: what a bundle adjustment should do with the numbers of each camera that is handed over, by slug.
         database: what is to be written into a COLMAP database.
+        task: the folder that a solver takes as it is, its files also in ``files``.
         exit_code: of the run, 1 also where nothing that was asked for could be handed over.
         warnings: all that is to be said of the run, these two included.
     """
@@ -65,17 +67,34 @@ class Outputs:
     hand_off_notes: tuple[str, ...] = ()
     refine: dict[str, str] = field(default_factory=dict)
     database: DatabaseChange | None = None
+    task: TaskFolder | None = None
     exit_code: int = 0
     warnings: tuple[str, ...] = ()
 
 
-def plan(outcome: Extraction, matrix_path: Path, solver: Solver, *, database: Path | None = None) -> Outputs:
+def plan(
+    outcome: Extraction,
+    matrix_path: Path,
+    solver: Solver,
+    *,
+    database: Path | None = None,
+    task: Path | None = None,
+    copied: bool = False,
+) -> Outputs:
     """Decide on every file before any is written.
 
     One camera writes ``matrix_path`` itself; several write ``<stem>.<camera>.npy`` beside it. These are valid K's:
     one that is unproven is ``<stem>_unproven.<camera>.npy`` and a start for self-calibration
     ``<stem>_seed.<camera>.npy``, so that nothing that looks for K picks them up. Only a valid K is handed to a
     solver; where that cannot be written, K and the report still are.
+
+    Args:
+        outcome: of the run.
+        matrix_path: where K goes.
+        solver: who gets it.
+        database: of COLMAP, which is to have the cameras.
+        task: a folder for ODM or OpenSfM, with the images in it; the solver's files go there.
+        copied: whether its images are copies.
 
     Raises:
         InputError: ``matrix_path`` is no .npy, a file that may not be replaced is in the way, or a solver is to get
@@ -99,8 +118,18 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver, *, database: Pa
             files[_marked(path, stem, "seed")] = _npy(camera.fallback.seed)
     refused = {c.slug: why for c in outcome.cameras if (why := _reason_not_written(c, solver)) is not None}
     candidates = [_candidate(camera, refused=camera.slug in refused) for camera in outcome.cameras]
-    handed, change, failed = _handed(solver, candidates, database)
+    handed: dict[str, bytes] = {}
+    change, failed = None, None
+    laid_out = _task(solver, candidates, outcome.root, task, copied=copied) if task is not None else None
+    if isinstance(laid_out, str):
+        laid_out, failed = None, laid_out
+    elif laid_out is None:
+        handed, change, failed = _handed(solver, candidates, database)
     files |= {matrix_path.with_name(name): content for name, content in handed.items()}
+    said = notes(solver, handed)
+    if laid_out is not None:
+        files |= laid_out.files
+        said = laid_out.notes
     report_path = matrix_path.with_suffix(".json")
     if report_path in files:
         raise InputError(
@@ -114,7 +143,7 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver, *, database: Pa
         *(f"{path.name} {STALE}" for path in stale),
         *(f"{slug} is not handed to {solver}: {why}" for slug, why in refused.items()),
         *((f"nothing is handed to {solver}: {failed}",) if failed else ()),
-        *notes(solver, handed),
+        *said,
     )
     exit_code = 1 if failed else outcome.exit_code
     report = encode(replace(report_of(outcome, matrices), warnings=warnings, exit_code=exit_code))
@@ -128,9 +157,12 @@ def plan(outcome: Extraction, matrix_path: Path, solver: Solver, *, database: Pa
         stale=stale,
         not_handed_over=refused,
         hand_off_failed=failed,
-        hand_off_notes=notes(solver, handed),
-        refine={c.slug: refinement(c.calibration) for c in candidates if c.calibration and handed},
+        hand_off_notes=said,
+        refine={
+            c.slug: refinement(c.calibration) for c in candidates if c.calibration and (handed or laid_out)
+        },
         database=change,
+        task=laid_out,
         exit_code=exit_code,
         warnings=warnings,
     )
@@ -161,6 +193,18 @@ def _handed(
     except (InputError, UnsupportedModelError) as error:
         return {}, None, str(error)
     return {**files, RESTORE: change.restore}, change, None
+
+
+def _task(
+    solver: Solver, candidates: Sequence[Candidate], root: Path, folder: Path, *, copied: bool
+) -> TaskFolder | str:
+    """The task's folder, or why there is none."""
+    if solver not in TASKS:
+        raise InputError(f"a task's folder is for {' or '.join(sorted(TASKS))}", place="--task")
+    try:
+        return task_folder(solver, candidates, root, folder, copied=copied)
+    except (InputError, UnsupportedModelError) as error:
+        return str(error)
 
 
 def check_place(matrix_path: Path) -> None:

@@ -187,6 +187,7 @@ def judge_images(
         ),
         beside=tuple(beside),
         beside_unread=tuple(unreadable),
+        root=listing.root,
     )
 
 

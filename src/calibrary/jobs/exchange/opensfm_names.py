@@ -1,0 +1,129 @@
+"""What OpenSfM and ODM call a camera: a K reaches the images that they name alike, and no others.
+
+OpenSfM: "v2 make model width height projection focal" by its own reading of EXIF (``camera_id_``, ``extract_make``,
+``extract_model`` and ``extract_focal`` in opensfm/exif.py): the lens's make and model where EXIF states them, the make
+taken out of the model, in EXIF's image size unless ``use_exif_size`` is off.
+
+ODM since 2.8 does not ask OpenSfM but reads EXIF itself (``camera_id`` and ``extract_focal`` in opendm/photo.py): the
+camera's make and model as they stand, the image's own size, ``brown`` unless XMP ``Camera:ModelType`` or
+``--camera-lens`` says otherwise, and 0.85 where EXIF gives no focal length. Earlier releases have OpenSfM's names with
+``use_exif_size`` off. ``cameras.json`` has either without "v2 ".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Final
+
+from calibrary.calibration import Calibration, ImageSize
+from calibrary.catalogue import load_catalogue
+from calibrary.evidence.metadata import ImageMetadata
+
+__all__ = ["odm_entry_names", "odm_names", "opensfm_names"]
+
+ODM_PROJECTIONS: Final = ("perspective", "brown", "fisheye_opencv")
+ODM_UNKNOWN: Final = 0.85
+"""ODM's focal length over width where EXIF has none."""
+FILM_MM: Final = 36.0
+DIAGONAL_MM: Final = math.hypot(36.0, 24.0)
+ROUNDING: Final = 0.06
+"""How far FocalLengthIn35mmFilm may lie from the two ways of computing it: of the catalogue's cameras, 24 for 25.3."""
+
+
+def opensfm_names(states: Iterable[ImageMetadata], *, exif_size: bool = True) -> set[str]:
+    """Every name that OpenSfM may give images, without "v2 ".
+
+    Args:
+        states: what the images say.
+        exif_size: whether it is let to count in EXIF's image size.
+    """
+    names: set[str] = set()
+    for stated in states:
+        # EXIF that GDAL keeps in its own text is read by GDAL alone.
+        metadata = ImageMetadata(size=stated.size) if stated.exif_in_text else stated
+        make = metadata.make or "unknown"
+        model = metadata.lens or metadata.model or "unknown"
+        if metadata.make:
+            model = model.replace(metadata.make, "")
+        sizes = {metadata.size}
+        if exif_size and metadata.exif_size is not None:
+            sizes.add(metadata.exif_size)
+        names |= {
+            _name(make, model, size, "perspective", prior)
+            for size in sizes
+            for prior in _opensfm_priors(metadata, size)
+        }
+    return names
+
+
+def odm_names(states: Iterable[ImageMetadata]) -> set[str]:
+    """Every name that a release of ODM may give images."""
+    names: set[str] = set()
+    for stated in states:
+        older = opensfm_names([stated], exif_size=False)
+        names |= {name.replace(" perspective ", f" {kind} ") for name in older for kind in ODM_PROJECTIONS}
+        metadata = ImageMetadata(size=stated.size) if stated.exif_in_text else stated
+        names |= {
+            _name(metadata.make or "", metadata.model or "", metadata.size, kind, prior)
+            for kind in ODM_PROJECTIONS
+            for prior in _odm_priors(metadata)
+        }
+    return names
+
+
+def odm_entry_names(calibration: Calibration) -> set[str]:
+    """The names that ODM may give images of a camera, by what a registry knows of it.
+
+    The last word is FocalLengthIn35mmFilm over 36, a whole number of mm that the catalogue may know. Where it does
+    not, every one is taken that a maker may have written for this K.
+    """
+    camera, K = calibration.camera, calibration.intrinsics
+    width, height = K.image_size
+    found = load_catalogue().find(
+        camera.make, camera.model, sub_camera=camera.sub_camera, size=K.image_size, focal_mm=camera.focal_mm
+    )
+    if found.camera is not None and found.camera.focal_35mm is not None:
+        focals = {found.camera.focal_35mm}
+    else:
+        usual = [K.fx / max(width, height) * FILM_MM, K.fx / math.hypot(width, height) * DIAGONAL_MM]
+        lowest, highest = min(usual) * (1 - ROUNDING), max(usual) * (1 + ROUNDING)
+        focals = {float(mm) for mm in range(math.floor(lowest), math.ceil(highest) + 1)}
+    return {
+        _name(camera.make or "", camera.model or "", K.image_size, kind, prior)
+        for kind in ODM_PROJECTIONS
+        for prior in (*(focal / FILM_MM for focal in focals), ODM_UNKNOWN)
+    }
+
+
+def _name(make: str, model: str, size: ImageSize, projection: str, focal_over_width: float) -> str:
+    words = (make.strip(), model.strip(), str(size[0]), str(size[1]), projection)
+    return " ".join((*words, str(focal_over_width)[:6])).lower()
+
+
+def _opensfm_priors(metadata: ImageMetadata, size: ImageSize) -> set[float]:
+    """OpenSfM's first guess of the focal length over the width, 0 where EXIF gives none.
+
+    FocalLengthIn35mmFilm over 36 mm, in newer releases over 34 mm unless the image is 3:2 or longer; else
+    FocalLength over the width of the focal plane. A sensor from OpenSfM's own table cannot be known here.
+    """
+    if metadata.focal_35mm is None:
+        return {_over_focal_plane(metadata, size) or 0.0}
+    guesses = {metadata.focal_35mm / FILM_MM}
+    aspect = max(size) / min(size)
+    if abs(aspect - 4 / 3) <= abs(aspect - 3 / 2):
+        guesses.add(metadata.focal_35mm / 34.0)
+    return guesses
+
+
+def _odm_priors(metadata: ImageMetadata) -> set[float]:
+    if metadata.focal_35mm is not None:
+        return {metadata.focal_35mm / FILM_MM}
+    return {_over_focal_plane(metadata, metadata.size) or ODM_UNKNOWN}
+
+
+def _over_focal_plane(metadata: ImageMetadata, size: ImageSize) -> float | None:
+    resolution, unit = metadata.focal_plane_resolution, metadata.focal_plane_unit
+    if metadata.focal_mm is None or resolution is None or unit is None:
+        return None
+    return metadata.focal_mm / (size[0] / resolution[0] * unit.millimetres)
