@@ -7,9 +7,10 @@ else.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import TypeAlias
+from typing import Self, TypeAlias
 
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.conventions import Origin, canonical_from_file, file_from_canonical
@@ -64,6 +65,32 @@ class Native:
     cx: float
     cy: float
     skew: float = 0.0
+
+    @classmethod
+    def of_matrix(
+        cls, rows: Sequence[Sequence[float]], *, place: str | None, source: str | None = None
+    ) -> Self:
+        """The numbers of a 3×3 camera matrix.
+
+        Args:
+            rows: three rows of three numbers.
+            place: where the matrix stands in the file.
+            source: the file's name.
+
+        Raises:
+            ParseError: it is not [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; the message says what it looks like.
+        """
+        (fx, skew, cx), (below, fy, cy), last = rows
+        if below == 0.0 and tuple(last) == (0.0, 0.0, 1.0):
+            return cls(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+        expected = "expected zeros below the diagonal and 0 0 1 in the last row"
+        if (skew, cx, cy, last[2]) == (0.0, 0.0, 0.0, 1.0):
+            expected = "it is transposed, as MATLAB keeps it: write its transpose into the file"
+        elif (below, *last[:2]) == (0.0, 0.0, 0.0) and last[2] not in (0.0, 1.0):
+            expected = (
+                f"its last number is {last[2]:g}: divide the matrix by it, so that the last row is 0 0 1"
+            )
+        raise ParseError(f"this is not a camera matrix: {expected}", place=place, source=source)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

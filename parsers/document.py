@@ -111,7 +111,7 @@ class Node:
         except OverflowError:
             converted = math.inf
         if not math.isfinite(converted):
-            self.fail("this is not finite, expected a number")
+            self.fail(f"this is not finite, {strict.FINITE}")
         return converted
 
     def whole(self) -> int:

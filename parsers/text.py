@@ -13,9 +13,21 @@ from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 
-__all__ = ["check_count", "decode", "image_size", "lines", "number", "numbers", "shown", "table", "whole"]
+__all__ = [
+    "FINITE",
+    "check_count",
+    "decode",
+    "image_size",
+    "lines",
+    "number",
+    "numbers",
+    "shown",
+    "table",
+    "whole",
+]
 
 LONGEST_SIDE_PX = 1_000_000
+FINITE = "expected a number; a calibration that did not converge writes this: calibrate again"
 LONGEST_NUMBER = 1000
 """The longest decimal that is a double exactly has 767 digits."""
 
@@ -80,7 +92,7 @@ def number(text: str, *, source: str | None = None, place: str | None = None) ->
         if math.isfinite(value):
             return value
     if _NOT_FINITE.fullmatch(stripped) or _NUMBER.fullmatch(stripped):
-        raise ParseError(f"{shown(stripped)} is not finite, expected a number", source=source, place=place)
+        raise ParseError(f"{shown(stripped)} is not finite, {FINITE}", source=source, place=place)
     hint = "; write a decimal point" if _DECIMAL_COMMA.fullmatch(stripped) else ""
     raise ParseError(f"{shown(stripped)} is not a number{hint}", source=source, place=place)
 

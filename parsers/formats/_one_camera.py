@@ -67,10 +67,8 @@ def native_of(node: Node, *, transposed: bool = False) -> Native:
         ParseError: it is no camera matrix.
     """
     rows = storage.matrix(node, 3, 3)
-    (fx, skew, cx), (below, fy, cy), last = zip(*rows, strict=True) if transposed else rows
-    if below != 0.0 or last != (0.0, 0.0, 1.0):
-        node.fail("this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row")
-    return Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    rows = tuple(zip(*rows, strict=True)) if transposed else rows
+    return Native.of_matrix(rows, place=node.place, source=node.source)
 
 
 def opencv_lens(node: Node, counts: Sequence[int] = COUNTS) -> Distortion:

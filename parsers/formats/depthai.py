@@ -95,12 +95,7 @@ def _camera(model: str | None, name: str | None, node: Node, context: ReadContex
     stated = node.image_size("width", "height") if "width" in node or "height" in node else None
     size = context.size(stated)
     matrix = node["intrinsicMatrix"]
-    (fx, skew, cx), (below, fy, cy), last = matrix.matrix(3, 3)
-    if below != 0 or last != (0, 0, 1):
-        matrix.fail(
-            "this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row"
-        )
-    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    native = Native.of_matrix(matrix.matrix(3, 3), place=matrix.place, source=matrix.source)
     return Calibration(
         camera=CameraKey(make="Luxonis" if model else None, model=model, sub_camera=name, image_size=size),
         intrinsics=CONVENTION.intrinsics(native, size),

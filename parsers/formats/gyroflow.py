@@ -58,13 +58,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     _refuse(document)
     size = context.size(document["calib_dimension"].image_size("w", "h"))
     params = document["fisheye_params"]
-    rows = params["camera_matrix"].matrix(3, 3)
-    if rows[1][0] or rows[2] != (0.0, 0.0, 1.0):
-        params["camera_matrix"].fail(
-            "this is not a camera matrix, expected [[fx, s, cx], [0, fy, cy], [0, 0, 1]]"
-        )
-    (fx, skew, cx), (_, fy, cy), _last = rows
-    intrinsics: Intrinsics = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew), size)
+    matrix = params["camera_matrix"]
+    native = Native.of_matrix(matrix.matrix(3, 3), place=matrix.place, source=matrix.source)
+    intrinsics: Intrinsics = CONVENTION.intrinsics(native, size)
     k1, k2, k3, k4 = params["distortion_coeffs"].numbers(4)
     rms = params.get("RMS_error")
     views = document.get("num_images")

@@ -124,10 +124,8 @@ class _Table:
 
 
 def _raw(number: str, table: _Table, context: ReadContext) -> Calibration:
-    fx, skew, cx, below, fy, cy, *last = table.numbers(f"K_{number}", 9)
-    if below != 0 or last != [0, 0, 1]:
-        raise ParseError("this is not a camera matrix", place=f"K_{number}")
-    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    flat = table.numbers(f"K_{number}", 9)
+    native = Native.of_matrix((flat[:3], flat[3:6], flat[6:]), place=f"K_{number}")
     distortion = lens(table.numbers(f"D_{number}", 5))
     notes = [NOTE]
     if f"P_rect_{number}" in table.values:

@@ -235,10 +235,7 @@ def _camera(
 
 
 def _intrinsics(node: Node, size: ImageSize) -> Intrinsics:
-    (fx, skew, cx), (below, fy, cy), last = storage.matrix(node, 3, 3)
-    if below != 0.0 or last != (0.0, 0.0, 1.0):
-        node.fail("this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row")
-    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    native = Native.of_matrix(storage.matrix(node, 3, 3), place=node.place, source=node.source)
     try:
         return CONVENTION.intrinsics(native, size, source=node.source)
     except ParseError as error:

@@ -107,13 +107,11 @@ def _camera(name: str, tree: Node, context: ReadContext, *, several: bool) -> Ca
 def _side(name: str, tree: Node, context: ReadContext) -> Calibration:
     """One of the two cameras of older stereo settings, before rectification."""
     size = context.size(_size(tree, name) or _size(tree, "Camera"))
-    (fx, skew, cx), (below, fy, cy), last = storage.matrix(tree[f"{name}.K"], 3, 3)
-    if below != 0 or last != (0, 0, 1):
-        tree[f"{name}.K"].fail("this is not a camera matrix")
+    matrix = tree[f"{name}.K"]
+    native = Native.of_matrix(storage.matrix(matrix, 3, 3), place=matrix.place, source=matrix.source)
     values = storage.numbers(tree[f"{name}.D"])
     if len(values) not in COUNTS:
         tree[f"{name}.D"].fail(f"{len(values)} coefficients, expected {', '.join(map(str, COUNTS))}")
-    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=name),
         intrinsics=CONVENTION.intrinsics(native, size),

@@ -134,13 +134,11 @@ def _camera(own: tuple[str, ...], *, first_line: int) -> _Camera:
         strict.numbers(row, count=count, place=f"line {first_line + offset}")
         for offset, (row, count) in enumerate(zip(own[2:], CAMERA_ROWS, strict=True), start=1)
     ]
-    (fx, skew, cx), (zero, fy, cy), bottom, (k1, k2, k3), (p1, p2) = numbers
-    if zero or bottom != (0.0, 0.0, 1.0):
-        raise ParseError("the three lines after it are not a camera matrix", place=place)
+    *matrix, (k1, k2, k3), (p1, p2) = numbers
     straight = not any((k1, k2, k3, p1, p2))
     return _Camera(
         size=strict.image_size(width, height, place=place),
-        native=Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew),
+        native=Native.of_matrix(matrix, place=place),
         distortion=NoDistortion() if straight else BrownConrady(k1=k1, k2=k2, p1=p1, p2=p2, k3=k3),
     )
 

@@ -163,12 +163,10 @@ def _values(node: Node) -> Node:
 
 
 def _native(node: Node) -> Native:
-    (fx, skew, cx), (below, fy, cy), last = _values(node).matrix(3, 3)
-    if fx == 0:
+    rows = _values(node).matrix(3, 3)
+    if rows[0][0] == 0:
         node.fail("K[0] is 0, which is how ROS marks a camera that is not calibrated")
-    if below != 0 or last != (0, 0, 1):
-        node.fail("this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row")
-    return Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    return Native.of_matrix(rows, place=node.place, source=node.source)
 
 
 def _distortion(tree: Node, spelled: Spelling, *, notes: list[str], assumptions: list[str]) -> Distortion:

@@ -194,13 +194,7 @@ def _needed(section: Section, label: str) -> tuple[float, ...]:
 
 def _camera(section: Section, size: ImageSize, context: ReadContext, *, several: bool) -> Calibration:
     matrix = _needed(section, "camera matrix")
-    fx, skew, cx, below, fy, cy, *last = matrix
-    if below != 0 or last != [0, 0, 1]:
-        raise ParseError(
-            "this is not a camera matrix: expected zeros below the diagonal and 0 0 1 in the last row",
-            place="camera matrix",
-        )
-    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    native = Native.of_matrix((matrix[:3], matrix[3:6], matrix[6:]), place="camera matrix")
     intrinsics = CONVENTION.intrinsics(native, context.size(size))
     distortion = _distortion(_needed(section, "distortion"), context)
     extras = [(PREFIX + "camera_name", section.name)]
@@ -209,14 +203,14 @@ def _camera(section: Section, size: ImageSize, context: ReadContext, *, several:
             text = " ".join(map(repr, section.blocks[label]))
             is_bound = label in {"rectification", "projection"}
             extras.append((PREFIX + label, bound(text, intrinsics, distortion) if is_bound else text))
-    note = f"skew of {skew:g} px was kept; ROS's image_geometry does not look at it"
+    note = f"skew of {native.skew:g} px was kept; ROS's image_geometry does not look at it"
     return Calibration(
         camera=CameraKey(image_size=size, sub_camera=section.name if several else None),
         intrinsics=intrinsics,
         distortion=distortion,
         grade=Grade.CALIBRATED,
         provenance=context.provenance(tag=section.name),
-        notes=(note,) if skew else (),
+        notes=(note,) if native.skew else (),
         extras=tuple(extras),
     )
 

@@ -66,6 +66,7 @@ _STARTS_OF_MORE_THAN_TEXT: Final = frozenset({"", *"0123456789+-.nNiItTfF~"})
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _OTHER_BASE = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+_QUOTE = "quote it if it is text, calibrate again if it is a result"
 _NOT_FINITE = re.compile(r"[-+]?\.?(?:nan|inf|infinity)", re.IGNORECASE)
 _LEADING_ZERO = re.compile(r"[-+]?0[0-9]+")
 
@@ -194,7 +195,7 @@ class _Reader:
         if _OTHER_BASE.fullmatch(text):
             return self.integer(int(text, 0), event)
         if _NOT_FINITE.fullmatch(text):
-            raise self.error(f"{text} is not a finite number; quote it if it is text", event)
+            raise self.error(f"{text} is not a finite number; {_QUOTE}", event)
         return text
 
     def text(self, event: ScalarEvent) -> str:
@@ -214,7 +215,7 @@ class _Reader:
         if not _INTEGER.fullmatch(text):
             value = float(text)
             if not math.isfinite(value):
-                raise self.error(f"{_shown(text)} is not a finite number; quote it if it is text", event)
+                raise self.error(f"{_shown(text)} is not a finite number; {_QUOTE}", event)
             return value
         if _LEADING_ZERO.fullmatch(text):
             raise self.error(

@@ -111,7 +111,9 @@ def test_a_leading_zero_is_refused_because_readers_disagree(text: str) -> None:
 )
 def test_a_number_that_is_not_finite_is_refused(text: str) -> None:
     error = refusal(f"a: 1\nfx: {text}")
-    assert error.message == f"{text} is not a finite number; quote it if it is text"
+    assert error.message == (
+        f"{text} is not a finite number; quote it if it is text, calibrate again if it is a result"
+    )
     assert error.place == "line 2"
 
 

@@ -122,3 +122,21 @@ def test_a_convention_reads_as_sentences() -> None:
     sentences = Convention(origin=Origin.IMAGE_CENTRE, coefficients=("k1", "k2")).sentences()
     assert "the principal point counts from the middle of the image" in sentences
     assert "coefficients k1, k2" in sentences
+
+
+@pytest.mark.parametrize(
+    ("rows", "step"),
+    [
+        (((500, 0, 0), (0, 501, 0), (320, 240, 1)), "it is transposed"),
+        (((500, 0, 320), (0, 501, 240), (0, 0, 2)), "its last number is 2: divide the matrix by it"),
+        (((500, 0, 320), (1, 501, 240), (0, 0, 1)), "expected zeros below the diagonal"),
+        (((500, 0, 320), (0, 501, 240), (0, 0, 0)), "expected zeros below the diagonal"),
+    ],
+    ids=["transposed", "scaled", "rotated", "singular"],
+)
+def test_what_is_not_a_camera_matrix_is_refused_with_the_next_step(
+    rows: tuple[tuple[float, ...], ...], step: str
+) -> None:
+    with pytest.raises(ParseError, match=f"this is not a camera matrix: {step}") as caught:
+        Native.of_matrix(rows, place="K", source="a.yaml")
+    assert (caught.value.place, caught.value.source) == ("K", "a.yaml")

@@ -178,6 +178,7 @@ def test_broken_json_is_said_to_be_that() -> None:
             r"compressed with gzip; decompress it first \(gunzip\)",
         ),
         (b"PK\x03\x04\x14\0\0\0", "a ZIP archive; unpack it"),
+        (b"PK\x03\x04\x14\0\0\0foo.npy", "numpy arrays, 'foo', and none has a camera matrix's name"),
         (b"%PDF-1.7\n", "a PDF; export the calibration"),
         (
             b"\n<!DOCTYPE html>\n<html><title>404</title></html>\n",
