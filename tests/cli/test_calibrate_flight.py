@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -18,9 +19,11 @@ from calibrary.sfm.engine import MatchedFlight
 from calibrary.sfm.reconstruct import positions_of
 from calibrary.synthetic import write_image
 from tests.registry.git.repositories import seclude
+from tests.sfm.finished import write_colmap, write_opensfm
 from tests.sfm.flights import CAMERA, PLANS, SIZE, Plan, fly, poses
 from tests.sfm.rendered import LATITUDE, head_of
 
+SMALL = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=250, outliers=0.0)
 GOOD, FLAT = PLANS["two heights, flat, RTK"], PLANS["flat, one height"]
 SEED = 3
 
@@ -128,6 +131,57 @@ def test_a_flat_flight_is_refused_with_what_to_fly(
     assert "what to fly instead" in report.read_text(encoding="utf-8")
 
 
+def test_another_programs_reconstruction_is_judged_as_our_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seclude(monkeypatch, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "pycolmap", None)
+    images = flight(tmp_path / "flight", SMALL)
+    write_colmap(tmp_path / "project/sparse/0", *fly(SMALL, SEED))
+    assert main(["registry", "init", "fleet", "--yes"]) == 0
+    capsys.readouterr()
+    keep = ["--registry", "fleet", "--yes", "--report", "r.html", "--json"]
+    assert main(["calibrate", "flight", str(images), "--from", "project", *keep]) == 1
+    said = capsys.readouterr()
+    document = json.loads(said.out)
+    made, findings = document["calibration"]["provenance"], {one["rule"]: one for one in document["findings"]}
+    assert document["verdict"] == "provisional"
+    assert document["calibration"]["grade"] == "adjusted"
+    assert document["calibration"]["camera"]["model"] == "Flight One"
+    assert document["flown"]["geometry"]["metres"]
+    assert "16 of 16 of this camera in the result of COLMAP" in document["flown"]["chosen"]
+    assert made["tool"].endswith("observations by COLMAP")
+    # Three files of the model, and the images.
+    assert [one["name"] for one in made["sources"]][:3] == ["cameras.txt", "images.txt", "points3D.txt"]
+    assert len(made["sources"]) == 3 + 16
+    assert "COLMAP states fx = 1130.0 px" in findings["other-program"]["message"]
+    assert "no-positions" not in findings
+    entry = next(Path("fleet/proposals").rglob("*.yaml")).read_text(encoding="utf-8")
+    assert 'kind: "flight"' in entry
+    assert f"{LATITUDE:.3f}" not in entry + said.out + Path("r.html").read_text(encoding="utf-8")
+
+
+def test_a_reconstruction_needs_no_images(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_opensfm(tmp_path / "odm/opensfm", *fly(replace(SMALL, rows=1), SEED))
+    camera = ["--make", "Example", "--model", "One", "--lens-model", "k1k2"]
+    assert main(["calibrate", "flight", "--from", "odm", *camera, "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document["calibration"]["camera"]["model"] == "One"
+    assert document["flown"]["geometry"]["metres"]
+    path = tmp_path / "odm/opensfm/reconstruction.json"
+    found = json.loads(path.read_text())
+    found[1]["cameras"]["v2 wide"] = found[1]["cameras"]["v2 example"]
+    path.write_text(json.dumps(found))
+    assert main(["calibrate", "flight", "--from", "odm"]) == 3
+    assert "holds 2 cameras, choose one with --camera N" in capsys.readouterr().err
+    assert main(["calibrate", "flight", "--from", "odm", "--camera", "2"]) == 1
+    assert "0 images of this camera" in capsys.readouterr().err
+
+
 def test_nothing_is_written_of_images_that_do_not_fit_together(
     good: Path,
     simulated: Callable[[Plan], None],
@@ -155,6 +209,9 @@ def test_nothing_is_written_of_images_that_do_not_fit_together(
         (["--images", "2"], "3 … 200"),
         (["--to", "agisoft_xml"], "--out"),
         (["--approve"], "--registry"),
+        (["--from", ".", "--start", "900"], "a reconstruction has its points"),
+        (["--from", "."], "expected a folder with COLMAP's sparse model"),
+        (["--camera", "2"], "--from FOLDER without DIR"),
     ],
 )
 def test_what_makes_no_sense_is_said_before_any_work(

@@ -10,16 +10,17 @@ from calibrary.api.boards import CalibrateResult
 from calibrary.api.fleet import Fleet
 from calibrary.api.stated import CameraLike, overlay
 from calibrary.calib.lens_models import Solvable
-from calibrary.calibration import ImageSize, Intrinsics
+from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import FrameError, InputError
 from calibrary.extras import SFM, require
 from calibrary.jobs.calibrate_board.entry import require_key
 from calibrary.jobs.calibrate_board.frame_metadata import describe_frames, find_frames
 from calibrary.jobs.calibrate_board.run import SolveRequest, read_seed
+from calibrary.jobs.calibrate_flight.finished import MOST_IMAGES, calibrate_finished_from, is_reconstruction
 from calibrary.jobs.calibrate_flight.run import FlightRequest, calibrate_flight_from
 from calibrary.progress import Progress
 
-__all__ = ["calibrate_flight"]
+__all__ = ["calibrate_flight", "calibrate_reconstruction"]
 
 
 def calibrate_flight(
@@ -61,8 +62,7 @@ def calibrate_flight(
         MissingExtraError: pycolmap is not installed.
     """
     require(SFM, "a calibration from a flight")
-    if lens_model != "auto" and lens_model not in list(Solvable):
-        raise InputError(f"no lens model {lens_model!r:.40}; expected auto, {', '.join(Solvable)}")
+    model = _model(lens_model)
     paths = find_frames([str(one) for one in ([images] if isinstance(images, str | Path) else images)])
     stated = overlay(camera)
     begin: Intrinsics | None = None
@@ -73,13 +73,68 @@ def calibrate_flight(
         if for_registry:
             require_key(setting.camera)
         begin = _start(start, fleet, from_registry, setting.image_size)
-    model = None if lens_model == "auto" else Solvable(lens_model)
     request = FlightRequest(
         images=most, model=model, start=begin, max_side=max_side, date=date, operator=operator, focus=focus
     )
     result, collected = calibrate_flight_from(paths, request, stated, progress=progress)
     asked = SolveRequest(model=lens_model, warp=False, guess=begin, date=date, operator=operator)
     return CalibrateResult(result, collected, asked)
+
+
+def calibrate_reconstruction(
+    result_of: str | Path,
+    images: str | Path | Sequence[str | Path] = (),
+    *,
+    camera_number: int | None = None,
+    most: int = MOST_IMAGES,
+    lens_model: str = "auto",
+    date: Day | None = None,
+    operator: str | None = None,
+    focus: str | None = None,
+    camera: CameraLike | None = None,
+    for_registry: bool = False,
+) -> CalibrateResult:
+    """Find a camera's K and distortion from what another program's reconstruction observed, judged as a flight's.
+
+    Args:
+        result_of: a folder with COLMAP's sparse model, or with OpenSfM's or ODM's result.
+        images: of it, where they are at hand: they state the camera and their positions, and which images count.
+        camera_number: which one of a reconstruction by several, from 1, where no images are given.
+        most: images are calibrated from.
+        lens_model: as of :func:`calibrate_flight`, as the next four.
+        date: of the calibration.
+        operator: who made it.
+        focus: how the lens was focused.
+        camera: what the images do not say of the camera.
+        for_registry: refuse a camera without make and model before anything is solved.
+
+    Raises:
+        InputError: the folder holds no such result, or does not say which camera is meant.
+        CalibrationError: its images do not determine a camera.
+    """
+    model, stated, folder = _model(lens_model), overlay(camera), Path(result_of)
+    if not is_reconstruction(folder):
+        raise InputError(
+            "expected a folder with COLMAP's sparse model (cameras, images, points3D; .bin or .txt), or with OpenSfM's "
+            "or ODM's reconstruction.json and tracks.csv; a file of K alone is for calibrary combine",
+            source=str(result_of),
+        )
+    given = [images] if isinstance(images, str | Path) else [*images]
+    paths = find_frames([str(one) for one in given]) if given else ()
+    if for_registry:
+        setting = describe_frames(paths[:1], stated, focus).setting if paths else None
+        require_key(setting.camera if setting is not None else stated(CameraKey()))
+    request = FlightRequest(images=most, model=model, date=date, operator=operator, focus=focus)
+    result, collected = calibrate_finished_from(folder, paths, request, stated, camera=camera_number)
+    asked = SolveRequest(model=lens_model, warp=False, date=date, operator=operator)
+    return CalibrateResult(result, collected, asked)
+
+
+def _model(lens_model: str) -> Solvable | None:
+    """The one that is named; None to choose it by the images."""
+    if lens_model != "auto" and lens_model not in list(Solvable):
+        raise InputError(f"no lens model {lens_model!r:.40}; expected auto, {', '.join(Solvable)}")
+    return None if lens_model == "auto" else Solvable(lens_model)
 
 
 def _start(

@@ -16,11 +16,21 @@ from typing import Final
 
 import numpy as np
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, IntArray
 from calibrary.parsers.imagery.position import Fix
 from calibrary.sfm.engine import FlightImage
 
-__all__ = ["Chosen", "Taken", "choose", "overlapping_pairs"]
+__all__ = [
+    "OBLIQUE_FROM_DEG",
+    "RECEIVER_STD_M",
+    "Chosen",
+    "Taken",
+    "around",
+    "choose",
+    "height_classes",
+    "local_metres",
+    "overlapping_pairs",
+]
 
 METRES_PER_DEGREE: Final = 111_320.0
 RECEIVER_STD_M: Final = (3.0, 3.0, 5.0)
@@ -30,6 +40,7 @@ SMALL: Final = 0.6
 leaves a JPEG much to keep."""
 HEIGHT_CLASS: Final = 0.12
 """Images whose altitudes differ by less than this share of the flight's extent across are of one height."""
+LEAST_STEP_M: Final = 5.0
 OBLIQUE_FROM_DEG: Final = 12.0
 NEIGHBOURS: Final = 12
 """Images that an image is matched with."""
@@ -86,9 +97,9 @@ def choose(taken: Sequence[Taken], most: int) -> Chosen:
         images = tuple(one.image for one in kept[first : first + most])
         how = "in the order of their names: they state no positions"
         return _chosen(images, _in_order(len(images)), taken, sharp, how)
-    places = _local([one.fix for one in known if one.fix is not None])
+    places = local_metres([one.fix for one in known if one.fix is not None])
     kinds = _kinds([one.fix for one in known if one.fix is not None], places)
-    rows = _around(places, kinds, most) if len(known) > most else [*range(len(known))]
+    rows = around(places, kinds, most) if len(known) > most else [*range(len(known))]
     images = tuple(_placed(known[row], places[row]) for row in rows)
     number = len({kinds[row] for row in rows})
     how = f"by position, of {number} kind{'s' if number > 1 else ''} of height, heading and tilt"
@@ -126,7 +137,7 @@ def _in_order(count: int) -> tuple[tuple[int, int], ...]:
     )
 
 
-def _local(fixes: Sequence[Fix]) -> FloatArray:
+def local_metres(fixes: Sequence[Fix]) -> FloatArray:
     """(N, 3) m east, north and up of the middle; exact to a thousandth over the few kilometres of a flight."""
     degrees = np.array([(fix.longitude_deg, fix.latitude_deg) for fix in fixes])
     up = np.array([fix.altitude_m for fix in fixes])
@@ -137,9 +148,7 @@ def _local(fixes: Sequence[Fix]) -> FloatArray:
 
 def _kinds(fixes: Sequence[Fix], places: FloatArray) -> list[tuple[int, int, int]]:
     """(height, heading, tilt) class of each image."""
-    extent = float(np.ptp(places[:, :2], axis=0).max())
-    step = max(HEIGHT_CLASS * extent, 5.0)
-    heights = np.floor((places[:, 2] - places[:, 2].min()) / step + 0.5).astype(int)
+    heights = height_classes(places, LEAST_STEP_M)
     # Where no gimbal says it, an image's top is taken to be ahead, or behind: strips back are of one heading.
     ahead = np.gradient(places[:, :2], axis=0) if len(places) > 1 else np.zeros((1, 2))
     found = []
@@ -152,7 +161,19 @@ def _kinds(fixes: Sequence[Fix], places: FloatArray) -> list[tuple[int, int, int
     return found
 
 
-def _around(places: FloatArray, kinds: Sequence[tuple[int, int, int]], most: int) -> list[int]:
+def height_classes(places: FloatArray, least: float) -> IntArray:
+    """(N,) which height each of (N, 3) places is at.
+
+    Args:
+        places: east, north and up.
+        least: apart two heights are; 0 where the scale is not known.
+    """
+    extent = float(np.ptp(places[:, :2], axis=0).max())
+    step = max(HEIGHT_CLASS * extent, least) or 1.0
+    return np.asarray(np.floor((places[:, 2] - places[:, 2].min()) / step + 0.5), dtype=np.intp)
+
+
+def around(places: FloatArray, kinds: Sequence[tuple[int, int, int]], most: int) -> list[int]:
     """The rows of the images nearest to the place over which the most kinds of them were taken."""
     by_kind = {kind: np.array([row for row, one in enumerate(kinds) if one == kind]) for kind in set(kinds)}
     best: tuple[float, list[int]] | None = None

@@ -35,6 +35,10 @@ Some 30 images that overlap are chosen, of different heights, headings and tilts
 share are found, and lens, poses and points are adjusted together. Positions in the images are weighted by their own
 standard deviation, and are written nowhere. A flight over flat ground at one height, straight down, does not determine
 the focal length: that is said, with what is certain nevertheless and what to fly. Needs "calibrary[sfm]".
+
+With --from the points are those of a finished reconstruction: COLMAP's sparse model, or the result of OpenSfM or ODM.
+They are adjusted and judged in the same way, and nothing beyond calibrary is needed; DIR then says of which camera they
+are and where they were taken, and may be left out.
 """
 EXAMPLES = """\
 examples:
@@ -42,6 +46,8 @@ examples:
   calibrary calibrate flight flight/ --images 40 --registry ../fleet
   calibrary calibrate flight flight/ --from-registry dji/fc6310r/5472x3648 --registry ../fleet --json
   calibrary calibrate flight flight/ --start 3650 --out camera.xml --to agisoft_xml
+  calibrary calibrate flight flight/ --from project/sparse/0 --registry ../fleet
+  calibrary calibrate flight --from odm_project --make DJI --model FC6310R --report flight.html
 
 exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, images that do not fit together, or the registry's check objects; 3 \
 unreadable input
@@ -53,9 +59,25 @@ MODELS = tuple(
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the word's arguments."""
-    parser.add_argument("images", type=Path, nargs="+", metavar="DIR", help="folders, files or patterns")
+    parser.add_argument("images", type=Path, nargs="*", metavar="DIR", help="folders, files or patterns")
     parser.add_argument(
-        "--images", dest="most", type=_count, default=30, metavar="N", help="choose so many (default: 30)"
+        "--images",
+        dest="most",
+        type=_count,
+        metavar="N",
+        help="choose so many (default: 30; of a reconstruction 60)",
+    )
+    others = parser.add_argument_group("a finished reconstruction")
+    others.add_argument(
+        "--from",
+        dest="result_of",
+        type=Path,
+        metavar="FOLDER",
+        help="COLMAP's cameras, images and points3D (.bin or .txt), or reconstruction.json and tracks.csv of OpenSfM "
+        "or ODM",
+    )
+    others.add_argument(
+        "--camera", type=int, metavar="N", help="which one of several, from 1, where no DIR says it"
     )
     begin = parser.add_argument_group("where the search begins").add_mutually_exclusive_group()
     begin.add_argument("--start", metavar="K", help="a focal length in px, or a calibration file")
@@ -76,7 +98,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     solving.add_argument(
         "--max-side",
         type=number(400, 8000),
-        default=1600,
         metavar="PX",
         help="size that points are looked for in (default: 1600); twice as much takes four times the time and memory",
     )
@@ -89,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.api.boards import Places
     from calibrary.cli.calibrate.solve_display import Display
 
-    check_outputs(arguments)
+    _check_usage(arguments)
     given = arguments
     places = Places(report=given.report, out=given.out, format=given.to)
     places.check()
@@ -100,20 +121,44 @@ def run(arguments: argparse.Namespace) -> int:
     return finish(arguments, places, fleet if writes_registry(arguments) else None, display, done)
 
 
+def _check_usage(arguments: argparse.Namespace) -> None:
+    given, parser = arguments, arguments.parser
+    if given.result_of is None and not given.images:
+        parser.error("expected DIR, the images of a flight, or --from FOLDER, a finished reconstruction")
+    if given.result_of is not None and (given.start or given.from_registry or given.max_side is not None):
+        parser.error("--start, --from-registry and --max-side are of images: a reconstruction has its points")
+    if given.camera is not None and (given.result_of is None or given.images):
+        parser.error("--camera is of a reconstruction by several cameras, --from FOLDER without DIR")
+    check_outputs(arguments)
+
+
 def _calibrated(arguments: argparse.Namespace, fleet: Fleet | None) -> CalibrateResult:
-    from calibrary.api.flights import calibrate_flight
+    from calibrary.api.flights import calibrate_flight, calibrate_reconstruction
     from calibrary.cli.console import note
 
     given = arguments
+    if given.result_of is not None:
+        return calibrate_reconstruction(
+            given.result_of,
+            given.images,
+            camera_number=given.camera,
+            **({"most": given.most} if given.most is not None else {}),
+            lens_model=given.lens_model,
+            date=given.date,
+            operator=given.operator,
+            focus=given.focus,
+            camera=stated_camera(arguments, fleet),
+            for_registry=writes_registry(arguments),
+        )
     with Bar(note(arguments), "flight:") as bar:
         return calibrate_flight(
             given.images,
-            most=given.most,
+            most=given.most or 30,
             start=given.start,
             fleet=fleet,
             from_registry=given.from_registry,
             lens_model=given.lens_model,
-            max_side=round(given.max_side),
+            max_side=round(given.max_side or 1600),
             date=given.date,
             operator=given.operator,
             focus=given.focus,

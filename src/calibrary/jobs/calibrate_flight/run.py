@@ -32,7 +32,7 @@ from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
 from calibrary.sfm.reconstruct import reconstruct
 from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 
-__all__ = ["FlightRequest", "calibrate_flight_from"]
+__all__ = ["MOST_POINTS", "FlightRequest", "calibrate_flight_from", "dated", "sha256_of"]
 
 MOST_POINTS: Final = 6000
 """Of those that images share; more make σ smaller than anything that is not noise lets it be."""
@@ -113,7 +113,7 @@ def calibrate_flight_from(
             chosen=_how(chosen, len(paths)),
             versions=programs("pycolmap"),
         )
-    result = _dated(flight.result, request, metadata)
+    result = dated(flight.result, request, metadata)
     placed = set(result.rms_by_view)
     lost = [image.name for image in chosen.images if image.name not in placed]
     remarks = tuple(
@@ -163,7 +163,7 @@ def _about(chosen: Chosen, metadata: FrameMetadata) -> Observations:
         board=ControlPoints(points=np.empty((0, 3))),
         image_size=setting.image_size,
         views=tuple(
-            View(name=image.name, sha256=_sha256(image.path), ids=nothing, image_points=np.empty((0, 2)))
+            View(name=image.name, sha256=sha256_of(image.path), ids=nothing, image_points=np.empty((0, 2)))
             for image in chosen.images
         ),
         camera=setting.camera,
@@ -173,7 +173,8 @@ def _about(chosen: Chosen, metadata: FrameMetadata) -> Observations:
     )
 
 
-def _sha256(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """Of a file's bytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -186,7 +187,7 @@ def _how(chosen: Chosen, total: int) -> str:
     return f"{len(chosen.images)} of {total}, {chosen.how}" + (f" ({', '.join(out)})" if out else "")
 
 
-def _dated(result: CalibrationResult, request: FlightRequest, metadata: FrameMetadata) -> CalibrationResult:
+def dated(result: CalibrationResult, request: FlightRequest, metadata: FrameMetadata) -> CalibrationResult:
     """With the day it is of, and who made it."""
     day, origin = calibration_date(request.date, metadata.taken, datetime.now(UTC).date())
     made = replace(result.calibration.provenance, date=day.isoformat(), operator=request.operator)

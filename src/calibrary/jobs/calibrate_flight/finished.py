@@ -1,0 +1,176 @@
+"""From another program's finished reconstruction to a calibration: its observations, our adjustment and our verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from calibrary.arrays import BoolArray
+from calibrary.calib.assessment import programs
+from calibrary.calib.collect import Collected
+from calibrary.calib.observations import ControlPoints, Observations, View
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.verdict_rules import graver_first
+from calibrary.calibration import Calibration, CameraKey
+from calibrary.errors import InputError
+from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata, describe_frames
+from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightRequest, dated, sha256_of
+from calibrary.jobs.exchange.argument import choose
+from calibrary.parsers.imagery.position import Fix, fix_of
+from calibrary.progress import stage
+from calibrary.records import replace
+from calibrary.sfm.adjust import adjust
+from calibrary.sfm.assessment import flight_result
+from calibrary.sfm.choose import RECEIVER_STD_M, local_metres
+from calibrary.sfm.colmap_folder import is_colmap_folder, read_colmap
+from calibrary.sfm.finished import Finished, scene_of
+from calibrary.sfm.opensfm_folder import is_opensfm_folder, read_opensfm
+from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Tracks, thinned
+from calibrary.validation import Finding, Severity
+
+__all__ = ["MOST_IMAGES", "calibrate_finished_from", "is_reconstruction"]
+
+MOST_IMAGES: Final = 60
+"""Of a reconstruction: its points are found already, so that more images than of a flight cost little."""
+
+
+def is_reconstruction(path: Path) -> bool:
+    """Whether it is a folder with what another program's images show."""
+    return is_colmap_folder(path) or is_opensfm_folder(path)
+
+
+def calibrate_finished_from(
+    folder: Path,
+    images: Sequence[Path],
+    request: FlightRequest,
+    said: Callable[[CameraKey], CameraKey],
+    *,
+    camera: int | None = None,
+) -> tuple[CalibrationResult, Collected]:
+    """The calibration, and the images that it was made from.
+
+    Args:
+        folder: COLMAP's sparse model, or OpenSfM's or ODM's result.
+        images: of it, which state their camera and their positions; none where they are not at hand.
+        request: how; its start is the program's own camera.
+        said: puts what was said of the camera in the place of what its images say.
+        camera: which one of a reconstruction by several, from 1, where no images are given.
+
+    Raises:
+        InputError: the folder cannot be read, or does not say which camera is meant.
+        CalibrationError: its images do not determine a camera.
+    """
+    with stage(f"read {folder.name}"):
+        model = read_colmap(folder) if is_colmap_folder(folder) else read_opensfm(folder)
+    taken, paths = _taken(model, images, camera)
+    metadata = (
+        describe_frames([*paths.values()], said, request.focus) if paths else FrameMetadata(setting=None)
+    )
+    if paths:
+        model = replace(model, positions=_positions(model, paths) or model.positions)
+    tracks, start, stated = scene_of(model, taken, request.images)
+    with stage(f"adjusted {len(tracks.point)} observations"):
+        found = adjust(thinned(tracks, MOST_POINTS), start, model=request.model)
+        flight = flight_result(
+            found,
+            about=_about(tracks, metadata, paths, said, request.focus),
+            scale=max(1.0, max(tracks.image_size) / model.looked_px),
+            chosen=f"{len(tracks.names)} of {int(taken.sum())} of this camera in the result of {model.program}",
+            versions=programs(),
+        )
+    result = dated(_of_program(flight.result, model, stated), request, metadata)
+    return result, Collected(observations=result.observations, notes=metadata.notes)
+
+
+def _taken(model: Finished, images: Sequence[Path], camera: int | None) -> tuple[BoolArray, dict[str, Path]]:
+    """(V,) which images are of the camera that is meant, and the files of those that are at hand, by name."""
+    if not images:
+        cameras = sorted(model.cameras)
+        chosen = choose(
+            [model.cameras[name] for name in cameras],
+            camera,
+            source=model.program,
+            how="--camera N, or give the folder of one camera's images",
+        )
+        return model.of_camera(next(name for name in cameras if model.cameras[name] is chosen)), {}
+    names = model.plain_names
+    by_name = {path.name: path for path in images}
+    paths = {name: by_name[Path(name).name] for name in names if Path(name).name in by_name}
+    if len(paths) < FEWEST_IMAGES:
+        raise InputError(
+            f"{len(paths)} of the {len(images)} images given are in the reconstruction, need {FEWEST_IMAGES}",
+            source=str(images[0].parent),
+        )
+    return np.array([name in paths for name in names], dtype=np.bool_), paths
+
+
+def _positions(model: Finished, paths: dict[str, Path]) -> Positions | None:
+    """Where the images' own metadata say they were taken."""
+    fixes: dict[int, Fix] = {}
+    for at, name in enumerate(model.plain_names):
+        if name in paths and (fix := fix_of(paths[name])) is not None:
+            fixes[at] = fix
+    if len(fixes) < FEWEST_IMAGES:
+        return None
+    places, std = np.full((len(model.names), 3), np.nan), np.tile(RECEIVER_STD_M, (len(model.names), 1))
+    rows = [*fixes]
+    places[rows] = local_metres([*fixes.values()])
+    std[rows] = [fix.std_m or RECEIVER_STD_M for fix in fixes.values()]
+    return Positions(places=places, std=std)
+
+
+def _about(
+    tracks: Tracks,
+    metadata: FrameMetadata,
+    paths: dict[str, Path],
+    said: Callable[[CameraKey], CameraKey],
+    focus: str | None,
+) -> Observations:
+    """What is known of the camera, and the hashes of the images that are at hand."""
+    nothing, setting = np.empty(0, dtype=np.intp), metadata.setting
+    if setting is not None and setting.image_size != tracks.image_size:
+        raise InputError(
+            "the images are of {}×{} px, and the reconstruction's camera of {}×{}: give the images that it was made "
+            "from".format(*setting.image_size, *tracks.image_size)
+        )
+    camera = setting.camera if setting is not None else said(CameraKey(image_size=tracks.image_size))
+    return Observations(
+        board=ControlPoints(points=np.empty((0, 3))),
+        image_size=tracks.image_size,
+        views=tuple(
+            View(
+                name=name,
+                sha256=sha256_of(paths[name]) if name in paths else None,
+                ids=nothing,
+                image_points=np.empty((0, 2)),
+            )
+            for name in tracks.names
+        ),
+        camera=camera,
+        focus=setting.focus if setting is not None else focus,
+        firmware=camera.firmware,
+        taken=metadata.taken,
+    )
+
+
+def _of_program(result: CalibrationResult, model: Finished, stated: Calibration) -> CalibrationResult:
+    """With the program and its files in the provenance, and what its own adjustment says."""
+    ours, theirs = result.calibration.intrinsics, stated.intrinsics
+    made = result.calibration.provenance
+    calibration = replace(
+        result.calibration,
+        provenance=replace(
+            made, sources=(*model.files, *made.sources), tool=f"{made.tool}, observations by {model.program}"
+        ),
+    )
+    note = Finding(
+        rule="other-program",
+        severity=Severity.NOTE,
+        measured=theirs.fx / ours.fx - 1,
+        message=f"{model.program} states fx = {theirs.fx:.1f} px, which is {theirs.fx / ours.fx - 1:+.2%} from the "
+        f"{ours.fx:.1f} px that its own observations give here",
+    )
+    return replace(result, calibration=calibration, findings=graver_first((*result.findings, note)))

@@ -1,0 +1,189 @@
+"""A finished reconstruction of another program: its images, poses, points and where each image shows them.
+
+Its camera is no more than the start of our own adjustment; what counts is what its images show, which
+:mod:`calibrary.sfm.sigma` judges as it judges a flight of our own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import Final
+
+import numpy as np
+
+from calibrary.arrays import BoolArray, FloatArray, IntArray
+from calibrary.calib.lens_models import Solvable
+from calibrary.calibration import Calibration, SourceFile
+from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational
+from calibrary.distortion.equivalence import exact
+from calibrary.errors import CalibrationError, InputError
+from calibrary.records import replace
+from calibrary.sfm.choose import OBLIQUE_FROM_DEG, around, height_classes
+from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, upward
+
+__all__ = ["Finished", "scene_of"]
+
+FEWEST_OBSERVATIONS: Final = 20
+"""Of an image; fewer hardly determine where it was taken."""
+PERSPECTIVE_UP_TO_DEG: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Finished:
+    """What another program found.
+
+    Attributes:
+        program: its name.
+        cameras: as it states them, by the names that its images use.
+        names: of the V images, as it states them.
+        camera: (V,) name of each image's camera.
+        rotations: (V, 3, 3) world to camera.
+        centres: (V, 3) of projection.
+        points: (P, 3).
+        image: (N,) which image shows a point.
+        point: (N,) which point.
+        pixels: (N, 2) px from the outer corner of the first pixel.
+        positions: where the images were taken, as they state it; None where the program does not hold that.
+        files: that were read.
+        looked_px: longer side of the size that the program usually looks for points in.
+    """
+
+    program: str
+    cameras: Mapping[str, Calibration]
+    names: tuple[str, ...]
+    camera: tuple[str, ...]
+    rotations: FloatArray
+    centres: FloatArray
+    points: FloatArray
+    image: IntArray
+    point: IntArray
+    pixels: FloatArray
+    positions: Positions | None
+    files: tuple[SourceFile, ...]
+    looked_px: int
+
+    @property
+    def plain_names(self) -> tuple[str, ...]:
+        """The names without folders where they are unique without."""
+        plain = [PurePosixPath(name.replace("\\", "/")).name for name in self.names]
+        counts = Counter(plain)
+        return tuple(
+            short if counts[short] == 1 else name for short, name in zip(plain, self.names, strict=True)
+        )
+
+    def of_camera(self, name: str) -> BoolArray:
+        """(V,) which images a camera took."""
+        return np.array([one == name for one in self.camera], dtype=np.bool_)
+
+
+def scene_of(model: Finished, taken: BoolArray, most: int) -> tuple[Tracks, Scene, Calibration]:
+    """Some images of one camera as tracks and a scene to adjust, and the camera as the program states it.
+
+    Args:
+        model: of another program.
+        taken: (V,) which images are of the camera.
+        most: images; those nearest to a place over which images of the most kinds were taken.
+
+    Raises:
+        CalibrationError: fewer than three of them show enough.
+    """
+    rows = taken & _telling(model, taken)
+    if int(rows.sum()) > most:
+        rows = _chosen(model, rows, most)
+        rows &= _telling(model, rows)
+    images = np.flatnonzero(rows)
+    if len(images) < FEWEST_IMAGES:
+        raise CalibrationError(
+            f"{len(images)} images of this camera show {FEWEST_OBSERVATIONS} points and more that others show too, "
+            f"need {FEWEST_IMAGES}"
+        )
+    usual = Counter(model.camera[at] for at in images.tolist()).most_common(1)[0][0]
+    stated = model.cameras[usual]
+    sizes = {model.cameras[model.camera[at]].intrinsics.image_size for at in images.tolist()}
+    if len(sizes) > 1:
+        listed = ", ".join("{}×{}".format(*size) for size in sorted(sizes))
+        raise InputError(f"the images are of several sizes: {listed} px; expected those of one camera")
+    number = np.full(len(model.names), -1)
+    number[images] = np.arange(len(images))
+    seen = _once(model) & rows[model.image]
+    points, point = np.unique(model.point[seen], return_inverse=True)
+    order = np.argsort(point, kind="stable")
+    positions = model.positions
+    names = model.plain_names
+    tracks = Tracks(
+        names=tuple(names[at] for at in images.tolist()),
+        image_size=stated.intrinsics.image_size,
+        image=number[model.image[seen]][order],
+        point=point[order],
+        pixels=model.pixels[seen][order],
+        positions=replace(positions, places=positions.places[images], std=positions.std[images])
+        if positions is not None
+        else None,
+    )
+    kind, parameters = _lens(stated)
+    scene = Scene(
+        model=kind,
+        parameters=parameters,
+        rotations=model.rotations[images],
+        centres=model.centres[images],
+        points=model.points[points],
+    )
+    return tracks.only(np.ones(len(order), dtype=np.bool_)), scene, stated
+
+
+def _once(model: Finished) -> BoolArray:
+    """(N,) without points that an image shows twice: neither place is known to be the right one."""
+    pair = model.image.astype(np.int64) * (len(model.points) + 1) + model.point
+    _, inverse, counts = np.unique(pair, return_inverse=True, return_counts=True)
+    return np.asarray(counts[inverse] == 1, dtype=np.bool_)
+
+
+def _telling(model: Finished, rows: BoolArray) -> BoolArray:
+    """(V,) which images show enough points that others of these rows show too."""
+    seen = rows[model.image]
+    counts = np.bincount(model.point[seen], minlength=len(model.points))
+    shared = seen & (counts[model.point] >= 2)
+    enough = np.bincount(model.image[shared], minlength=len(rows)) >= FEWEST_OBSERVATIONS
+    return np.asarray(rows & enough, dtype=np.bool_)
+
+
+def _chosen(model: Finished, rows: BoolArray, most: int) -> BoolArray:
+    """(V,) so many images of different height, heading and tilt around one place."""
+    images = np.flatnonzero(rows)
+    turns, centres = model.rotations[images], model.centres[images]
+    up = upward(model.points[np.unique(model.point[rows[model.image]])], centres)
+    east = np.cross(up, (1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else (0.0, 1.0, 0.0))
+    east /= np.linalg.norm(east)
+    places = centres @ np.stack([east, np.cross(up, east), up], axis=1)
+    oblique = np.degrees(np.arccos(np.clip(-turns[:, 2] @ up, -1.0, 1.0))) > OBLIQUE_FROM_DEG
+    yaw = np.degrees(np.arctan2(turns[:, 0] @ np.cross(up, east), turns[:, 0] @ east))
+    quarter = np.floor((yaw + 45.0) / 90.0).astype(int)
+    heading = np.where(oblique, quarter % 4, quarter % 2)
+    kinds = zip(
+        height_classes(places, 0.0).tolist(), heading.tolist(), oblique.astype(int).tolist(), strict=True
+    )
+    kept = np.zeros_like(rows)
+    kept[images[around(places, [*kinds], most)]] = True
+    return kept
+
+
+def _lens(stated: Calibration) -> tuple[Solvable, FloatArray]:
+    """The camera as a start, in a model that can be solved for; a lens of another kind begins without distortion."""
+    K, lens = stated.intrinsics, stated.distortion or NoDistortion()
+    plain = replace(K, skew=0.0)
+    for model, kind in (
+        (Solvable.BROWN, BrownConrady),
+        (Solvable.RATIONAL, Rational),
+        (Solvable.FISHEYE, KannalaBrandt),
+    ):
+        same = exact(lens, kind)
+        if same is not None:
+            return model, model.values(plain, same)
+    reach = math.hypot(K.cx / K.fx, K.cy / K.fy)
+    wide = math.degrees(math.atan(reach)) > PERSPECTIVE_UP_TO_DEG
+    model = Solvable.FISHEYE if wide else Solvable.BROWN
+    return model, model.values(plain, None)
