@@ -211,6 +211,7 @@ class Section:
         blocks: a string is a paragraph.
         badge: beside the heading.
         anchor: how links name it; None for a number.
+        printed: whether it is on the one-page print; a reader may ask for the whole page.
     """
 
     kind: ClassVar[str] = "section"
@@ -219,6 +220,7 @@ class Section:
     blocks: tuple[Block, ...]
     badge: Badge | None = None
     anchor: str | None = None
+    printed: bool = True
 
 
 Block: TypeAlias = (
@@ -235,6 +237,7 @@ class Page:
         lead: what the page comes to, in a sentence or two.
         sections: its parts.
         badge: the verdict, beside the title.
+        facts: what the page is of, below the lead: job, folder, date, operator.
         made_by: what made the page, and from what, at its foot.
         contents: whether a list of three parts or more stands above them; a page may have its own.
         refresh_s: seconds after which a browser reads the page again; None for a page that stays as it is.
@@ -244,6 +247,7 @@ class Page:
     lead: str
     sections: tuple[Section, ...]
     badge: Badge | None = None
+    facts: tuple[tuple[str, Cell], ...] = ()
     made_by: str
     contents: bool = True
     refresh_s: int | None = None

@@ -407,7 +407,14 @@ def test_an_audit_goes_by_unit_and_says_first_what_to_do(
     assert (code, lines[0], lines[1][:2]) == (1, "what to do first, 2 units", "1.")
     assert "no entry" in lines[1] + lines[2]
     page = (tmp_path / "a.html").read_text()
-    assert page.index("What to do first") < page.index("P4R-03, DJI FC6310R") < page.rindex("By flight")
+    first, flights, section = (
+        page.index("What to do first"),
+        page.index(">Flights</bdi></h2>"),
+        page.index('id="unit-2"'),
+    )
+    assert first < page.index('<a href="#unit-2"><bdi>P4R-03, DJI FC6310R') < flights < section
+    # Each thing to do is in the overview once, and once at its unit.
+    assert page.count(units[0]["next"]) == 2
 
 
 def test_an_audit_goes_by_flight_with_those_that_need_attention_first(

@@ -1,14 +1,14 @@
-"""An audit as a page: what has to be done, every camera that flew, and how far its images lie from its entry."""
+"""An audit as a page: what to do first, every flight, and each unit with what was found of it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from importlib.metadata import version
+from collections.abc import Iterator, Sequence
+from datetime import date
 from typing import Final
 
 from calibrary.jobs.audit.agreement import gaps, tolerance_of
 from calibrary.jobs.audit.answers import Answer, Use, named
-from calibrary.jobs.audit.groups import AuditedUnit
+from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit
 from calibrary.jobs.audit.rules import Rule
 from calibrary.jobs.audit.run import LEVELS, Audit
 from calibrary.pages import (
@@ -19,162 +19,192 @@ from calibrary.pages import (
     Column,
     Details,
     Figure,
+    Link,
     Note,
     Page,
     Section,
-    Table,
     Tone,
 )
 from calibrary.pages.plots import Axis, Band, Interval, Role, intervals
+from calibrary.pages.wording import (
+    SEVERITIES,
+    count,
+    cut_table,
+    made_by,
+    minus,
+    or_unknown,
+    sentence,
+    several,
+)
 from calibrary.policy import Policy
 from calibrary.validation import Finding, Severity
 
 __all__ = ["audit_page"]
 
-TONES: Final = {Severity.ERROR: Tone.BAD, Severity.WARNING: Tone.CAUTION, Severity.NOTE: Tone.NEUTRAL}
-USES: Final = {
-    Use.USED: Tone.GOOD,
-    Use.EXPIRED: Tone.BAD,
-    Use.DRAFT: Tone.BAD,
-    Use.RETIRED: Tone.BAD,
-    Use.NONE: Tone.BAD,
-}
+# A warning of an audit is something to do.
+TONES: Final = {**SEVERITIES, Severity.WARNING: Tone.CAUTION}
+USES: Final = {use: Tone.GOOD if use is Use.USED else Tone.BAD for use in Use}
 PX: Final = Axis("fx", "px")
 MOST_ROWS: Final = 500
-MOST_NAMED: Final = 6
-MOST_DRAWN: Final = 24
+MOST_UNITS: Final = 60
+"""Units with a section of their own; the table above them has them all."""
 DRAWN: Final = {Rule.DRIFT, Rule.TAGS, Rule.FIRMWARE}
+CAMERAS: Final = (
+    Column("camera"),
+    Column("entry"),
+    Column("state"),
+    Column("images", numeric=True),
+    Column("last flown"),
+    Column("difference of fx to the entry", numeric=True),
+)
 
 
 def audit_page(done: Audit) -> Page:
     """The whole audit."""
-    errors, warnings, notes = (done.of(level) for level in LEVELS)
-    counted = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}, {_count(notes, 'note')}"
+    levels = (count(done.of(level), level.value) for level in LEVELS)
+    days = [day for one in done.by_flight for day in (one.first, one.last) if day is not None]
+    commit = done.request.snapshot.commit
     return Page(
         title="Audit of the registry",
         badge=Badge("nothing to do", Tone.GOOD) if done.is_clean else Badge("needs attention", Tone.BAD),
-        lead=f"{_count(len(done.answers), 'camera')} in {_count(done.flights.images, 'image')} held against "
-        f"{_count(done.entries, 'entry', 'entries')}: {counted}.",
+        lead=f"{count(done.flights.images, 'image')} of {count(len(done.by_flight), 'flight')} compared with "
+        f"{count(done.entries, 'entry', 'entries')} of the registry: {', '.join(levels)}.",
+        facts=(
+            ("images in", several(folder.name or str(folder) for folder in done.request.folders)),
+            ("flown", or_unknown(_days(min(days, default=None), max(days, default=None)))),
+            ("registry at", f"commit {commit[:12]}" if commit is not None else "a folder without git"),
+            ("audited on", done.request.today.isoformat()),
+        ),
         sections=tuple(_sections(done)),
-        made_by=f"Made by calibrary {version('calibrary')} on {done.request.today} from "
-        f"{', '.join(str(folder) for folder in done.request.folders)}, the registry at "
-        f"{(done.request.snapshot.commit or 'a plain folder')[:12]}.",
+        # The first table leads to the units.
+        contents=False,
+        made_by=made_by(
+            f"on {done.request.today}, the registry at {(commit or 'a folder without git')[:12]}"
+        ),
     )
 
 
 def _sections(done: Audit) -> Iterator[Section]:
-    to_do = [one for unit in done.units for one in unit.findings if one.severity is not Severity.NOTE]
-    if to_do:
-        yield Section(title="What to do first", blocks=tuple(_first(done.units)))
-        yield Section(title="Why", blocks=tuple(_to_do(to_do)))
-    yield Section(title="What flew", blocks=tuple(_flown(done)))
-    yield Section(title="By flight", blocks=tuple(_by_flight(done)))
-    drawn = tuple(_charts(done))
-    if drawn:
-        yield Section(title="The images against their entries", blocks=drawn)
+    due = [unit for unit in done.units if unit.level is not None and unit.level is not Severity.NOTE]
+    if due:
+        yield Section(title="What to do first", blocks=tuple(_first(due)))
+    yield Section(title="Flights", blocks=tuple(_flights(done)))
+    concerned = {(one.camera, one.place) for one in done.findings if one.rule in DRAWN}
+    for n, unit in enumerate(due[:MOST_UNITS]):
+        blocks = tuple(_unit(unit, concerned, done.policy))
+        badge = Badge(unit.findings[0].rule, TONES[unit.findings[0].severity])
+        yield Section(title=unit.name, badge=badge, anchor=_anchor(n), blocks=blocks, printed=False)
+    fine = [answer for unit in done.units if unit not in due for answer in unit.answers]
+    if fine:
+        caption = "Cameras that need nothing: each unit with each firmware, and the entry that is used"
+        rows = [_row(answer, named(answer.flown), done.policy) for answer in fine]
+        table = cut_table(caption, CAMERAS, rows, most=MOST_ROWS, rest="the JSON")
+        yield Section(title="Nothing to do", blocks=tuple(table), printed=False)
     notes = [finding for finding in done.findings if finding.severity is Severity.NOTE]
     if notes:
-        yield Section(title="To know", blocks=(_notes(notes),))
+        yield Section(title="For information", blocks=(_notes(notes),), printed=False)
     if done.flights.unreadable:
-        yield Section(title="Images skipped", blocks=(_unreadable(done),))
+        yield Section(title="Images skipped", blocks=(_unreadable(done),), printed=False)
 
 
-def _first(units: tuple[AuditedUnit, ...]) -> Iterator[Block]:
+def _first(due: Sequence[AuditedUnit]) -> Iterator[Block]:
     """A row a unit, the most urgent first."""
-    due = [unit for unit in units if unit.level is not None and unit.level is not Severity.NOTE]
-    yield Table(
-        caption="Every unit that needs attention, the most urgent first",
-        columns=(
-            Column("unit"),
-            Column("what"),
-            Column("images", numeric=True),
-            Column("flights"),
-            Column("do this"),
-        ),
-        rows=tuple(
-            (
-                unit.name,
-                Badge(unit.findings[0].rule, TONES[unit.findings[0].severity]),
-                str(unit.images),
-                _some(dict.fromkeys(leg.flight for leg in unit.legs)),
-                unit.next or "–",
-            )
-            for unit in due[:MOST_ROWS]
-        ),
+    columns = (
+        Column("unit"),
+        Column("most urgent"),
+        Column("findings", numeric=True),
+        Column("images", numeric=True),
+        Column("flights"),
+        Column("do this"),
     )
-    if len(due) > MOST_ROWS:
-        yield f"{len(due) - MOST_ROWS} more are in the JSON."
-
-
-def _by_flight(done: Audit) -> Iterator[Block]:
-    yield Table(
-        caption="Every flight, those that need attention first; a flight is a folder of images",
-        columns=(
-            Column("flight"),
-            Column("first day"),
-            Column("last day"),
-            Column("images", numeric=True),
-            Column("units"),
-            Column("without a usable entry"),
-        ),
-        rows=tuple(
-            (
-                one.name,
-                one.first.isoformat() if one.first is not None else "–",
-                one.last.isoformat() if one.last is not None else "–",
-                str(one.images),
-                _some(one.units),
-                Badge(_some(one.without), Tone.BAD) if one.without else "–",
-            )
-            for one in done.by_flight[:MOST_ROWS]
-        ),
-    )
-    if len(done.by_flight) > MOST_ROWS:
-        yield f"{len(done.by_flight) - MOST_ROWS} more are in the JSON."
-
-
-def _some(names: Iterable[str]) -> str:
-    every = [*names]
-    more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
-    return "; ".join(every[:MOST_NAMED]) + more or "–"
-
-
-def _to_do(findings: list[Finding]) -> Iterator[Block]:
-    for finding in findings[:MOST_ROWS]:
-        rule = finding.rule
-        yield Note(
-            text=f"{rule[:1].upper()}{rule[1:]}. {finding.camera or finding.place}: {finding.message}.",
-            action=finding.remedy,
-            tone=TONES[finding.severity],
+    rows = [
+        (
+            Link(unit.name, f"#{_anchor(n)}") if n < MOST_UNITS else unit.name,
+            Badge(unit.findings[0].rule, TONES[unit.findings[0].severity]),
+            str(sum(finding.severity is not Severity.NOTE for finding in unit.findings)),
+            str(unit.images),
+            several(dict.fromkeys(leg.flight for leg in unit.legs)),
+            unit.next or "–",
         )
-    if len(findings) > MOST_ROWS:
-        yield f"{len(findings) - MOST_ROWS} more are in the JSON."
+        for n, unit in enumerate(due)
+    ]
+    caption = "Every unit that needs attention, the most urgent first"
+    yield from cut_table(caption, columns, rows, most=MOST_ROWS, rest="the JSON")
 
 
-def _flown(done: Audit) -> Iterator[Block]:
-    answers = [answer for unit in done.units for answer in unit.answers]
-    rows = tuple(_row(answer, done.policy) for answer in answers[:MOST_ROWS])
-    yield Table(
-        caption="Every unit of every camera with every firmware, and the entry that answers for it",
-        columns=(
-            Column("camera"),
-            Column("entry"),
-            Column("state"),
-            Column("images", numeric=True),
-            Column("last flown"),
-            Column("images' fx against it", numeric=True),
-        ),
-        rows=rows,
+def _anchor(n: int) -> str:
+    return f"unit-{n + 1}"
+
+
+def _flights(done: Audit) -> Iterator[Block]:
+    columns = (
+        Column("flight"),
+        Column("state"),
+        Column("days"),
+        Column("images", numeric=True),
+        Column("units with an entry to use"),
+        Column("units without"),
     )
-    if len(done.answers) > MOST_ROWS:
-        yield f"{len(done.answers) - MOST_ROWS} more are in the JSON."
+    caption = "Every flight (a folder of images), those that need attention first"
+    rows = [_flight(one) for one in done.by_flight]
+    yield from cut_table(caption, columns, rows, most=MOST_ROWS, rest="the JSON")
     if done.flights.undated:
-        yield f"{_count(done.flights.undated, 'image')} say no day and count as recent."
+        yield f"{count(done.flights.undated, 'image')} without a date counted as recent."
     if done.flights.before:
-        yield f"{_count(done.flights.before, 'image')} before {done.request.since} are left out."
+        yield f"{count(done.flights.before, 'image')} taken before {done.request.since} skipped."
 
 
-def _row(answer: Answer, policy: Policy) -> tuple[Cell, ...]:
+def _flight(one: AuditedFlight) -> tuple[Cell, ...]:
+    attention = one.level is not None and one.level is not Severity.NOTE
+    return (
+        one.name,
+        Badge(one.level.value, TONES[one.level])
+        if one.level is not None and attention
+        else Badge("good", Tone.GOOD),
+        _days(one.first, one.last) or "–",
+        str(one.images),
+        several(unit for unit in one.units if unit not in one.without),
+        several(one.without),
+    )
+
+
+def _days(first: date | None, last: date | None) -> str | None:
+    if first is None or last is None or first == last:
+        day = first or last
+        return day.isoformat() if day is not None else None
+    return f"{first} to {last}"
+
+
+def _unit(
+    unit: AuditedUnit, concerned: set[tuple[str | None, str | None]], policy: Policy
+) -> Iterator[Block]:
+    """One unit: what was found, its cameras, and what their images say of fx where that is in question."""
+    own = {named(answer.flown): str(answer.flown.key) for answer in unit.answers}
+    for finding in unit.findings:
+        if finding.severity is not Severity.NOTE:
+            camera = own.get(finding.camera or "", finding.camera) or finding.place
+            yield Note(
+                text=f"{sentence(finding.rule)} {camera}: {finding.message}.",
+                action=finding.remedy,
+                tone=TONES[finding.severity],
+            )
+    if unit.answers:
+        rows = [_row(answer, _within(answer), policy) for answer in unit.answers]
+        yield from cut_table("Its cameras", CAMERAS, rows, most=MOST_ROWS, rest="the JSON")
+    for answer in unit.answers:
+        if (named(answer.flown), answer.entry_id) in concerned:
+            figure = _chart(answer, policy)
+            if figure is not None:
+                yield figure
+
+
+def _within(answer: Answer) -> str:
+    """The camera where its unit is named already."""
+    key = answer.flown.key
+    return f"{key}, firmware {key.firmware}" if key.firmware is not None else str(key)
+
+
+def _row(answer: Answer, name: str, policy: Policy) -> tuple[Cell, ...]:
     flown = answer.flown
     chosen = flown.camera.evidence.chosen
     own = next((gap for gap in gaps(answer, policy) if gap.estimate is chosen), None)
@@ -182,26 +212,15 @@ def _row(answer: Answer, policy: Policy) -> tuple[Cell, ...]:
     if own is not None and answer.resolution is not None:
         K = answer.resolution.calibration.intrinsics
         # + 0.0 takes the sign off a zero.
-        apart = f"{round(own.estimate.intrinsics.fx / K.fx - 1.0, 4) + 0.0:+.2%}".replace("-", "−")
+        apart = minus(f"{round(own.estimate.intrinsics.fx / K.fx - 1.0, 4) + 0.0:+.2%}")
     return (
-        named(flown),
+        name,
         answer.entry_id or "–",
         Badge("no entry" if answer.use is Use.NONE else answer.use.value, USES[answer.use]),
         str(flown.images),
         flown.last.isoformat() if flown.last is not None else "–",
         apart,
     )
-
-
-def _charts(done: Audit) -> Iterator[Block]:
-    concerned = {(one.camera, one.place) for one in done.findings if one.rule in DRAWN}
-    shown = [one for one in done.answers if (named(one.flown), one.entry_id) in concerned]
-    for answer in shown[:MOST_DRAWN]:
-        figure = _chart(answer, done.policy)
-        if figure is not None:
-            yield Section(title=named(answer.flown), blocks=(figure,))
-    if len(shown) > MOST_DRAWN:
-        yield f"{len(shown) - MOST_DRAWN} more are in the JSON."
 
 
 def _chart(answer: Answer, policy: Policy) -> Figure | None:
@@ -220,28 +239,24 @@ def _chart(answer: Answer, policy: Policy) -> Figure | None:
         for gap in found
     ]
     band = Band(K.fx * (1 - tolerance), K.fx * (1 + tolerance), "the entry")
-    caption = f"What the images say of fx. Shaded: what the entry lets pass, ± {tolerance:.1%}."
+    caption = f"fx by each source in the images of {_within(answer)}. Shaded: the entry ± {tolerance:.1%}."
     return intervals(rows, axis=PX, caption=caption, band=band)
 
 
-def _notes(notes: list[Finding]) -> Details:
+def _notes(notes: Sequence[Finding]) -> Details:
     told = tuple(
-        f"{finding.camera or finding.place}: {finding.rule}. {finding.message}."
+        f"{finding.camera or finding.place}: {finding.rule}. {sentence(finding.message)}"
         for finding in notes[:MOST_ROWS]
     )
     more = (f"{len(notes) - MOST_ROWS} more are in the JSON.",) if len(notes) > MOST_ROWS else ()
-    return Details(summary=_count(len(notes), "note"), blocks=(Bullets(told), *more))
+    return Details(summary=count(len(notes), "note"), blocks=(Bullets(told), *more))
 
 
 def _unreadable(done: Audit) -> Details:
     found = done.flights.unreadable
-    table = Table(
-        caption="Images whose camera could not be identified",
-        columns=(Column("image"), Column("why")),
-        rows=tuple((one.name, one.reason) for one in found[:MOST_ROWS]),
+    rows = [(one.name, one.reason) for one in found]
+    columns = (Column("image"), Column("reason"))
+    table = cut_table(
+        "Images whose camera could not be identified", columns, rows, most=MOST_ROWS, rest="the JSON"
     )
-    return Details(summary=_count(len(found), "image"), blocks=(table,))
-
-
-def _count(number: int, one: str, several: str | None = None) -> str:
-    return f"{number} {one if number == 1 else several or one + 's'}"
+    return Details(summary=count(len(found), "image"), blocks=tuple(table))
