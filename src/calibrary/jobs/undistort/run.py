@@ -15,7 +15,7 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.dji import is_dewarped
-from calibrary.jobs.images.folders import find_images
+from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
 from calibrary.jobs.undistort.report import UndistortedCamera, UndistortedImage, UndistortReport
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import read_regular_file
@@ -189,7 +189,9 @@ def undistort(request: UndistortRequest, progress: Progress | None = None) -> Un
         )
     cameras = _Cameras(request=request, record=format_named(request.format))
     images = list(_outputs(request))
-    _refuse_overwriting(images, cameras.path(), request)
+    _refuse_the_calibration(cameras.path(), request)
+    copies = [(one.image, one.output) for one in images]
+    refuse_overwriting(copies, done="undistort", force=request.force, also=[cameras.path()])
     cameras.rehearse()
     done: list[Undistorted] = []
     try:
@@ -320,54 +322,14 @@ class _Cameras:
 
 
 def _outputs(request: UndistortRequest) -> Iterator[Undistorted]:
-    """Every image, and its place below the output folder as it was below the folder that was given."""
-    out, target = request.out, request.out.resolve()
-    for path in request.images:
-        if not path.is_dir():
-            yield Undistorted(image=path, output=_renamed(out / path.name, request.kind))
-            continue
-        images = [one for one in find_images(path, recursive=True) if target not in one.resolve().parents]
-        if not images:
-            raise InputError("holds no image", source=str(path))
-        for image in images:
-            yield Undistorted(image=image, output=_renamed(out / image.relative_to(path), request.kind))
+    for image, place in places_of_copies(request.images, request.out):
+        yield Undistorted(image=image, output=_renamed(place, request.kind))
 
 
 def _renamed(path: Path, kind: str | None) -> Path:
     if kind is None or path.suffix.lower() in KINDS[kind]:
         return path
     return path.with_suffix(f".{kind}")
-
-
-def _refuse_overwriting(images: Sequence[Undistorted], camera: Path, request: UndistortRequest) -> None:
-    """Settle before anything is written what would be overwritten.
-
-    Raises:
-        InputError: an image itself, one output by another, or, unless forced, what is there already.
-    """
-    inputs = {one.image.resolve() for one in images}
-    outputs: dict[Path, Path] = {}
-    for one in images:
-        output = one.output.resolve()
-        if output in inputs:
-            raise InputError(
-                "it would overwrite an image it is made from; give another --out", source=str(one.output)
-            )
-        other = outputs.setdefault(output, one.image)
-        if other != one.image:
-            raise InputError(
-                f"both {other} and {one.image} would be written there; undistort them one by one",
-                source=str(one.output),
-            )
-    _refuse_the_calibration(camera, request)
-    there = (
-        [] if request.force else [path for path in (camera, *(one.output for one in images)) if path.exists()]
-    )
-    if there:
-        more = f" (and {len(there) - 1} more)" if len(there) > 1 else ""
-        raise InputError(
-            f"is there already{more}; --force replaces it, --out writes elsewhere", source=str(there[0])
-        )
 
 
 def _refuse_the_calibration(path: Path, request: UndistortRequest) -> None:

@@ -1,0 +1,64 @@
+"""Where the changed copies of images go, and that they replace nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from calibrary.errors import InputError
+from calibrary.jobs.images.folders import find_images
+
+__all__ = ["places_of_copies", "refuse_overwriting"]
+
+
+def places_of_copies(images: Sequence[Path], out: Path) -> Iterator[tuple[Path, Path]]:
+    """Every image, and its place below ``out`` as it was below the folder that was given.
+
+    Raises:
+        InputError: a folder holds no image, or cannot be read.
+    """
+    target = out.resolve()
+    for path in images:
+        if not path.is_dir():
+            yield path, out / path.name
+            continue
+        found = [one for one in find_images(path, recursive=True) if target not in one.resolve().parents]
+        if not found:
+            raise InputError("holds no image", source=str(path))
+        for image in found:
+            yield image, out / image.relative_to(path)
+
+
+def refuse_overwriting(
+    copies: Sequence[tuple[Path, Path]], *, done: str, force: bool, also: Sequence[Path] = ()
+) -> None:
+    """Settle before anything is written what would be overwritten.
+
+    Args:
+        copies: each image and its copy.
+        done: what is done to images, as "undistort".
+        force: replace what is there already.
+        also: other files that will be written.
+
+    Raises:
+        InputError: an image itself, one copy by another, or, unless forced, what is there already.
+    """
+    inputs = {image.resolve() for image, _ in copies}
+    outputs: dict[Path, Path] = {}
+    for image, copy in copies:
+        output = copy.resolve()
+        if output in inputs:
+            raise InputError(
+                "it would overwrite an image it is made from; give another --out", source=str(copy)
+            )
+        other = outputs.setdefault(output, image)
+        if other != image:
+            raise InputError(
+                f"both {other} and {image} would be written there; {done} them one by one", source=str(copy)
+            )
+    there = [] if force else [path for path in (*also, *(copy for _, copy in copies)) if path.exists()]
+    if there:
+        more = f" (and {len(there) - 1} more)" if len(there) > 1 else ""
+        raise InputError(
+            f"is there already{more}; --force replaces it, --out writes elsewhere", source=str(there[0])
+        )
