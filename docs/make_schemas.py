@@ -30,6 +30,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "registry-export-1": "calibrary.jobs.exchange.export:ExportReport",
     "registry-import-1": "calibrary.jobs.exchange.import_:ImportReport",
     "undistort-1": "calibrary.jobs.undistort.report:UndistortReport",
+    "stamp-1": "calibrary.jobs.stamp.report:StampReport",
     "inspect-1": "calibrary.jobs.inspect.report:InspectReport",
     "inspect-files-1": "calibrary.jobs.inspect.report:InspectFilesReport",
     "convert-1": "calibrary.jobs.convert.report:ConvertReport",

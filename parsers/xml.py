@@ -48,18 +48,19 @@ _DOCTYPE = re.compile(rb"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DO
 
 
 def parse_xml(
-    data: bytes, *, source: str, max_bytes: int = MAX_BYTES, max_depth: int = MAX_DEPTH
+    data: bytes, *, source: str, max_bytes: int = MAX_BYTES, max_depth: int = MAX_DEPTH, whole: bool = False
 ) -> _Element:
     """The root element of an XML document that cannot reach outside itself.
 
-    Comments and processing instructions are left out of the tree, so every child is an element. A byte-order
-    mark and any encoding libxml2 knows are fine.
+    Comments and processing instructions are left out of the tree, so every child is an element, unless it is to be
+    written again. A byte-order mark and any encoding libxml2 knows are fine.
 
     Args:
         data: the whole document.
         source: the file's name, for messages.
         max_bytes: longest document accepted.
         max_depth: deepest nesting of elements accepted; the root is at depth 1.
+        whole: keep comments and processing instructions.
 
     Raises:
         ParseError: the document is not well-formed, has a DTD, or is too long, too deep or too dense.
@@ -80,8 +81,8 @@ def parse_xml(
         attribute_defaults=False,
         huge_tree=False,
         recover=False,
-        remove_comments=True,
-        remove_pis=True,
+        remove_comments=not whole,
+        remove_pis=not whole,
     )
     try:
         root = etree.fromstring(data, parser)

@@ -11,7 +11,7 @@ from enum import IntEnum
 from types import MappingProxyType
 from typing import Final
 
-__all__ = ["PROPERTIES", "SERIALS", "SOFTWARE", "TIFF_MAKE", "TIFF_MODEL", "SerialRank"]
+__all__ = ["NAMESPACES", "PROPERTIES", "SERIALS", "SOFTWARE", "TIFF_MAKE", "TIFF_MODEL", "SerialRank"]
 
 _PERSPECTIVE_AND_FISHEYE = (
     "BandName",
@@ -29,7 +29,7 @@ _PERSPECTIVE_AND_FISHEYE = (
     "FisheyeAffineSymmetric",
 )
 
-_URIS: Final = {
+NAMESPACES: Final = {
     "drone-dji": ("http://www.dji.com/drone-dji/1.0/",),
     # In the order RedEdge, Altum and DJI, Sequoia, Parrot Disco write it.
     "Camera": (
@@ -135,7 +135,7 @@ class SerialRank(IntEnum):
 
 def _clark(schema: str, name: str) -> tuple[str, ...]:
     """A property's names as lxml spells them, one for each URI of its schema."""
-    return tuple(f"{{{uri}}}{name}" for uri in _URIS[schema])
+    return tuple(f"{{{uri}}}{name}" for uri in NAMESPACES[schema])
 
 
 PROPERTIES = MappingProxyType(

@@ -44,6 +44,7 @@ GROUPS = (
             Command(
                 "undistort", "remove lens distortion from images, and write their new K", f"{HERE}.undistort"
             ),
+            Command("stamp", "write K and distortion into copies of images, as XMP tags", f"{HERE}.stamp"),
         ),
     ),
     (

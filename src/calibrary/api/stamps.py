@@ -1,0 +1,96 @@
+"""A calibration written into copies of images, as the tags that cameras write."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from calibrary.api.layers import LayeredView
+from calibrary.calibration import Calibration
+from calibrary.errors import InputError, UnknownCameraError
+from calibrary.jobs.exchange.argument import Argument, Reading, read_argument
+from calibrary.jobs.stamp.report import StampReport
+from calibrary.jobs.stamp.run import StampRequest
+from calibrary.jobs.stamp.run import stamp as run
+from calibrary.jobs.stamp.tags import TagSet
+from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX
+from calibrary.progress import Progress
+
+__all__ = ["StampReport", "stamp"]
+
+
+def stamp(
+    images: str | Path | Sequence[str | Path],
+    calibration: str | Path | Calibration | None = None,
+    out: str | Path = "stamped",
+    *,
+    registry: LayeredView | None = None,
+    reading: Reading | None = None,
+    tags: Sequence[str] = ("camera", "dji"),
+    max_error_px: float = DEFAULT_MAX_ERROR_PX,
+    force: bool = False,
+    dry_run: bool = False,
+    progress: Progress | None = None,
+) -> StampReport:
+    """Write a calibration into copies of JPEGs and TIFFs as XMP tags; no pixel and no other tag changes.
+
+    Args:
+        images: an image, a folder with all below it, or a list of these.
+        calibration: of the camera that took them: itself, its file, or the KEY of an entry of ``reading.registry``.
+        out: folder for the copies.
+        registry: in place of ``calibration``: the entry that is used for the camera and the day of each image.
+        reading: answers to what the calibration's file leaves open, and which camera of several.
+        tags: "camera" for Pix4D's ``Camera:``, "dji" for ``drone-dji:DewarpData``; what does not hold the calibration
+            is left out, and one has to.
+        max_error_px: by how much tags may move a projection, anywhere in the image.
+        force: replace what is there already.
+        dry_run: do everything but write.
+        progress: called with (images done, images in all, "images").
+
+    Raises:
+        InputError: the calibration cannot be read, there is no image, or a file would be overwritten; nothing was
+            written. What is wrong with an image is in the result.
+
+    >>> from calibrary.api.stamps import stamp
+    >>> report = stamp("survey/DJI_0001.JPG", "camera.xml", dry_run=True)
+    >>> [(one.outcome, one.max_error_px) for one in report.images]
+    [('stamped', 0.0)]
+    """
+    if (calibration is None) == (registry is None):
+        raise InputError("expected a calibration or a registry, one of them")
+    given = [images] if isinstance(images, str | Path) else images
+    return run(
+        StampRequest(
+            images=tuple(map(Path, given)),
+            camera=_camera(calibration, registry, reading or Reading()),
+            out=Path(out),
+            tag_sets=tuple(map(TagSet, tags)),
+            max_error_px=max_error_px,
+            force=force,
+            dry_run=dry_run,
+        ),
+        progress,
+    )
+
+
+def _camera(
+    calibration: str | Path | Calibration | None, registry: LayeredView | None, reading: Reading
+) -> Callable[[Path], Argument]:
+    """What says which calibration goes into an image."""
+    if registry is None:
+        if isinstance(calibration, Calibration):
+            used = Argument(label=str(calibration.camera), calibration=calibration)
+        else:
+            used = read_argument(str(calibration), reading)
+        return lambda _: used
+
+    def resolved(image: Path) -> Argument:
+        answer = registry.resolve(image)
+        if answer.calibration is None:
+            reasons = "; ".join(f"{one.path}: {one.reason}" for one in answer.near[:1])
+            raise UnknownCameraError(f"no entry for {answer.camera}" + (f" ({reasons})" if reasons else ""))
+        if answer.entry is None:
+            raise UnknownCameraError(f"no entry for {answer.camera} but the catalogue's")
+        return Argument(label=answer.entry.id, calibration=answer.calibration)
+
+    return resolved

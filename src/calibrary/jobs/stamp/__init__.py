@@ -1,0 +1,1 @@
+"""Writing a calibration into copies of images, as the tags that cameras write it with."""

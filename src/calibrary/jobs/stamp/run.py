@@ -1,0 +1,252 @@
+"""Writing a calibration into copies of images: JPEG and TIFF, not a pixel changed.
+
+Each copy is read back, by the same readers as any image, before it is written: the calibration that they find is the
+one that was to be stamped, or there is no copy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Final, Literal
+
+from calibrary.atomic import check_folder, write_files
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.catalogue import load_catalogue
+from calibrary.distortion import NoDistortion
+from calibrary.errors import (
+    AmbiguousCameraError,
+    CalibraryError,
+    InputError,
+    ParseError,
+    UnknownCameraError,
+    UnsupportedModelError,
+)
+from calibrary.evidence.context import Scene
+from calibrary.evidence.frame import files_frame
+from calibrary.jobs.exchange.argument import Argument
+from calibrary.jobs.exchange.identity import identified
+from calibrary.jobs.images.copies import places_of_copies, refuse_overwriting
+from calibrary.jobs.stamp import jpeg, tiff
+from calibrary.jobs.stamp.packet import Properties, merged
+from calibrary.jobs.stamp.report import StampedImage, StampReport
+from calibrary.jobs.stamp.tags import REMOVED, WORDS, Tags, TagSet, camera_tags, dji_tags
+from calibrary.parsers.files import read_regular_file
+from calibrary.parsers.fit import compare
+from calibrary.parsers.imagery.jpeg import SIGNATURE as JPEG
+from calibrary.parsers.imagery.tiff import SIGNATURES as TIFF
+from calibrary.parsers.images import decode_image, image_evidence
+from calibrary.progress import Progress, log, stage
+from calibrary.records import replace
+from calibrary.registry.entry_match import FOCAL_TOLERANCE
+from calibrary.registry.paths import match_key
+
+__all__ = ["StampRequest", "stamp"]
+
+MAX_IMAGE_BYTES: Final = 4 * 1024**3
+UNIT_GRADES: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
+"""What readers take these tags for; a K of another grade would rise by being stamped."""
+READ_BACK_SLACK: Final = 1e-6
+"""px; decimals and millimetres on the way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StampRequest:
+    """What to stamp, and with what.
+
+    Attributes:
+        images: files, and folders with all below them.
+        camera: the calibration of the camera that took an image, and what to call it.
+        out: folder for the copies.
+        tag_sets: to write; those that do not hold the calibration are left out, and one has to.
+        max_error_px: by how much tags may move a projection, anywhere in the image.
+        force: replace what is there already.
+        dry_run: do everything but write.
+    """
+
+    images: Sequence[Path]
+    camera: Callable[[Path], Argument]
+    out: Path
+    tag_sets: tuple[TagSet, ...]
+    max_error_px: float
+    force: bool = False
+    dry_run: bool = False
+
+
+def stamp(request: StampRequest, progress: Progress | None = None) -> StampReport:
+    """Write a calibration into copies of images; an image that is refused stops no other.
+
+    Args:
+        request: what and how.
+        progress: called with (images done, images in all, "images").
+
+    Raises:
+        InputError: there is no image, or a file would be overwritten; nothing was written.
+    """
+    copies = list(places_of_copies(request.images, request.out))
+    refuse_overwriting(copies, done="stamp", force=request.force)
+    if not request.dry_run:
+        check_folder(request.out / "copy")
+    done: list[StampedImage] = []
+    try:
+        for image, copy in copies:
+            with stage(f"stamped {image}"):
+                done.append(_one(image, copy, request))
+            if progress is not None:
+                progress(len(done), len(copies), "images")
+    except KeyboardInterrupt as error:
+        error.args = (f"{len(done)} of {len(copies)} images were looked at",)
+        raise
+    return StampReport(dry_run=request.dry_run, tag_sets=request.tag_sets, images=tuple(done))
+
+
+def _one(image: Path, copy: Path, request: StampRequest) -> StampedImage:
+    """One image and its copy; what is wrong with it is kept in it."""
+    try:
+        data = read_regular_file(image, max_bytes=MAX_IMAGE_BYTES)
+        scene = image_evidence(image).scene
+    except InputError as error:
+        return _without_copy(image, "unreadable", error)
+    try:
+        found, content = _stamped(data, scene, image, copy, request)
+    except ParseError as error:
+        return _without_copy(image, "unreadable", error)
+    except (InputError, UnknownCameraError, AmbiguousCameraError) as error:
+        return _without_copy(image, "refused", error)
+    if not request.dry_run:
+        write_files({copy: content})
+    return found
+
+
+def _without_copy(
+    image: Path, outcome: Literal["refused", "unreadable"], error: CalibraryError
+) -> StampedImage:
+    log.info("not stamped: %s: %s", image, error)
+    reason = error.message if isinstance(error, InputError) else str(error)
+    return StampedImage(file=image.name, outcome=outcome, reason=reason)
+
+
+def _stamped(
+    data: bytes, scene: Scene, image: Path, copy: Path, request: StampRequest
+) -> tuple[StampedImage, bytes]:
+    """What is said of an image, and the bytes of its copy.
+
+    Raises:
+        ParseError: tags cannot be put into the file.
+        InputError: the calibration must not go into it, or its tags do not hold it.
+        RegistryError: no entry is used for its camera.
+    """
+    if not data.startswith((JPEG, *TIFF)):
+        raise ParseError("expected a JPEG or a TIFF: the tags of other files are not changed")
+    used = request.camera(image)
+    calibration = used.calibration
+    if (reason := _against(calibration, scene)) is not None:
+        raise InputError(reason)
+    # Tags count in the frame that EXIF states, which readers then bring to the file's.
+    framed = calibration.scaled(files_frame(scene.metadata))
+    made, notes = _tags(
+        replace(framed, quality=None), scene.px_per_mm(), request.tag_sets, request.max_error_px
+    )
+    if not made:
+        raise UnsupportedModelError("; ".join(notes))
+    properties = {key: text for one in made for key, text in one.properties.items()}
+    content = _changed(data, properties, image.name)
+    error_px = _read_back(content, image.name, calibration, request.max_error_px)
+    if calibration.grade is not Grade.CALIBRATED:
+        notes += (f"the K is {calibration.grade.value}; readers take these tags for calibrated",)
+    if calibration.camera.model is None:
+        notes += ("the calibration names no camera: only its image size was compared",)
+    return (
+        StampedImage(
+            file=image.name,
+            outcome="stamped",
+            output=copy.relative_to(request.out).as_posix(),
+            calibration=used.label,
+            tags=tuple(f"{prefix}:{name}" for prefix, _, name in properties),
+            max_error_px=error_px,
+            notes=notes,
+        ),
+        content,
+    )
+
+
+# A fit takes a second, and most images of a run have one camera.
+@lru_cache(maxsize=64)
+def _tags(
+    calibration: Calibration,
+    px_per_mm: tuple[float, float] | None,
+    tag_sets: tuple[TagSet, ...],
+    max_error_px: float,
+) -> tuple[tuple[Tags, ...], tuple[str, ...]]:
+    """The sets of tags that hold a calibration, and why others do not."""
+    made, notes = [], []
+    for name in tag_sets:
+        try:
+            if name is TagSet.DJI:
+                made.append(dji_tags(calibration, max_error_px=max_error_px))
+            else:
+                made.append(camera_tags(calibration, px_per_mm, max_error_px=max_error_px))
+        except UnsupportedModelError as error:
+            notes.append(f"no {name.value} tags: {error.message}")
+    return tuple(made), tuple(notes)
+
+
+def _changed(data: bytes, properties: Properties, source: str) -> bytes:
+    """The image's bytes with other tags."""
+
+    def merge(packet: bytes | None) -> bytes:
+        return merged(packet, REMOVED, properties, source=source)
+
+    if data.startswith(JPEG):
+        return jpeg.with_xmp(data, merge, WORDS, source)
+    return tiff.with_xmp(data, merge, source)
+
+
+def _read_back(content: bytes, source: str, calibration: Calibration, limit: float) -> float:
+    """By how many px the calibration that readers find in a copy differs from the one that it was stamped with.
+
+    Raises:
+        InputError: it is another one.
+    """
+    [found] = decode_image(content, source)
+    fit = compare(calibration, found)
+    if fit.exact:
+        return 0.0
+    if not fit.max_px <= limit + READ_BACK_SLACK:
+        raise InputError(
+            f"a reader of the copy would take fx {found.intrinsics.fx:.2f} px from {found.provenance.tag}, up to "
+            f"{fit.max_px:.3g} px off the calibration"
+        )
+    return fit.max_px
+
+
+def _against(calibration: Calibration, scene: Scene) -> str | None:
+    """Why a calibration must not go into an image; None where nothing speaks against it."""
+    grade, size, metadata = calibration.grade, calibration.intrinsics.image_size, scene.metadata
+    if grade not in UNIT_GRADES:
+        return f"its K is {grade.value}, and readers take these tags for a calibrated one"
+    if metadata.size != size:
+        return "the image is {}×{} px, the calibration of {}×{} px".format(*metadata.size, *size)
+    key = identified(metadata, load_catalogue()).key
+    differing = next(_differences(calibration.camera, key), None)
+    if differing is not None:
+        return differing
+    dewarped = key.capture_mode is not None and "dewarped" in key.capture_mode
+    if dewarped and calibration.distortion not in {None, NoDistortion()}:
+        return "the camera has undistorted it already (DewarpFlag), and the calibration is of its raw images"
+    return None
+
+
+def _differences(stated: CameraKey, seen: CameraKey) -> Iterator[str]:
+    """In what the camera of a calibration is not the one that took an image, as far as both are known."""
+    for name, words in (("make", "make"), ("model", "model"), ("sub_camera", "sub-camera"), ("lens", "lens")):
+        one, other = getattr(stated, name), getattr(seen, name)
+        if one and other and match_key(one) != match_key(other):
+            yield f"another camera: its {words} is {other}, the calibration's {one}"
+    if stated.serial and seen.serial and stated.serial != seen.serial:
+        yield "another unit: its serial number is not the calibration's"
+    one_mm, other_mm = stated.focal_mm, seen.focal_mm
+    if one_mm and other_mm and abs(other_mm / one_mm - 1) > FOCAL_TOLERANCE:
+        yield f"taken at {other_mm:g} mm, the calibration is of {one_mm:g} mm"

@@ -1,0 +1,139 @@
+"""A calibration as the XMP tags that cameras write theirs with.
+
+``Camera:`` is Pix4D's description (https://support.pix4d.com/hc/en-us/articles/360016450032): ModelType,
+PrincipalPoint "cx,cy" in mm from the upper left, PerspectiveFocalLength in mm, PerspectiveDistortion
+"R1,R2,R3,T1,T2", which are Brown's k1, k2, k3, p1, p2; PerspectiveFocalLengthUnits is MicaSense's. It has one focal
+length for both axes. ``drone-dji:DewarpData`` is "date;fx,fy,cx,cy,k1,k2,p1,p2,k3" in px, the principal point from the
+middle of the image, and ``DewarpDataK6`` the same with k4, k5, k6 behind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from calibrary.calibration import Calibration
+from calibrary.distortion import BrownConrady, Rational
+from calibrary.errors import UnsupportedModelError
+from calibrary.jobs.stamp.packet import Properties
+from calibrary.parsers.fit import accepted_with, adapt, compare
+from calibrary.parsers.format import Capacity, Fit
+from calibrary.parsers.imagery.schemas import NAMESPACES
+from calibrary.records import replace
+
+__all__ = ["REMOVED", "WORDS", "TagSet", "Tags", "camera_tags", "dji_tags"]
+
+PIX4D: Final = "http://pix4d.com/camera/1.0"
+DJI: Final = "http://www.dji.com/drone-dji/1.0/"
+
+_DEWARP: Final = ("DewarpData", "DewarpDataK6")
+_CAMERA: Final = (
+    "ModelType",
+    "PrincipalPoint",
+    "PerspectiveFocalLength",
+    "PerspectiveFocalLengthUnits",
+    "PerspectiveDistortion",
+    "FisheyePolynomial",
+    "FisheyeAffineMatrix",
+    "FisheyeAffineSymmetric",
+)
+REMOVED: Final = frozenset(
+    f"{{{uri}}}{name}"
+    for schema, names in (("drone-dji", _DEWARP), ("Camera", _CAMERA), ("sensefly", _CAMERA))
+    for uri in NAMESPACES[schema]
+    for name in names
+)
+"""The calibration that an image has already: two of them in one image would contradict each other."""
+WORDS: Final = frozenset({b":DewarpData", b":PerspectiveFocalLength", b":FisheyeAffineMatrix"})
+
+_DJI_HOLDS: Final = Capacity(models=(BrownConrady, Rational), unknown_lens=False)
+_CAMERA_HOLDS: Final = Capacity(models=(BrownConrady,))
+
+
+class TagSet(StrEnum):
+    """Tags that state a calibration together."""
+
+    CAMERA = "camera"
+    DJI = "dji"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tags:
+    """What is written into an image.
+
+    Attributes:
+        properties: by prefix, namespace and name.
+        fit: how exactly they hold the calibration.
+    """
+
+    properties: Properties
+    fit: Fit
+
+
+def dji_tags(calibration: Calibration, *, max_error_px: float) -> Tags:
+    """``drone-dji:DewarpData`` or ``DewarpDataK6``.
+
+    Raises:
+        UnsupportedModelError: they do not hold the calibration to ``max_error_px``.
+    """
+    held = adapt(calibration, _DJI_HOLDS, max_error_px=max_error_px)
+    K, lens = held.intrinsics, held.distortion
+    width, height = K.image_size
+    is_rational = isinstance(lens, Rational)
+    order = ("k1", "k2", "p1", "p2", "k3", *(("k4", "k5", "k6") if is_rational else ()))
+    terms = lens.coefficients if lens is not None else {}
+    values = (K.fx, K.fy, K.cx - width / 2, K.cy - height / 2, *(terms[name] for name in order))
+    day = calibration.provenance.date or ""
+    name = _DEWARP[is_rational]
+    return Tags(
+        properties={("drone-dji", DJI, name): f"{day};{_listed(*values)}"}, fit=compare(calibration, held)
+    )
+
+
+def camera_tags(
+    calibration: Calibration, px_per_mm: tuple[float, float] | None, *, max_error_px: float
+) -> Tags:
+    """Pix4D's perspective camera.
+
+    Args:
+        calibration: in the frame that the tags count in.
+        px_per_mm: of that frame, which readers of the image turn millimetres into pixels with; None where nothing
+            states it.
+        max_error_px: the largest error anywhere in the image.
+
+    Raises:
+        UnsupportedModelError: the tags do not hold the calibration to ``max_error_px``.
+    """
+    if px_per_mm is None:
+        raise UnsupportedModelError(
+            "they count in mm, and neither the image (EXIF FocalPlaneXResolution) nor the catalogue states its pixel "
+            "pitch"
+        )
+    held = adapt(calibration, _CAMERA_HOLDS, max_error_px=max_error_px)
+    x, y = px_per_mm
+    focal_mm = (held.intrinsics.fx / x + held.intrinsics.fy / y) / 2
+    K = replace(held.intrinsics, fx=focal_mm * x, fy=focal_mm * y)
+    fit = compare(calibration, replace(held, intrinsics=K))
+    if fit.max_px > max_error_px:
+        raise UnsupportedModelError(
+            f"they have one focal length in mm, and fx / fy is not that of square pixels: projections are off by up "
+            f"to {fit.max_px:.3g} px{accepted_with(fit)}"
+        )
+    texts: dict[str, str] = {
+        "ModelType": "perspective",
+        "PerspectiveFocalLength": _listed(focal_mm),
+        "PerspectiveFocalLengthUnits": "mm",
+        "PrincipalPoint": _listed(K.cx / x, K.cy / y),
+    }
+    if held.distortion is not None:
+        terms = held.distortion.coefficients
+        texts["PerspectiveDistortion"] = _listed(*(terms[name] for name in ("k1", "k2", "k3", "p1", "p2")))
+    return Tags(properties={("Camera", PIX4D, name): text for name, text in texts.items()}, fit=fit)
+
+
+def _listed(*values: float) -> str:
+    """Numbers with every digit and without an exponent, which not every reader of these tags takes."""
+    return ",".join(np.format_float_positional(value + 0.0, trim="0") for value in values)
