@@ -16,7 +16,7 @@ from calibrary.jobs.exchange.export import Export, check_target, export
 from calibrary.jobs.exchange.export import report_of as export_report
 from calibrary.jobs.exchange.import_ import Import, write_import
 from calibrary.jobs.exchange.import_ import report_of as import_report
-from calibrary.progress import Progress, labelled
+from calibrary.progress import Progress
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written
 from calibrary.registry.registry import Registry
@@ -106,9 +106,12 @@ class ImportResult:
 def audited(
     snapshot: Snapshot,
     folders: Sequence[str | Path],
+    *,
     since: date | None,
     stale_months: int,
     workers: int,
+    verify: bool,
+    verify_minutes: float,
     progress: Progress | None,
 ) -> AuditResult:
     """As :meth:`calibrary.Fleet.audit`."""
@@ -119,7 +122,9 @@ def audited(
         since=since,
         stale_months=stale_months,
         workers=workers,
-        progress=labelled(progress, "images"),
+        verify=verify,
+        minutes=verify_minutes,
+        progress=progress,
     )
     return AuditResult(audit(request))
 

@@ -305,6 +305,8 @@ class FleetView:
         since: date | None = None,
         stale_months: int = 24,
         workers: int = 0,
+        verify: bool = False,
+        verify_minutes: float = 15,
         progress: Progress | None = None,
     ) -> AuditResult:
         """Compare the registry with images of recent flights.
@@ -314,17 +316,30 @@ class FleetView:
             since: leave out images of earlier days.
             stale_months: age from which a calibration is a finding.
             workers: processes that read images; 0 decides by itself.
-            progress: called with (images read, images in all, "images").
+            verify: hold the registered K's against the pixels of one flight of each unit and date as well, a dozen
+                images and about a minute each.
+            verify_minutes: after which no other flight is looked at.
+            progress: called with (images read, images in all, "images"); to verify also of each flight.
 
         Raises:
             InputError: a folder cannot be read, or there is no image.
+            MissingExtraError: the pixels are to be looked at, and pycolmap is not installed.
 
         >>> [finding.rule for finding in calibrary.open_registry("fleet").audit(["survey"]).findings]
         [<Rule.UNDATED: 'calibration date unknown'>]
         """
         from calibrary.api.exchange import audited
 
-        return audited(self.snapshot, folders, since, stale_months, workers, progress)
+        return audited(
+            self.snapshot,
+            folders,
+            since=since,
+            stale_months=stale_months,
+            workers=workers,
+            verify=verify,
+            verify_minutes=verify_minutes,
+            progress=progress,
+        )
 
     def changes_since(
         self, rev: str, *, policy: PolicyLike = "fleet", progress: Progress | None = None

@@ -7,8 +7,10 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calibrary.cli.calibrate.flags import number
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
+from calibrary.cli.registry.audit_pixels import show_verification
 from calibrary.cli.registry.place import add_registry_flag, viewed
 from calibrary.cli.tables import Column, fitted
 
@@ -40,6 +42,7 @@ examples:
   calibrary registry audit flights/2026-03 flights/2026-04 --html audit.html
   calibrary registry audit /data/flights --since 2026-04-01 --json      for cron: exit code 1 is mail
   calibrary registry audit flights/ --stale-after 12         whose calibration is over a year old
+  calibrary registry audit flights/ --verify --html k.html   K over time from the pixels of ordinary flights
 
 It reads only. exit code 0: nothing to do, notes perhaps; 1: an error or a warning; 3: a folder cannot be read;
 4: the registry.
@@ -68,6 +71,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MONTHS",
         help="age from which a calibration is reported (default: 24)",
     )
+    parser.add_argument(
+        "--verify",
+        action="store_true",
+        help="also hold the registered K's against the pixels of a dozen images of one flight of each unit and date: "
+        "K over time (needs calibrary[sfm]; about a minute a flight)",
+    )
+    parser.add_argument(
+        "--verify-minutes",
+        type=number(0.1, 10_000),
+        default=15.0,
+        metavar="MINUTES",
+        help="time limit of --verify: no other flight is begun after it (default: 15)",
+    )
     parser.add_argument("--workers", type=_count, default=0, metavar="N", help="processes that read images")
     add_registry_flag(parser)
     add_json_flag(parser)
@@ -81,12 +97,19 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.html is not None:
         check_page_place(arguments.html)
+    if arguments.verify:
+        note(arguments).say(
+            "[dim]--verify: one flight of each unit and date, a dozen images and about a minute each, "
+            f"at most {arguments.verify_minutes:g} min[/]"
+        )
     with Bar(note(arguments), "reading") as bar:
         done = viewed(arguments).audit(
             arguments.folders,
             since=arguments.since,
             stale_months=arguments.stale_after,
             workers=arguments.workers,
+            verify=arguments.verify,
+            verify_minutes=arguments.verify_minutes,
             progress=bar,
         )
     if arguments.html is not None:
@@ -107,6 +130,8 @@ def _show(screen: Screen, done: Audit) -> None:
         screen.show(_table([answer for unit in done.units for answer in unit.answers], screen.width))
     if len(done.by_flight) > 1:
         screen.show(_flights(done.by_flight, screen.width))
+    if done.verification is not None:
+        show_verification(screen, done.verification)
     for unit in done.units:
         _show_findings(screen, unit)
     quiet = [finding for finding in done.findings if finding.rule == NOT_FLOWN]
@@ -136,11 +161,11 @@ def _show_first(screen: Screen, units: Sequence[AuditedUnit]) -> None:
     if not due:
         return
     screen.say(f"[bold]what to do first[/], {_several(len(due), 'unit', 'units')}")
-    for number, unit in enumerate(due[:MOST_FIRST], start=1):
+    for place, unit in enumerate(due[:MOST_FIRST], start=1):
         first, level = unit.findings[0], unit.findings[0].severity.value
         flew = f", {_several(unit.images, 'image', 'images')}" if unit.images else ""
         more = f", {len(unit.findings) - 1} more below" if len(unit.findings) > 1 else ""
-        screen.say(f"{number}. {plain(unit.name)}: [{STYLES[level]}]{first.rule}[/]{flew}{more}", hang=3)
+        screen.say(f"{place}. {plain(unit.name)}: [{STYLES[level]}]{first.rule}[/]{flew}{more}", hang=3)
         if unit.next is not None:
             screen.say(f"[cyan]next[/] {plain(unit.next)}", indent=3)
     if len(due) > MOST_FIRST:

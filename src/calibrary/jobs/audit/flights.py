@@ -25,7 +25,7 @@ from calibrary.jobs.images.reading import gather
 from calibrary.parsers.imagery.taken import taken_on
 from calibrary.policy import Policy
 
-__all__ = ["Flights", "Flown", "Leg", "Progress", "flights"]
+__all__ = ["FlightDay", "Flights", "Flown", "Leg", "Progress", "flights"]
 
 Progress = Callable[[int, int], None]
 """FrameMetadata how many of how many are done."""
@@ -52,6 +52,21 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FlightDay:
+    """The images that one camera took on one flight and day.
+
+    Attributes:
+        flight: as of a :class:`Leg`.
+        day: None where they state none.
+        paths: of the images, in the order of their names.
+    """
+
+    flight: str
+    day: date | None
+    paths: tuple[Path, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Flown:
     """One unit of one camera with one firmware.
 
@@ -61,6 +76,7 @@ class Flown:
         first, last: the days of its images; None where none of them says one.
         example: one of its images.
         legs: its flights, the oldest first.
+        days: its images by flight and day.
         label: what its keeper calls the unit, by the registry.
     """
 
@@ -70,6 +86,7 @@ class Flown:
     last: date | None
     example: Path
     legs: tuple[Leg, ...] = ()
+    days: tuple[FlightDay, ...] = ()
     label: str | None = None
 
     @property
@@ -198,6 +215,7 @@ def _flown(states: dict[ImageMetadata, list[str]], images: _Found, policy: Polic
     for key, group in group_cameras(undated(states), knowledge).items():
         for same in _by_firmware(group):
             for camera in judge(key, same, policy=policy, sensor=sensor):
+                by_day = _by_day(camera.names, images)
                 days = [day for name in camera.names if (day := images.days[name]) is not None]
                 yield Flown(
                     key=identified(camera.states[0].metadata, knowledge.catalogue).key,
@@ -205,20 +223,31 @@ def _flown(states: dict[ImageMetadata, list[str]], images: _Found, policy: Polic
                     first=min(days, default=None),
                     last=max(days, default=None),
                     example=images.paths[camera.names[0]][1],
-                    legs=_legs(camera.names, images),
+                    legs=_legs(by_day),
+                    days=by_day,
                 )
 
 
-def _legs(names: Sequence[str], images: _Found) -> tuple[Leg, ...]:
-    by_flight: dict[str, list[date | None]] = {}
+def _by_day(names: Sequence[str], images: _Found) -> tuple[FlightDay, ...]:
+    found: dict[tuple[str, date | None], list[Path]] = {}
     for name in names:
         folder, path = images.paths[name]
-        by_flight.setdefault(_flight(folder, path), []).append(images.days[name])
+        found.setdefault((_flight(folder, path), images.days[name]), []).append(path)
+    return tuple(
+        FlightDay(flight=flight, day=day, paths=tuple(sorted(paths)))
+        for (flight, day), paths in found.items()
+    )
+
+
+def _legs(by_day: Sequence[FlightDay]) -> tuple[Leg, ...]:
+    by_flight: dict[str, list[FlightDay]] = {}
+    for part in by_day:
+        by_flight.setdefault(part.flight, []).append(part)
     legs = []
-    for flight, days in by_flight.items():
-        known = [day for day in days if day is not None]
+    for flight, parts in by_flight.items():
+        known = [part.day for part in parts if part.day is not None]
         first, last = min(known, default=None), max(known, default=None)
-        legs.append(Leg(flight=flight, images=len(days), first=first, last=last))
+        legs.append(Leg(flight=flight, images=sum(len(part.paths) for part in parts), first=first, last=last))
     return tuple(sorted(legs, key=lambda leg: (leg.last or date.min, leg.flight)))
 
 

@@ -11,6 +11,7 @@ from calibrary.jobs.audit.answers import Answer, Use, named
 from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit
 from calibrary.jobs.audit.rules import Rule
 from calibrary.jobs.audit.run import LEVELS, Audit
+from calibrary.jobs.audit.time_section import time_section
 from calibrary.pages import (
     Badge,
     Block,
@@ -100,6 +101,8 @@ def _sections(done: Audit) -> Iterator[Section]:
         rows = [_row(answer, named(answer.flown), done.policy) for answer in fine]
         table = cut_table(caption, CAMERAS, rows, most=MOST_ROWS, rest="the JSON")
         yield Section(title="Nothing to do", blocks=tuple(table), printed=False)
+    if done.verification is not None:
+        yield time_section(done.verification)
     notes = [finding for finding in done.findings if finding.severity is Severity.NOTE]
     if notes:
         yield Section(title="For information", blocks=(_notes(notes),), printed=False)

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 from calibrary.calibration import CameraKey, Grade
 from calibrary.jobs.audit.agreement import gaps
 from calibrary.jobs.audit.answers import Answer, Use
+from calibrary.jobs.audit.from_pixels import Verification
 from calibrary.jobs.audit.groups import AuditedUnit
 from calibrary.jobs.audit.run import LEVELS, Audit
 from calibrary.jobs.images.folders import SkippedFile
@@ -164,6 +165,7 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
         units: what flew and what was found by unit, the most urgent first.
         flights: what flew by flight, those with the gravest findings first.
         unreadable: images that no camera can be told from.
+        verification: K over time by the pixels of one flight of each unit and date; None where they were not asked.
     """
 
     verdict: Literal["clean", "findings"]
@@ -184,6 +186,7 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
     units: tuple[UnitSummary, ...]
     flights: tuple[FlightSummary, ...]
     unreadable: tuple[SkippedFile, ...]
+    verification: Verification | None = None
 
 
 def report_of(done: Audit) -> AuditReport:
@@ -219,6 +222,7 @@ def report_of(done: Audit) -> AuditReport:
             for one in done.by_flight
         ),
         unreadable=tuple(seen.unreadable),
+        verification=done.verification,
     )
 
 

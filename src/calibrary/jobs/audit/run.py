@@ -10,13 +10,16 @@ from typing import Final
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
+from calibrary.extras import SFM, require
 from calibrary.jobs.audit.age import age_finding
 from calibrary.jobs.audit.agreement import disagreements, unit_findings
 from calibrary.jobs.audit.answers import Answer, answer_to
-from calibrary.jobs.audit.flights import Flights, Progress, flights
+from calibrary.jobs.audit.flights import Flights, flights
+from calibrary.jobs.audit.from_pixels import MINUTES, Verification, pixel_findings, verify_flights
 from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit, flights_of, units_of
 from calibrary.jobs.audit.rules import Rule
 from calibrary.policy import Policy
+from calibrary.progress import Progress, labelled
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
@@ -43,6 +46,9 @@ class Request:
         since: leave out images of earlier days.
         stale_months: a calibration older than this is told of.
         workers: processes that read images; 0 decides by itself.
+        verify: also look at the pixels of one flight of each unit and date.
+        minutes: after which no other flight is looked at.
+        progress: called with (done, total, what).
     """
 
     folders: tuple[Path, ...]
@@ -51,6 +57,8 @@ class Request:
     since: date | None = None
     stale_months: int = STALE_MONTHS
     workers: int = 0
+    verify: bool = False
+    minutes: float = MINUTES
     progress: Progress | None = field(default=None, compare=False)
 
 
@@ -67,6 +75,7 @@ class Audit:
         findings: the gravest first.
         units: what flew and what was found by unit, the most urgent first.
         by_flight: what flew by flight, those with the gravest findings first.
+        verification: what the pixels show; None where they were not asked.
     """
 
     request: Request
@@ -77,6 +86,7 @@ class Audit:
     findings: tuple[Finding, ...]
     units: tuple[AuditedUnit, ...] = ()
     by_flight: tuple[AuditedFlight, ...] = ()
+    verification: Verification | None = None
 
     @property
     def is_clean(self) -> bool:
@@ -94,11 +104,18 @@ def audit(request: Request) -> Audit:
     Raises:
         InputError: a folder cannot be read or there is no image.
         RegistryError: the registry cannot be listed.
+        MissingExtraError: the pixels are to be looked at, and pycolmap is not installed.
     """
+    if request.verify:
+        require(SFM, "registry audit --verify")
     policy = request.snapshot.configuration.policy
     index, files = request.snapshot.index(), dict(request.snapshot.files())
     seen = flights(
-        request.folders, policy, since=request.since, workers=request.workers, progress=request.progress
+        request.folders,
+        policy,
+        since=request.since,
+        workers=request.workers,
+        progress=labelled(request.progress, "images"),
     )
     parsed = {path: _parsed(path, data) for path, data in sorted(files.items())}
     entries = {path: entry for path, entry in parsed.items() if isinstance(entry, Entry)}
@@ -110,6 +127,12 @@ def audit(request: Request) -> Audit:
     findings += unit_findings(answers, policy)
     flew = {answer.resolution.path for answer in answers if answer.resolution is not None}
     findings += _of_entries(parsed, flew, request)
+    verification = None
+    if request.verify:
+        verification = verify_flights(
+            seen.flown, index, policy, request.today, minutes=request.minutes, progress=request.progress
+        )
+        findings += pixel_findings(verification, seen.flown)
     units = units_of(answers, findings, entries)
     return Audit(
         request=request,
@@ -120,6 +143,7 @@ def audit(request: Request) -> Audit:
         findings=tuple(sorted(findings, key=_gravest_first)),
         units=units,
         by_flight=flights_of(units),
+        verification=verification,
     )
 
 
