@@ -53,7 +53,7 @@ def time_section(done: Verification) -> Section:
 
 
 def _unit(unit: UnitOverTime) -> Iterator[Block]:
-    yield f"{unit.reason[:1].upper()}{unit.reason[1:]}."
+    yield f"By the pixels: {unit.reason}."
     figure = _plot(unit)
     if figure is not None:
         yield figure
