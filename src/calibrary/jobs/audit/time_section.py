@@ -8,14 +8,26 @@ from typing import Final
 
 from calibrary.jobs.audit.from_pixels import DatedCheck, UnitOverTime, Verification
 from calibrary.jobs.audit.over_time import Change
-from calibrary.pages import Badge, Block, Column, Figure, Section, Table, Tone
+from calibrary.pages import Badge, Block, Column, Figure, Section, Tone
 from calibrary.pages.plots import Axis, Role
 from calibrary.pages.plots.over_time import Dated, Period, over_time
+from calibrary.pages.wording import cut_table
 from calibrary.sfm.pixel_check import PixelVerdict
 
 __all__ = ["time_section"]
 
 MOST_UNITS: Final = 50
+MOST_FLIGHTS: Final = 100
+COLUMNS: Final = (
+    Column("day"),
+    Column("flight"),
+    Column("firmware"),
+    Column("K from"),
+    Column("fx of K (px)", numeric=True),
+    Column("by the pixels, ± 1 σ (px)", numeric=True),
+    Column("verdict"),
+    Column("reason"),
+)
 ROLES: Final = {
     PixelVerdict.AGREES: Role.AGREES,
     PixelVerdict.CONTRADICTS: Role.DISAGREES,
@@ -49,7 +61,7 @@ def time_section(done: Verification) -> Section:
         blocks.append(
             f"{done.left_out} more flights were not looked at within {done.minutes:g} min (--verify-minutes)."
         )
-    return Section(title="K over time, by the pixels", blocks=tuple(blocks))
+    return Section(title="K over time, by the pixels", blocks=tuple(blocks), printed=False)
 
 
 def _unit(unit: UnitOverTime) -> Iterator[Block]:
@@ -57,20 +69,9 @@ def _unit(unit: UnitOverTime) -> Iterator[Block]:
     figure = _plot(unit)
     if figure is not None:
         yield figure
-    yield Table(
-        caption=f"The flights of {unit.name} that were looked at",
-        columns=(
-            Column("day"),
-            Column("flight"),
-            Column("firmware"),
-            Column("K from"),
-            Column("fx of K (px)", numeric=True),
-            Column("by the pixels, ± 1 σ (px)", numeric=True),
-            Column("verdict"),
-            Column("reason"),
-        ),
-        rows=tuple(_row(one) for one in unit.flights),
-    )
+    caption = f"The flights of {unit.name} that were looked at"
+    rows = [_row(one) for one in unit.flights]
+    yield from cut_table(caption, COLUMNS, rows, most=MOST_FLIGHTS, rest="the JSON")
 
 
 def _row(one: DatedCheck) -> tuple[str | Badge, ...]:
