@@ -96,7 +96,7 @@ def fly(folder: Path, flights: Sequence[Flight], monkeypatch: pytest.MonkeyPatch
     for number, flight in enumerate(flights):
         for image in range(count):
             path = folder / (flight.folder or f"flight {number}") / f"{number}_{image}.jpg"
-            serial = {"body_serial": flight.serial} if flight.serial is not None else {}
+            serial: dict[str, Any] = {"body_serial": flight.serial} if flight.serial is not None else {}
             phantom(path, software=flight.firmware, date_time=f"{flight.day} 09:30:00", **serial)
             truth[path] = flight
 
