@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -39,6 +42,15 @@ def crash(report: Progress) -> None:
     os._exit(6)
 
 
+def die_once(report: Progress, file: Path) -> str:
+    report(1, 2, "tries")
+    if file.exists():
+        return "done"
+    file.touch()
+    os.kill(os.getpid(), signal.SIGKILL)
+    return "never"
+
+
 def write_for_ever(report: Progress, file: Path) -> None:
     while True:
         file.write_text(str(os.getpid()))
@@ -62,8 +74,32 @@ def test_an_error_of_ours_stays_what_it_is() -> None:
 
 
 def test_a_process_that_dies_leaves_its_last_words() -> None:
-    with pytest.raises(CalibrationError, match=r"last it wrote: Check failed: no memory$"):
+    with pytest.raises(
+        CalibrationError, match=r"\(status 6\) 2 times; last it wrote: Check failed: no memory$"
+    ):
         run_apart(crash, None)
+
+
+def test_a_process_that_dies_is_started_once_more_and_that_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert run_apart(die_once, None, tmp_path / "died") == "done"
+    assert caplog.messages == ["COLMAP's process was ended by SIGKILL; it is started once more"]
+
+
+def test_a_script_without_a_guard_may_ask_for_it(tmp_path: Path) -> None:
+    """As a library's user writes one: its main module is not run a second time."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from calibrary.sfm.apart import run_apart\n"
+        "from tests.sfm.test_apart import halve\n"
+        "print(run_apart(halve, None, 8))\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    ran = subprocess.run(
+        [sys.executable, str(script)], env=environment, capture_output=True, text=True, check=False
+    )
+    assert (ran.stdout, ran.stderr) == ("4.0\n", "")
 
 
 def test_an_interrupt_ends_the_process(tmp_path: Path) -> None:

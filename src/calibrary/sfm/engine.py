@@ -233,6 +233,8 @@ def _match(
     import pycolmap
 
     pycolmap.set_random_seed(0)
+    for left in matched.folder.glob(f"{DATABASE}*"):
+        left.unlink()  # by a process that died
     _begin_database(pycolmap, matched, names, start)
     threads = _threads(max_side)
     extraction = pycolmap.FeatureExtractionOptions()
