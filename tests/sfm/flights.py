@@ -170,5 +170,8 @@ PLANS = {
         noise_px=0.8,
         outliers=0.08,
     ),
+    "oblique, two heights, 3000 points": Plan(
+        relief=0.03, heights=(1.0, 1.4), cross=True, oblique_deg=30.0, rows=3, columns=5, points=3000
+    ),
 }
 """The first two determine no focal length."""

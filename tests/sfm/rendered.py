@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from calibrary.arrays import FloatArray
@@ -13,65 +14,54 @@ from calibrary.synthetic import Head, Position, description, packet, write_image
 from tests.sfm.flights import HEIGHT_M, Plan, poses
 
 CELL_M = 0.12
-HALF_M = 150.0
-STEPS = 4
+"""Of the texture; of the heights it is a metre."""
+HALF_M = 160.0
+STEPS = 9
+"""From the flying height down to the ground: each leaves at most a quarter of the error, far off the vertical."""
 RTK_M = 0.1
 LATITUDE, LONGITUDE = 47.31642, 8.51234
 METRES_PER_DEGREE = 111_320.0
 
 
 class Country:
-    """A textured height field.
+    """A textured height field, east and north within HALF_M of its middle.
 
     Attributes:
-        heights: (N, N) m, on a coarse grid.
-        texture: (M, M) 0 … 255.
+        heights: (N, N) m, by cells of a metre.
+        texture: (M, M) 0 … 255, by cells of CELL_M.
     """
 
     def __init__(self, relief_m: float, seed: int) -> None:
         random = np.random.default_rng((seed, 7))
-        self.relief_m = relief_m
         size = round(2 * HALF_M / CELL_M)
-        texture = np.zeros((size, size))
+        texture = np.full((size, size), 120.0, dtype=np.float64)
         # Noise of every size, as ground has it, and fields with edges between them.
         for octave in range(7):
-            cells = max(4, size >> octave >> 1)
-            coarse = random.normal(0, 1, (cells + 2, cells + 2))
-            at = np.linspace(0, cells, size, endpoint=False)
-            texture += _bilinear(coarse, at[:, None], at[None, :]) * (0.92 ** (6 - octave)) * 26
+            coarse = random.normal(0, 1, (size >> octave >> 1,) * 2)
+            texture += cv2.resize(coarse, (size, size)) * (0.92 ** (6 - octave)) * 26
         fields = random.normal(0, 25, (14, 14))
-        at = (np.arange(size) * 14 // size).astype(int)
-        self.texture = np.clip(texture + fields[at][:, at] + 120, 0, 255)
-        self.waves = random.uniform(0.015, 0.06, (10, 2)) * random.choice((-1, 1), (10, 2))
-        self.phase = random.uniform(0, 2 * math.pi, 10)
+        texture += cv2.resize(fields, (size, size), interpolation=cv2.INTER_NEAREST)
+        self.texture = np.clip(texture, 0, 255)
+        waves = random.uniform(0.015, 0.06, (10, 2)) * random.choice((-1, 1), (10, 2))
+        phase = random.uniform(0, 2 * math.pi, 10)
+        middles = np.arange(0.5, 2 * HALF_M) - HALF_M
+        east, north = np.meshgrid(middles, middles)
+        found = np.sin(east[..., None] * waves[:, 0] + north[..., None] * waves[:, 1] + phase).sum(axis=-1)
+        self.heights = found / math.sqrt(5) * relief_m
 
     def height(self, east: FloatArray, north: FloatArray) -> FloatArray:
         """M."""
-        if not self.relief_m:
-            return np.zeros_like(east)
-        found = sum(
-            np.sin(a * east + b * north + phase)
-            for (a, b), phase in zip(self.waves.tolist(), self.phase.tolist(), strict=True)
-        )
-        return np.asarray(found / math.sqrt(5) * self.relief_m)
+        return _bilinear(self.heights, (east + HALF_M), (north + HALF_M))
 
     def colour(self, east: FloatArray, north: FloatArray) -> FloatArray:
         """0 … 255."""
-        return _bilinear(self.texture, (north + HALF_M) / CELL_M, (east + HALF_M) / CELL_M)
+        return _bilinear(self.texture, (east + HALF_M) / CELL_M, (north + HALF_M) / CELL_M)
 
 
-def _on_ground(
-    centre: FloatArray, directions: FloatArray, reach: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    return centre[0] + reach * directions[:, 0], centre[1] + reach * directions[:, 1]
-
-
-def _bilinear(grid: FloatArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
-    rows, columns = np.clip(rows, 0, grid.shape[0] - 1.001), np.clip(columns, 0, grid.shape[1] - 1.001)
-    r, c = rows.astype(np.intp), columns.astype(np.intp)
-    y, x = rows - r, columns - c
-    top = grid[r, c] * (1 - x) + grid[r, c + 1] * x
-    return np.asarray(top * (1 - y) + (grid[r + 1, c] * (1 - x) + grid[r + 1, c + 1] * x) * y)
+def _bilinear(grid: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Values between the cells' middles, which are at halves."""
+    columns, rows = (x - 0.5).astype(np.float32), (y - 0.5).astype(np.float32)
+    return np.asarray(cv2.remap(grid, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
 def render_flight(
@@ -83,6 +73,7 @@ def render_flight(
     noise: float = 2.0,
     blur_px: float = 0.6,
     quality: int = 92,
+    enlarged: int = 1,
 ) -> list[Path]:
     """Write the flight's images with what a camera states in them.
 
@@ -94,6 +85,7 @@ def render_flight(
         noise: standard deviation of a pixel, of 255.
         blur_px: standard deviation.
         quality: of the JPEG.
+        enlarged: by how much images are made larger than they are rendered, where only their size matters.
     """
     random = np.random.default_rng((seed, 9))
     country = Country(plan.relief * HEIGHT_M, seed)
@@ -101,25 +93,22 @@ def render_flight(
     # A pixel shows at most a cell or two of the texture: one ray through its middle does.
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     rays = camera.unproject(np.column_stack([x.ravel(), y.ravel()]))
+    taken = camera.scaled((width * enlarged, height * enlarged))
     paths = []
     for number, (turn, centre) in enumerate(zip(*poses(plan, seed), strict=True)):
-        directions = rays @ turn
-        down = np.minimum(directions[:, 2], -0.05)
-        reach = -centre[2] / down
+        directions = (rays @ turn).reshape(height, width, 3)
+        across = directions[..., :2] / np.minimum(directions[..., 2:], -0.05)
+        ground = np.zeros((height, width))
         for _ in range(STEPS):
-            ground = country.height(*_on_ground(centre, directions, reach))
-            reach = (ground - centre[2]) / down
-        seen = country.colour(*_on_ground(centre, directions, reach))
-        grey = _blurred(seen.reshape(height, width), blur_px) + random.normal(0, noise, (height, width))
+            east, north = np.moveaxis(centre[:2] + across * (ground - centre[2])[..., None], -1, 0)
+            ground = country.height(east, north)
+        seen = cv2.GaussianBlur(country.colour(east, north), (0, 0), blur_px)
+        if enlarged > 1:
+            seen = cv2.resize(seen, taken.intrinsics.image_size)
+        grey = seen + random.normal(0, noise, seen.shape)
         pixels = np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
-        paths.append(
-            write_image(
-                folder / f"IMG_{number:04}.JPG",
-                pixels,
-                head_of(camera, plan, centre, number, random),
-                quality=quality,
-            )
-        )
+        head = head_of(taken, plan, centre, number, random)
+        paths.append(write_image(folder / f"IMG_{number:04}.JPG", pixels, head, quality=quality))
     return paths
 
 
@@ -154,18 +143,3 @@ def head_of(
         position=position,
         xmp=xmp,
     )
-
-
-def _blurred(image: FloatArray, sigma: float) -> FloatArray:
-    reach = math.ceil(3 * sigma)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2)
-    kernel /= kernel.sum()
-    for axis in (0, 1):
-        image = sum(
-            (
-                share * np.roll(image, step, axis=axis)
-                for step, share in zip(range(-reach, reach + 1), kernel, strict=True)
-            ),
-            np.zeros_like(image),
-        )
-    return image
