@@ -25,7 +25,6 @@ __all__ = [
     "goes_on",
     "homography",
     "is_even",
-    "lattice_places",
     "mapped",
     "mirrored",
     "overhangs",
@@ -229,12 +228,6 @@ def beyond(lattice: Lattice, rows: tuple[float, ...]) -> Lattice:
         [[np.prod((t - others) / (own - others)) for own in at for others in [at[at != own]]] for t in rows]
     )
     return np.asarray(np.einsum("tn,ncx->tcx", weights, near))
-
-
-def lattice_places(columns: int, rows: int) -> FloatArray:
-    """(rows · columns, 2): the column and the row of each corner, row by row."""
-    row, column = np.indices((rows, columns), dtype=np.float64)
-    return np.column_stack([column.ravel(), row.ravel()])
 
 
 def homography(places: FloatArray, seen: FloatArray) -> FloatArray | None:

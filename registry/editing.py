@@ -31,7 +31,6 @@ EDITABLE: Final[Mapping[str, tuple[str, ...]]] = {
     "valid-until": ("=",),
 }
 """What can be set, and how."""
-DAYS: Final = frozenset({"valid-from", "valid-until"})
 
 Edit = Callable[[Entry], Entry]
 

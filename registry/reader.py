@@ -173,13 +173,9 @@ class RegistryReader:
         start = self.commit(before) if before is not None else None
         return changed(self.repo, start, self.commit(after), CAMERAS)
 
-    def uncommitted(self) -> tuple[str, ...]:
-        """Entries that differ in the work tree from what is committed; no snapshot holds them."""
-        return uncommitted(self.repo)
-
 
 def uncommitted(repo: Repository) -> tuple[str, ...]:
-    """As :meth:`RegistryReader.uncommitted`."""
+    """Entries that differ in the work tree from what is committed; no snapshot holds them."""
     if repo.work_tree is None:
         return ()
     options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all")

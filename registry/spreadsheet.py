@@ -17,7 +17,6 @@ FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 ESCAPED: Final = (*FORMULA, "'")
 """What has a ' before it: of these only the first is taken off again."""
 DELIMITERS: Final = (",", ";", "\t")
-LARGEST_CELL: Final = 1 << 17
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

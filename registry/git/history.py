@@ -30,7 +30,6 @@ __all__ = [
     "history",
     "newest_where",
     "parse_rev",
-    "split_key",
 ]
 
 MOVED_FROM = "Moved-From"
@@ -253,12 +252,6 @@ class Firmware:
 
 
 Rev = Named | OnDate | Firmware
-
-
-def split_key(text: str) -> tuple[str, Rev | None]:
-    """A key and, behind the first ``@``, its revision."""
-    key, at, rev = text.partition("@")
-    return key, parse_rev(rev) if at else None
 
 
 def parse_rev(text: str) -> Rev:

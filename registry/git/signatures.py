@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from calibrary.errors import RegistryError
 from calibrary.registry.git.repository import Repository
 
-__all__ = ["Signature", "require_signed", "signatures"]
+__all__ = ["Signature", "signatures"]
 
 GOOD = "G"
 STATES = {
@@ -81,15 +80,3 @@ def signatures(
         commit, state, signer, key, primary = line.split("\0")
         found[commit] = Signature(commit=commit, state=state, signer=signer, key=key, primary=primary)
     return tuple(found[commit] for commit in commits)
-
-
-def require_signed(repo: Repository, commits: Sequence[str], allowed_signers: Path | None) -> None:
-    """Make sure that a person on the list signed every commit.
-
-    Raises:
-        RegistryError: one is not signed so; the message names the first few.
-    """
-    bad = [signature for signature in signatures(repo, commits, allowed_signers) if not signature.is_good]
-    if bad:
-        shown = "; ".join(map(str, bad[:3])) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
-        raise RegistryError(f"{repo.path}: expected commits signed by a person on the list, found {shown}")

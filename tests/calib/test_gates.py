@@ -13,7 +13,7 @@ from calibrary.calib.detect import detect
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.estimation import estimate
 from calibrary.calib.found import Found, NotFound, Reason
-from calibrary.calib.lattice import beyond, lattice_places, smoothed
+from calibrary.calib.lattice import beyond, smoothed
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.synthesis import Settings, observe, poses, render, seen_corners
 from calibrary.calib.verdict import BoardVerdict
@@ -25,6 +25,8 @@ from .photographs import Gray, photograph
 from .solving import BOARD, camera
 
 SMALL = Board(columns=9, rows=6, square_mm=40.0)
+PLACES: FloatArray = np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), axis=-1).reshape(-1, 2)
+"""The column and the row of each corner of SMALL, row by row."""
 SIZE = (640, 480)
 
 
@@ -72,17 +74,16 @@ def test_rows_go_on_as_they_bend() -> None:
 
 
 def test_a_strong_bend_is_smooth() -> None:
-    places = lattice_places(9, 6)
-    at = (places - (4.0, 2.5)) * 60
+    at = (PLACES - (4.0, 2.5)) * 60
     r2 = (at**2).sum(axis=1, keepdims=True) / 300**2
     seen = at * (1 - 0.3 * r2 + 0.05 * r2**2) + (320, 240)
-    fitted = smoothed(places, seen, np.ones(54, dtype=np.bool_), strongly=True)
+    fitted = smoothed(PLACES, seen, np.ones(54, dtype=np.bool_), strongly=True)
     assert fitted is not None
     assert np.abs(fitted - seen).max() < 0.3
 
 
 def _judged(by_px: FloatArray) -> Found | NotFound:
-    points = lattice_places(9, 6) * 40.0 + (160, 140) + by_px
+    points = PLACES * 40.0 + (160, 140) + by_px
     gray = np.full((480, 640), 128, dtype=np.uint8)
     return reliable(gray, SMALL, np.arange(54), points, half=5, spacing_px=40.0)
 

@@ -22,7 +22,6 @@ WIDE_ASPECT = 1.7
 class Cause(StrEnum):
     """What most likely made two estimates disagree; the value is the sentence for people."""
 
-    WRONG_EXIF_FOCAL = "this camera is known to write a wrong EXIF FocalLength"
     LEAK_35MM = "the 35 mm equivalent was written as the focal length in millimetres"
     DIGITAL_ZOOM = "digital zoom is applied in one of them only"
     OTHER_SUB_CAMERA = "the tag belongs to another sub-camera of this Model"

@@ -21,7 +21,6 @@ class Colour(Enum):
     LINE = ("#cfd6dd", "#3a424c")
     ACCENT = ("#0b5cad", "#74b5ff")
     SECOND = ("#a84b00", "#f2a65e")
-    THIRD = ("#6b3fa0", "#c3a3f0")
     GOOD = ("#17692f", "#62cf82")
     CAUTION = ("#805000", "#eebb4d")
     BAD = ("#b0241c", "#ff938a")

@@ -13,13 +13,10 @@ import pytest
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git.history import (
-    Firmware,
-    Named,
     OnDate,
     commit_at,
     newest_where,
     parse_rev,
-    split_key,
 )
 from calibrary.registry.git.maintenance import create
 from calibrary.registry.git.objects import blob_id
@@ -230,14 +227,6 @@ def test_the_newest_revision_made_for_a_firmware_is_found(bare: Repository) -> N
     assert found is not None
     assert found[1].data == b"firmware: 01.02\nfx: 6\n"
     assert newest_where(bare, ENTRY, tip, lambda data: b"09.09" in data) is None
-
-
-def test_a_key_is_parted_from_its_revision_at_the_first_at_sign() -> None:
-    assert split_key("dji/fc6310") == ("dji/fc6310", None)
-    assert split_key("dji/fc6310@main@{1}") == ("dji/fc6310", Named("main@{1}"))
-    assert split_key("dji/fc6310@firmware:01.09") == ("dji/fc6310", Firmware("01.09"))
-    day = OnDate(datetime(2026, 5, 1, 23, 59, 59, tzinfo=UTC))
-    assert split_key("dji/fc6310@2026-05-01") == ("dji/fc6310", day)
 
 
 @pytest.mark.parametrize("is_bare", [True, False])

@@ -19,10 +19,9 @@ from calibrary.interop.colmap_database import (
 )
 from calibrary.parsers.format import WriteVerdict
 
-__all__ = ["DATABASE", "EVERY", "Into", "write_into_database"]
+__all__ = ["DATABASE", "Into", "write_into_database"]
 
 DATABASE: Final = "colmap_database"
-EVERY: Final = "all"
 FILE_FORMAT: Final = "colmap_binary"
 """What measures how well COLMAP's models hold a calibration: its cameras are the database's."""
 MODEL: Final = "colmap/model"
