@@ -19,7 +19,7 @@ from PIL import Image
 from calibrary import parsers
 from calibrary.calib.corners_file import read_corners, write_corners
 from calibrary.calib.lens_models import Solvable
-from calibrary.cli.calibrate.solve import LENS_MODELS
+from calibrary.cli.calibrate.flags import LENS_MODELS
 from calibrary.cli.main import main
 from calibrary.records import replace
 from calibrary.registry.check import BOARD_BLOCK

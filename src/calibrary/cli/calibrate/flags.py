@@ -1,4 +1,4 @@
-"""The flags that say which board, the same for every word."""
+"""The flags that the words of ``calibrary calibrate`` share: board, files, registry, provenance, solving."""
 
 from __future__ import annotations
 
@@ -6,8 +6,34 @@ import argparse
 import math
 from collections.abc import Callable
 from datetime import date
+from pathlib import Path
 
-__all__ = ["add_size_flags", "day", "number"]
+from calibrary.cli.registry.asking import add_yes_flag
+
+__all__ = [
+    "LENS_MODELS",
+    "add_board_flags",
+    "add_file_flags",
+    "add_provenance_flags",
+    "add_registry_flags",
+    "add_size_flags",
+    "add_solving_flags",
+    "day",
+    "number",
+    "process_count",
+]
+
+LENS_MODELS = (
+    "auto",
+    "k1k2",
+    "k1k2k3",
+    "k1k2p1p2",
+    "brown",
+    "rational",
+    "fisheye",
+    "double_sphere",
+    "mei",
+)
 
 
 def add_size_flags(parser: argparse.ArgumentParser) -> None:
@@ -25,6 +51,78 @@ def add_size_flags(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="side of a marker, diameter of a circle (default: 3/4, 1/1.3 or 1/2 of the square)",
     )
+
+
+def add_board_flags(parser: argparse.ArgumentParser, square: str) -> None:
+    """Which board the frames show; ``square`` says what the side of a square is for."""
+    board = parser.add_argument_group("the board")
+    board.add_argument(
+        "--board",
+        metavar="BOARD",
+        help="which one, in inner corners: checkerboard:11x8 (default: a checkerboard, its size found by trying)",
+    )
+    board.add_argument("--square-mm", type=number(0.01, 10_000), metavar="MM", help=square)
+    board.add_argument(
+        "--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker, diameter of a circle"
+    )
+
+
+def add_file_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """What any calibration can write."""
+    outputs = parser.add_argument_group("what is written")
+    outputs.add_argument(
+        "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
+    )
+    outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
+    outputs.add_argument("--to", metavar="FORMAT", help="its format (default: by the suffix of its name)")
+    outputs.add_argument(
+        "--correlations", action="store_true", help="also show which parameters trade places"
+    )
+    return outputs
+
+
+def add_registry_flags(
+    parser: argparse.ArgumentParser, what: str = "put the calibration into this one, as a draft"
+) -> argparse._ArgumentGroup:
+    """How a calibration becomes an entry."""
+    keeping = parser.add_argument_group("the registry")
+    keeping.add_argument("--registry", type=Path, metavar="PATH", help=what)
+    keeping.add_argument("--approve", action="store_true", help="use it at once, if it passes")
+    keeping.add_argument("--reason", metavar="TEXT", help="why, for the history")
+    keeping.add_argument(
+        "--override-held", action="store_true", help="take the place of an entry that a person pinned"
+    )
+    add_yes_flag(parser, "write into the registry without asking")
+    return keeping
+
+
+def add_provenance_flags(parser: argparse.ArgumentParser) -> None:
+    """When it was made, and by whom."""
+    stated = parser.add_argument_group("where it is from")
+    stated.add_argument(
+        "--date",
+        type=day,
+        metavar="DATE",
+        help="of the calibration, 2025-03-04 (default: the day of the frames, else today)",
+    )
+    stated.add_argument("--operator", metavar="NAME", help="who made the calibration (default: not stated)")
+
+
+def add_solving_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """How corners are found and solved."""
+    solving = parser.add_argument_group("how to solve")
+    solving.add_argument(
+        "--lens-model",
+        choices=LENS_MODELS,
+        default="auto",
+        help="distortion model (default: auto, chosen by the corners)",
+    )
+    solving.add_argument("--no-warp", action="store_true", help="take the board for flat without asking")
+    solving.add_argument("--focus", metavar="TEXT", help='how the lens was focused: "locked at infinity"')
+    solving.add_argument(
+        "--workers", type=process_count, default=0, metavar="N", help="processes that look for the board"
+    )
+    return solving
 
 
 def day(text: str) -> date:
@@ -51,3 +149,10 @@ def number(low: float, high: float) -> Callable[[str], float]:
         return value
 
     return parse
+
+
+def process_count(text: str) -> int:
+    """An argument's type: how many processes."""
+    if not text.isdecimal() or len(text) > 4 or int(text) > 256:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 0 … 256")
+    return int(text)

@@ -6,12 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.calibrate.flags import number
-from calibrary.cli.calibrate.solve import (
+from calibrary.cli.calibrate.flags import (
     LENS_MODELS,
     add_file_flags,
     add_provenance_flags,
     add_registry_flags,
+    number,
+)
+from calibrary.cli.calibrate.solve import (
     check_outputs,
     finish,
     stated_camera,
@@ -85,7 +87,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--from-registry", metavar="KEY", help="the K of this entry; --registry says of which registry"
     )
     add_file_flags(parser)
-    add_registry_flags(parser)
+    add_registry_flags(parser).add_argument(
+        "--as", dest="as_key", metavar="KEY", help="for the camera of this entry"
+    )
     add_provenance_flags(parser)
     add_camera_flags(parser)
     solving = parser.add_argument_group("how to solve")

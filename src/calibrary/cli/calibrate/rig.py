@@ -7,12 +7,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.calibrate.flags import day, number
-from calibrary.cli.calibrate.solve import EXIT_NOT_PASSED, LENS_MODELS, process_count
+from calibrary.cli.calibrate.flags import (
+    add_board_flags,
+    add_provenance_flags,
+    add_registry_flags,
+    add_solving_flags,
+)
+from calibrary.cli.calibrate.solve import EXIT_NOT_PASSED
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+from calibrary.cli.registry.asking import agreed, can_ask
 from calibrary.cli.registry.place import opened
 
 if TYPE_CHECKING:
@@ -66,17 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="in place of frames, the rig.json of an earlier run",
     )
-    board = parser.add_argument_group("the board")
-    board.add_argument("--board", metavar="BOARD", help="which one, in inner corners: checkerboard:11x8")
-    board.add_argument(
-        "--square-mm",
-        type=number(0.01, 10_000),
-        metavar="MM",
-        help="side of a square; distances scale with it",
-    )
-    board.add_argument(
-        "--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker, diameter of a circle"
-    )
+    add_board_flags(parser, "side of a square; distances scale with it")
     outputs = parser.add_argument_group("what is written")
     outputs.add_argument(
         "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
@@ -93,30 +88,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     outputs.add_argument(
         "--compare", type=Path, metavar="FILE", help="show how far a file's poses are from these"
     )
-    keeping = parser.add_argument_group("the registry")
-    keeping.add_argument(
-        "--registry", type=Path, metavar="PATH", help="put an entry for each camera into this one"
+    add_registry_flags(parser, "put an entry for each camera into this one").add_argument(
+        "--rig-name", metavar="NAME", help="what the rig is called in the entries"
     )
-    keeping.add_argument("--rig-name", metavar="NAME", help="what the rig is called in the entries")
-    keeping.add_argument("--approve", action="store_true", help="use them at once, if the rig passes")
-    keeping.add_argument("--reason", metavar="TEXT", help="why, for the history")
-    keeping.add_argument(
-        "--override-held", action="store_true", help="take the place of entries that a person pinned"
-    )
-    add_yes_flag(parser, "write into the registry without asking")
-    stated = parser.add_argument_group("where it is from")
-    stated.add_argument("--date", type=day, metavar="DATE", help="of the calibration, 2025-03-04")
-    stated.add_argument("--operator", metavar="NAME", help="who made the calibration (default: not stated)")
+    add_provenance_flags(parser)
     add_camera_flags(parser)
-    solving = parser.add_argument_group("how to solve")
-    solving.add_argument(
-        "--lens-model", choices=LENS_MODELS, default="auto", help="of every camera (default: auto)"
-    )
-    solving.add_argument("--no-warp", action="store_true", help="take the board for flat without asking")
-    solving.add_argument("--focus", metavar="TEXT", help='how the lenses were focused: "locked at infinity"')
-    solving.add_argument(
-        "--workers", type=process_count, default=0, metavar="N", help="processes that look for the board"
-    )
+    add_solving_flags(parser)
     add_json_flag(parser)
 
 

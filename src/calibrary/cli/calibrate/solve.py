@@ -7,11 +7,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.calibrate.flags import day, number
+from calibrary.cli.calibrate.flags import (
+    add_board_flags,
+    add_file_flags,
+    add_provenance_flags,
+    add_registry_flags,
+    add_solving_flags,
+)
 from calibrary.cli.camera_flags import add_camera_flags, camera_of
 from calibrary.cli.output import add_json_flag, print_json
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry.asking import add_yes_flag, agreed, can_ask
+from calibrary.cli.registry.asking import agreed, can_ask
 from calibrary.cli.registry.place import opened
 
 if TYPE_CHECKING:
@@ -26,14 +32,9 @@ __all__ = [
     "DESCRIPTION",
     "EXAMPLES",
     "EXIT_NOT_PASSED",
-    "LENS_MODELS",
     "add_arguments",
-    "add_file_flags",
-    "add_provenance_flags",
-    "add_registry_flags",
     "check_outputs",
     "finish",
-    "process_count",
     "run",
     "stated_camera",
     "writes_registry",
@@ -57,37 +58,15 @@ examples:
 
 exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, no board, or the registry's check objects; 3 unreadable input
 """
-LENS_MODELS = (
-    "auto",
-    "k1k2",
-    "k1k2k3",
-    "k1k2p1p2",
-    "brown",
-    "rational",
-    "fisheye",
-    "double_sphere",
-    "mei",
-)
 EXIT_NOT_PASSED = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of a calibration."""
     parser.add_argument("frames", type=Path, nargs="*", metavar="FRAMES", help="files, folders or patterns")
-    board = parser.add_argument_group("the board")
-    board.add_argument(
-        "--board",
-        metavar="BOARD",
-        help="which one, in inner corners: checkerboard:11x8 (default: a checkerboard, its size found by trying)",
-    )
-    board.add_argument(
-        "--square-mm",
-        type=number(0.01, 10_000),
-        metavar="MM",
-        help="side of a square; K does not depend on it: without it poses and the board's warp are in squares",
-    )
-    board.add_argument(
-        "--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker, diameter of a circle"
+    add_board_flags(
+        parser,
+        "side of a square; K does not depend on it: without it poses and the board's warp are in squares",
     )
     parser.add_argument(
         "--skip-other-sizes",
@@ -116,78 +95,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where a table counts from in the first pixel: its outer corner (default of --points), or its centre as "
         "OpenCV and mrcal do (default of --from)",
     )
-    _add_output_flags(parser)
-    add_provenance_flags(parser)
-    add_camera_flags(parser)
-    _add_solving_flags(parser)
-    add_json_flag(parser)
-
-
-def _add_solving_flags(parser: argparse.ArgumentParser) -> None:
-    solving = parser.add_argument_group("how to solve")
-    solving.add_argument(
-        "--lens-model",
-        choices=LENS_MODELS,
-        default="auto",
-        help="distortion model (default: auto, chosen by the corners)",
-    )
-    solving.add_argument("--no-warp", action="store_true", help="take the board for flat without asking")
-    solving.add_argument(
-        "--seed-k", type=Path, metavar="FILE", help="a K to start from, such as the seed that extract writes"
-    )
-    solving.add_argument("--focus", metavar="TEXT", help='how the lens was focused: "locked at infinity"')
-    solving.add_argument(
-        "--workers", type=process_count, default=0, metavar="N", help="processes that look for the board"
-    )
-
-
-def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     outputs = add_file_flags(parser)
     outputs.add_argument(
         "--corners", type=Path, metavar="FILE", help="what was seen, to solve it again with --from, .json"
     )
-    add_registry_flags(parser)
-
-
-def add_file_flags(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """What any calibration can write."""
-    outputs = parser.add_argument_group("what is written")
-    outputs.add_argument(
-        "--report", "--html", type=Path, metavar="FILE", help="a page with every number and plot, .html"
+    add_registry_flags(parser).add_argument(
+        "--as", dest="as_key", metavar="KEY", help="for the camera of this entry"
     )
-    outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
-    outputs.add_argument("--to", metavar="FORMAT", help="its format (default: by the suffix of its name)")
-    outputs.add_argument(
-        "--correlations", action="store_true", help="also show which parameters trade places"
+    add_provenance_flags(parser)
+    add_camera_flags(parser)
+    add_solving_flags(parser).add_argument(
+        "--seed-k", type=Path, metavar="FILE", help="a K to start from, such as the seed that extract writes"
     )
-    return outputs
-
-
-def add_registry_flags(parser: argparse.ArgumentParser) -> None:
-    """How a calibration becomes an entry."""
-    keeping = parser.add_argument_group("the registry")
-    keeping.add_argument(
-        "--registry", type=Path, metavar="PATH", help="put the calibration into this one, as a draft"
-    )
-    keeping.add_argument("--as", dest="as_key", metavar="KEY", help="for the camera of this entry")
-    keeping.add_argument("--approve", action="store_true", help="use it at once, if it passes")
-    keeping.add_argument("--reason", metavar="TEXT", help="why, for the history")
-    keeping.add_argument(
-        "--override-held", action="store_true", help="take the place of an entry that a person pinned"
-    )
-    add_yes_flag(parser, "write into the registry without asking")
-
-
-def add_provenance_flags(parser: argparse.ArgumentParser) -> None:
-    """When it was made, and by whom."""
-    stated = parser.add_argument_group("where it is from")
-    stated.add_argument(
-        "--date",
-        type=day,
-        metavar="DATE",
-        help="of the calibration, 2025-03-04 (default: the day of the frames, else today)",
-    )
-    stated.add_argument("--operator", metavar="NAME", help="who made the calibration (default: not stated)")
+    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -327,10 +247,3 @@ def keep(arguments: argparse.Namespace, fleet: Fleet, done: CalibrateResult, dis
         return True
     display.written(change.write(arguments.reason), proposal)
     return True
-
-
-def process_count(text: str) -> int:
-    """An argument's type: how many processes."""
-    if not text.isdecimal() or len(text) > 4 or int(text) > 256:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of processes, 0 … 256")
-    return int(text)
