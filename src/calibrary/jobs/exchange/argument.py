@@ -19,7 +19,7 @@ from calibrary.registry.configuration import require_registry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 from calibrary.registry.reader import RegistryReader
 
-__all__ = ["Argument", "Reading", "choose", "entry_file", "read_arguments"]
+__all__ = ["Argument", "Reading", "choose", "entry_file", "read_argument", "read_arguments"]
 
 ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILINE)
 LISTED: Final = 8
@@ -113,15 +113,24 @@ def choose(
     return cameras[number - 1]
 
 
-def read_arguments(first: str, second: str, reading: Reading) -> tuple[Argument, Argument]:
-    """The calibrations of one camera that two arguments name, each a file or an entry of a registry.
+def read_argument(text: str, reading: Reading) -> Argument:
+    """The calibration that an argument names; a file of that name comes before an entry.
 
-    A file of that name comes before an entry. A file that states no image size is taken to be of the other's.
+    Raises:
+        MissingTagError: the file needs an image size.
+        InputError: the file cannot be read, or holds several cameras and none was chosen.
+        RegistryError: there is neither a file nor an entry of that name.
+    """
+    return _read(text, reading, reading.image_size)
+
+
+def read_arguments(first: str, second: str, reading: Reading) -> tuple[Argument, Argument]:
+    """Two calibrations of one camera; a file that states no image size is taken to be of the other's.
 
     Raises:
         MissingTagError: neither states an image size.
-        InputError: a file cannot be read, or contains several cameras and none was chosen.
-        RegistryError: there is neither a file nor an entry of that name.
+        InputError: as for :func:`read_argument`.
+        RegistryError: as for :func:`read_argument`.
     """
     try:
         one = _read(first, reading, reading.image_size)
