@@ -45,6 +45,7 @@ LARGEST: Final = 64 << 10
 SCHEMA: Final = re.compile(r"calibrary/(registry|entry)-(\d{1,6})")
 
 TEXT: Final = """\
+# yaml-language-server: $schema=schema/registry-1.schema.json
 # A registry of camera calibrations, written by calibrary; README.md explains how to read and review it.
 schema: "calibrary/registry-1"
 layout: {layout}
@@ -56,7 +57,7 @@ entries: "calibrary/entry-{entries}"
 policy: "{policy}"
 # Whose approval it takes before an entry is used, such as
 # approvals: {{by: ["ada@example.com", "ssh-ed25519 AAAA…"], count: 2, not_author: true}}
-"""
+{approvals}"""
 
 
 KEY: Final = re.compile(r"(?:sk-)?(?:ssh|ecdsa)-\S+ \S+")
@@ -134,13 +135,16 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
         return schema | {"required": ["schema", "layout"], "patternProperties": {"^x-": {}}}
 
 
-def configuration_yaml(policy: str = FLEET.name) -> bytes:
+def configuration_yaml(policy: str = FLEET.name, *, not_author: bool = False) -> bytes:
     """The file of a new registry.
 
     Args:
         policy: one of those that ship, by name.
+        not_author: whether the approval of whoever proposed an entry does not count.
     """
-    return TEXT.format(layout=LAYOUT, entries=CURRENT, policy=policy, models=DOCUMENT).encode()
+    approvals = "approvals: {not_author: true}\n" if not_author else ""
+    text = TEXT.format(layout=LAYOUT, entries=CURRENT, policy=policy, models=DOCUMENT, approvals=approvals)
+    return text.encode()
 
 
 def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configuration:

@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
+from calibrary import schemas
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.distortion.described import DOCUMENT, document
@@ -27,6 +28,7 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change, identity
 from calibrary.registry.paths import CAMERAS, check_path
 from calibrary.registry.registry import Registry
+from calibrary.registry.starter import starter_files
 from calibrary.registry.writing import Note, write_changes
 
 __all__ = [
@@ -92,7 +94,7 @@ class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
     textconv: bool
 
 
-def init(place: Path, *, bare: bool = False) -> Initialised:
+def init(place: Path, *, bare: bool = False, starter: bool = False) -> Initialised:
     """Make a registry.
 
     A repository without a commit, such as a clone of one that was just made at a host, is begun in. One with
@@ -101,11 +103,15 @@ def init(place: Path, *, bare: bool = False) -> Initialised:
     Args:
         place: a folder, made if it is not there.
         bare: without a work tree, to be pushed to.
+        starter: with the files of a registry that is open to everyone: a licence, and rules of review.
 
     Raises:
         RegistryError: there is a registry already, or something else in the way; nothing was changed.
     """
     files = scaffold()
+    if starter:
+        files |= starter_files(files["README.md"])
+        files[CONFIGURATION_FILE] = configuration_yaml(not_author=True)
     in_the_way = [name for name in files if not bare and (place / name).exists()]
     if (place / ".git").exists() or (place / "HEAD").exists():
         repo = _empty_repository(place, in_the_way)
@@ -296,6 +302,20 @@ repos:
         pass_filenames: false
 """
 
+EDITED: Final = ("entry-1", "registry-1")
+"""The schemas of what people edit in a registry; it has them itself, so that an editor needs no network."""
+EDITOR: Final = ".vscode/settings.json"
+SETTINGS: Final = b"""\
+{
+  "yaml.schemas": {
+    "schema/entry-1.schema.json": ["cameras/**/*.yaml", "proposals/**/*.yaml"],
+    "schema/registry-1.schema.json": "registry.yaml"
+  }
+}
+"""
+"""For the YAML extension of VS Code. Entries are associated by their folders, since an entry has the same bytes in each
+registry and at every depth."""
+
 CHECK: Final = """\
 # Checks every entry against the schema, its digest, its path and the policy of registry.yaml; a pull request also by
 # the approvals that registry.yaml of the branch it goes to asks for.
@@ -339,6 +359,8 @@ def scaffold() -> dict[str, bytes]:
         WORKFLOW: CHECK.format(requirement=_requirement()).encode(),
         HOOKS: PRE_COMMIT.format(requirement=_requirement()).encode(),
         OWNERS: CODEOWNERS.format(mark="# ", owner="@your-team").encode(),
+        EDITOR: SETTINGS,
+        **{f"schema/{name}.schema.json": schemas.text(name) for name in EDITED},
     }
 
 

@@ -122,7 +122,11 @@ SINGLE_FILES = frozenset(
         ".gitattributes",
         ".github/CODEOWNERS",
         ".pre-commit-config.yaml",
+        ".vscode/settings.json",
+        "CONTRIBUTING.md",
         DOCUMENT,
+        "LICENSE",
+        "NOTICE",
         "README.md",
         "registry.yaml",
     }

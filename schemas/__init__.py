@@ -8,6 +8,7 @@ Those of records are written by ``make schemas``.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
@@ -18,7 +19,7 @@ from calibrary.records import Locate
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
-__all__ = ["load", "names", "require", "validator"]
+__all__ = ["load", "names", "require", "served", "text", "validator"]
 
 Json: TypeAlias = "str | int | float | bool | Mapping[str, Json] | Sequence[Json] | None"
 Schema: TypeAlias = Mapping[str, Json]
@@ -32,15 +33,40 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(SUFFIX) for name in found if name.endswith(SUFFIX)))
 
 
-@cache
-def load(name: str) -> Schema:
-    """One schema as its file says it.
+def text(name: str) -> bytes:
+    """The file of one schema.
 
     Args:
         name: such as "catalogue-1".
     """
-    schema: Schema = json.loads((files(__package__) / f"{name}{SUFFIX}").read_text(encoding="utf-8"))
+    return (files(__package__) / f"{name}{SUFFIX}").read_bytes()
+
+
+@cache
+def load(name: str) -> Schema:
+    """One schema as its file says it."""
+    schema: Schema = json.loads(text(name))
     return schema
+
+
+def served(base: str, wanted: Sequence[str]) -> dict[str, bytes]:
+    """Schemas as a web server gives them out, by their file names: their ids, and what refers to them, are URLs there.
+
+    Args:
+        base: the URL of their folder, with the slash at its end.
+        wanted: the names of those that are needed; what they refer to comes along.
+    """
+    from calibrary.records.schema import SCHEMA_BASE  # noqa: PLC0415
+
+    reference = re.compile(rf'"{re.escape(SCHEMA_BASE)}([a-z0-9-]+)'.encode())
+    found: dict[str, bytes] = {}
+    due = [*wanted]
+    while due:
+        name = due.pop()
+        data = text(name)
+        found[name + SUFFIX] = reference.sub(f'"{base}'.encode() + rb"\1" + SUFFIX.encode(), data)
+        due += {one.decode() for one in reference.findall(data)} - {key.removesuffix(SUFFIX) for key in found}
+    return found
 
 
 @cache

@@ -26,6 +26,8 @@ __all__ = [
     "ENTRY_FOLDER",
     "NAMESPACE",
     "ROOT_FILE",
+    "SCHEMAS",
+    "SCHEMA_FOLDER",
     "SIGNATURE_FILE",
     "TREE_FOLDER",
     "UNIT_FOLDER",
@@ -55,6 +57,9 @@ CAMERA_FOLDER: Final = "models"
 UNIT_FOLDER: Final = "units"
 TREE_FOLDER: Final = "tree"
 ENTRY_FOLDER: Final = "entries"
+SCHEMA_FOLDER: Final = "schemas"
+SCHEMAS: Final = ("published-1", "published-tree-1", "published-camera-1", "entry-1")
+"""The schemas of what is published."""
 
 LONGEST_PART: Final = 120
 KEPT_OF_LONG: Final = 60

@@ -16,6 +16,7 @@ from calibrary.registry.published.layout import (
     CAMERA_FOLDER,
     ENTRY_FOLDER,
     ROOT_FILE,
+    SCHEMA_FOLDER,
     SIGNATURE_FILE,
     TREE_FOLDER,
     UNIT_FOLDER,
@@ -29,7 +30,7 @@ FOLDERS: Final = (ENTRY_FOLDER, CAMERA_FOLDER, UNIT_FOLDER, TREE_FOLDER)
 STAGING: Final = ".publishing"
 STATE_FILE: Final = f"{STAGING}/state.json"
 """What the next run may rest on; not given out."""
-OWN_NAMES: Final = frozenset({ROOT_FILE, SIGNATURE_FILE, STAGING, *FOLDERS})
+OWN_NAMES: Final = frozenset({ROOT_FILE, SIGNATURE_FILE, STAGING, SCHEMA_FOLDER, *FOLDERS})
 """What a publication has at the top of its folder."""
 SITE_MARKER: Final = ".calibrary-site"
 

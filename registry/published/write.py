@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from datetime import UTC
 from itertools import groupby
 from pathlib import Path
+from typing import Final
 
 from calibrary.calibration import CameraKey
-from calibrary.errors import RegistryError
+from calibrary.errors import InputError, RegistryError
 from calibrary.records import Record
 from calibrary.registry.git.history import history
 from calibrary.registry.git.objects import ObjectId
@@ -19,6 +21,8 @@ from calibrary.registry.paths import is_entry, match_key
 from calibrary.registry.published.former import FormerPublication, former_publication, remember
 from calibrary.registry.published.layout import (
     ROOT_FILE,
+    SCHEMA_FOLDER,
+    SCHEMAS,
     SIGNATURE_FILE,
     TREE_FOLDER,
     WIDTH,
@@ -36,8 +40,11 @@ from calibrary.registry.published.output import Output, check_out, opened
 from calibrary.registry.published.rows import Row, written_rows
 from calibrary.registry.published.signature import sign
 from calibrary.registry.snapshot import Snapshot
+from calibrary.schemas import served
 
 __all__ = ["Publication", "publish"]
+
+URL: Final = re.compile(r"https?://[^\s\"?#\\]+")
 
 
 class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"):
@@ -71,6 +78,7 @@ def publish(
     out: Path,
     *,
     key: Path | None = None,
+    base_url: str | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Publication:
@@ -84,6 +92,7 @@ def publish(
         snapshot: of a registry in git.
         out: a folder that is new, empty, or an earlier publication; what has not changed there is left alone.
         key: an ssh key to sign the root with, as of ``ssh-keygen -Y sign -f``.
+        base_url: where the folder is served; the schemas are written then, with URLs there as their ids.
         workers: processes; by default one for each processor.
         progress: told how many of how many entries are done.
 
@@ -93,6 +102,8 @@ def publish(
     """
     repo, commit = snapshot.require_git("has no commit that could be published")
     check_out(out)
+    if base_url is not None and not URL.fullmatch(base_url):
+        raise InputError("expected where the files are served, as https://HOST/PATH/", source=base_url)
     when = history(repo, None, commit, most=1)[0].committed.astimezone(UTC)
     with opened(out) as output:
         content = _content(snapshot, repo, commit, output, workers=workers, progress=progress)
@@ -108,6 +119,9 @@ def publish(
         )
         data = document_bytes(root)
         signature = sign(data, key) if key is not None else None
+        if base_url is not None:
+            for name, text in served(f"{base_url.rstrip('/')}/{SCHEMA_FOLDER}/", SCHEMAS).items():
+                output.put(f"{SCHEMA_FOLDER}/{name}", text, at_once=False)
         output.settle()
         if signature is not None:
             output.put(SIGNATURE_FILE, signature)

@@ -377,7 +377,7 @@ def open_registry(path: str | Path, *, at: str | None = None) -> Fleet:
 
 
 def create_registry(
-    path: Path | None = None, *, remote: str | None = None, bare: bool = False
+    path: Path | None = None, *, remote: str | None = None, bare: bool = False, starter: bool = False
 ) -> NewRegistry:
     """Create a registry in a folder, or copy one from an address.
 
@@ -385,13 +385,19 @@ def create_registry(
         path: its folder; the current one, or one named as the address's last part, when not given.
         remote: the address of the registry that is copied.
         bare: without a work tree, for a server.
+        starter: open to everyone: with a licence, rules of review, and the catalogue's cameras as proposals.
 
     Raises:
         RegistryError: there is a registry already or something else in the way, or the address cannot be reached.
     """
     if remote is not None:
         return NewRegistry(init_from(remote, path or folder_for(remote), bare=bare))
-    return NewRegistry(init(path or Path(), bare=bare))
+    new = NewRegistry(init(path or Path(), bare=bare, starter=starter))
+    if starter:
+        from calibrary.jobs.exchange.import_ import import_catalogue, write_import
+
+        write_import(new.made.registry, import_catalogue(new.made.registry))
+    return new
 
 
 def validity(first: date | None, last: date | None) -> Validity | None:

@@ -433,6 +433,7 @@ class FleetView:
         out: str | Path,
         *,
         key: str | Path | None = None,
+        base_url: str | None = None,
         workers: int | None = None,
         progress: Progress | None = None,
     ) -> Publication:
@@ -441,6 +442,7 @@ class FleetView:
         Args:
             out: a folder that is new, empty or an earlier publication; only what changed is written.
             key: an ssh key to sign it with.
+            base_url: where ``out`` is served; the JSON Schemas are written too then, with URLs there as their ids.
             workers: processes; one for each processor when not given.
             progress: called with (entries done, entries in all, "entries").
 
@@ -455,7 +457,9 @@ class FleetView:
 
         signer = Path(key) if key is not None else None
         told = labelled(progress, "entries")
-        return publish(self.snapshot, Path(out), key=signer, workers=workers, progress=told)
+        return publish(
+            self.snapshot, Path(out), key=signer, base_url=base_url, workers=workers, progress=told
+        )
 
     def contribute(self, key: str, out: str | Path) -> Contribution:
         """Write an approved entry as a proposal for a public registry, without what is private.

@@ -25,9 +25,12 @@ FILES = [
     ".github/CODEOWNERS",
     ".github/workflows/registry-check.yml",
     ".pre-commit-config.yaml",
+    ".vscode/settings.json",
     "DISTORTION.md",
     "README.md",
     "registry.yaml",
+    "schema/entry-1.schema.json",
+    "schema/registry-1.schema.json",
 ]
 
 

@@ -19,10 +19,12 @@ EXAMPLES = """\
 examples:
   calibrary registry init fleet
   calibrary registry init --bare fleet.git                        to be pushed to
+  calibrary registry init --starter camera-calibrations           open to everyone, with the catalogue's cameras
   calibrary registry init --remote git@example.com:fleet.git      a copy of one that is there
 
-It makes a git repository with registry.yaml, README.md, .gitattributes, CODEOWNERS, and a workflow and a pre-commit
-hook that run 'calibrary registry check'. A repository without a commit is used; one with commits is not changed.
+It makes a git repository with registry.yaml, README.md, .gitattributes, CODEOWNERS, the JSON Schemas that editors check
+entries with, and a workflow and a pre-commit hook that run 'calibrary registry check'. A repository without a commit is
+used; one with commits is not changed.
 """
 
 
@@ -35,6 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--remote", metavar="URL", help="copy this one: https://, ssh://, user@host:path, a folder"
     )
     parser.add_argument("--bare", action="store_true", help="without a work tree, for a server")
+    parser.add_argument(
+        "--starter",
+        action="store_true",
+        help="open to everyone: with a licence, rules of review, and the cameras of the catalogue as proposals",
+    )
     add_yes_flag(parser, "set up git's diff of entries without asking")
     add_json_flag(parser)
 
@@ -44,7 +51,11 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.api.fleet import create_registry
     from calibrary.cli.console import note, out, plain, printable
 
-    new = create_registry(arguments.path, remote=arguments.remote, bare=arguments.bare)
+    if arguments.starter and arguments.remote is not None:
+        arguments.parser.error("--starter creates a registry, and --remote copies one; give one of them")
+    new = create_registry(
+        arguments.path, remote=arguments.remote, bare=arguments.bare, starter=arguments.starter
+    )
     screen, remarks = out(arguments), note(arguments)
     for line in _said(new.made):
         screen.say(plain(line))

@@ -37,6 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--site", action="store_true", help="also write the pages of 'registry site' into the folder"
     )
+    parser.add_argument(
+        "--base-url",
+        metavar="URL",
+        help="where OUT is served: also write the JSON Schemas of the files, with URLs there as their ids",
+    )
     parser.add_argument("--sign", type=Path, metavar="KEY", help="an ssh key to sign the root file with")
     parser.add_argument(
         "--workers", type=worker_count, metavar="N", help="processes (default: one a processor)"
@@ -53,7 +58,11 @@ def run(arguments: argparse.Namespace) -> int:
     registry = opened(arguments)
     with Bar(note(arguments), "publishing") as bar:
         done: Publication = registry.publish(
-            arguments.out, key=arguments.sign, workers=arguments.workers, progress=bar
+            arguments.out,
+            key=arguments.sign,
+            base_url=arguments.base_url,
+            workers=arguments.workers,
+            progress=bar,
         )
     if arguments.site:
         with Bar(note(arguments), "making pages") as bar:
