@@ -28,6 +28,8 @@ SCHEMAS: Final = Path(__file__).parents[1] / "schemas"
 MADE: Final = "\n<!-- Made from the code by docs/make_reference.py. -->\n"
 OF_API: Final = (
     "boards",
+    "flights",
+    "combining",
     "rigs",
     "watching",
     "synthesis",

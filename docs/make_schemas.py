@@ -22,6 +22,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "check-1": "calibrary.jobs.check.run:CheckReport",
     "corners-1": "calibrary.calib.corners_file:CornersFile",
     "calibration-result-1": "calibrary.jobs.calibrate_board.report:CalibrateReport",
+    "combination-1": "calibrary.jobs.combine.report:CombinationReport",
     "rig-calibration-result-1": "calibrary.jobs.calibrate_rig.report:RigReport",
     "rig-corners-1": "calibrary.jobs.calibrate_rig.run:RigCorners",
     "calibrate-watch-1": "calibrary.jobs.calibrate_watch.watch:WatchStatus",

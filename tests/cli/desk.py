@@ -41,6 +41,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
         1,
         "PROVISIONAL cam1 translation camchain.yaml",
     ),
+    "calibrate combine camera.xml": (1, "PROVISIONAL unknown-uncertainty"),
     "calibrate board checkerboard:11x8 --square-mm 40 --out new/b/board.pdf": (0, "board.pdf"),
     "registry init new/fleet --yes": (0, "registry.yaml"),
     f"registry add camera.xml {KEY} --reason first --yes": (0, "dji/fc6310r/5472x3648 intrinsics.fx"),

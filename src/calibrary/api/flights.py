@@ -116,7 +116,7 @@ def calibrate_reconstruction(
     if not is_reconstruction(folder):
         raise InputError(
             "expected a folder with COLMAP's sparse model (cameras, images, points3D; .bin or .txt), or with OpenSfM's "
-            "or ODM's reconstruction.json and tracks.csv; a file of K alone is for calibrary combine",
+            "or ODM's reconstruction.json and tracks.csv; a file of K and σ alone is for calibrate combine",
             source=str(result_of),
         )
     given = [images] if isinstance(images, str | Path) else [*images]

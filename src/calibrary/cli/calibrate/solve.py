@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from calibrary.api.boards import CalibrateResult, Places
+    from calibrary.api.combining import CombineResult
     from calibrary.api.fleet import Fleet
     from calibrary.calibration import CameraKey
     from calibrary.cli.calibrate.solve_display import Display
@@ -35,6 +36,7 @@ __all__ = [
     "add_arguments",
     "check_outputs",
     "finish",
+    "keep",
     "run",
     "stated_camera",
     "writes_registry",
@@ -222,7 +224,9 @@ def writes_registry(arguments: argparse.Namespace) -> bool:
     return arguments.registry is not None or arguments.as_key is not None
 
 
-def keep(arguments: argparse.Namespace, fleet: Fleet, done: CalibrateResult, display: Display) -> bool:
+def keep(
+    arguments: argparse.Namespace, fleet: Fleet, done: CalibrateResult | CombineResult, display: Display
+) -> bool:
     """Write the entry, if the verdict, the check and the person allow it; whether nothing speaks against it."""
     if done.verdict.value == "refuse":
         display.say("a refused calibration becomes no entry; nothing was written into the registry")

@@ -19,12 +19,14 @@ from calibrary.cli.tables import Column, facts, fitted
 if TYPE_CHECKING:
     from calibrary.calib.collect import Collected
     from calibrary.calib.result import CalibrationResult, Flown
+    from calibrary.calib.verdict import BoardVerdict
+    from calibrary.cli.console import Screen
     from calibrary.jobs.calibrate_board.outputs import Files
     from calibrary.registry.git.writing import Written
     from calibrary.registry.proposals import Proposal
     from calibrary.validation import Finding
 
-__all__ = ["Display"]
+__all__ = ["Display", "parameters", "show_findings_of"]
 
 STYLES: Final = {
     "pass": "bold green",
@@ -58,7 +60,7 @@ class Display:
         self._screen.say("")
         # Of a refused calibration there is no K; its report keeps the numbers for who wants to know why.
         if result.verdict.value != "refuse":
-            self._screen.show(_parameters(result.calibration, width), indent=2)
+            self._screen.show(parameters(result.calibration, width), indent=2)
             if correlations and result.calibration.quality is not None:
                 self._screen.say("")
                 self._screen.show(_correlations(result.calibration.quality, width), indent=2)
@@ -99,21 +101,31 @@ class Display:
         outcome, quality = result.verdict, result.calibration.quality or Quality()
         board = collected.observations.board
         self._screen.say("")
-        for finding in result.findings:
-            said = str(finding).removeprefix(finding.rule)
-            self._screen.say(f"  [{STYLES[finding.severity.value]}]{finding.rule}[/]{plain(said)}")
-        self._screen.say(
-            f"[{STYLES[outcome.value]}]{outcome.value.upper()}[/]  {plain(str(result.calibration.camera))}: "
+        show_findings_of(self._screen, result.findings)
+        self.outcome(
+            outcome,
+            f"{plain(str(result.calibration.camera))}: "
             f"{quality.views} of {len(result.views) + len(collected.rejected)} views of {plain(str(board))}, "
-            f"reprojection error (RMS) {quality.rms_px:.3f} px"
+            f"reprojection error (RMS) {quality.rms_px:.3f} px",
         )
+
+    def outcome(self, verdict: BoardVerdict, said: str) -> None:
+        """The last line."""
+        self._screen.say(f"[{STYLES[verdict.value]}]{verdict.value.upper()}[/]  {said}")
+
+
+def show_findings_of(screen: Screen, findings: Sequence[Finding]) -> None:
+    """The reasons of a verdict, a paragraph each."""
+    for finding in findings:
+        said = str(finding).removeprefix(finding.rule)
+        screen.say(f"  [{STYLES[finding.severity.value]}]{finding.rule}[/]{plain(said)}")
 
 
 PARAMETERS: Final = (Column(name=""), *(Column(name=name, right=True) for name in ("value", "σ", "σ × κ")))
 VIEWS: Final = (Column(name="view"), Column(name="RMS px", right=True), Column(name="", rank=1, wraps=True))
 
 
-def _parameters(calibration: Calibration, width: int) -> list[Text]:
+def parameters(calibration: Calibration, width: int) -> list[Text]:
     """Every parameter with its spread: as the residuals give it, and as the halves let it be believed."""
     quality = calibration.quality or Quality()
     wider = math.sqrt(quality.inflation)

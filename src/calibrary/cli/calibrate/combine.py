@@ -1,0 +1,82 @@
+"""``calibrary calibrate combine``: several calibrations of one camera as one, if they agree."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from calibrary.cli.calibrate.flags import add_provenance_flags, add_registry_flags
+from calibrary.cli.calibrate.solve import (
+    EXIT_NOT_PASSED,
+    check_outputs,
+    keep,
+    stated_camera,
+    writes_registry,
+)
+from calibrary.cli.camera_flags import add_camera_flags
+from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.registry.place import opened
+
+__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
+
+DESCRIPTION = """\
+Weigh several calibrations of one camera into one by their covariances, if they agree.
+
+FILE is a calibration file that carries a covariance, the JSON that calibrate --json printed, or KEY[@REV] of an entry.
+Files of two cameras, of another focus, image size or lens model, and files that disagree by more than their noise are
+refused, with which of them it is and by how many px: two cameras are never averaged. What another program states alone
+is provisional at the most, since its σ was never put to the test of halves of its images.
+"""
+EXAMPLES = """\
+examples:
+  calibrary calibrate combine spring.json summer.json autumn.json --registry ../fleet
+  calibrary calibrate combine flight1.json flight2.json --out camera.xml --to agisoft_xml
+  calibrary calibrate combine metashape/cameras.xml --make DJI --model FC6310R --json
+
+exit codes: 0 PASS; 1 PROVISIONAL or REFUSE, or the registry's check objects; 3 unreadable input
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the word's arguments."""
+    parser.add_argument(
+        "files", nargs="+", metavar="FILE", help="a calibration with its covariance, or KEY[@REV] of an entry"
+    )
+    parser.add_argument("--camera", type=int, metavar="N", help="which camera of files with several, from 1")
+    outputs = parser.add_argument_group("what is written")
+    outputs.add_argument("--out", type=Path, metavar="FILE", help="K and distortion as a calibration file")
+    outputs.add_argument("--to", metavar="FORMAT", help="its format (default: by the suffix of its name)")
+    add_registry_flags(parser).add_argument(
+        "--as", dest="as_key", metavar="KEY", help="for the camera of this entry"
+    )
+    add_provenance_flags(parser)
+    add_camera_flags(parser)
+    add_json_flag(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from calibrary.api.combining import combine_calibrations
+    from calibrary.api.files import Reading
+    from calibrary.cli.calibrate.combine_display import CombineDisplay
+
+    check_outputs(arguments)
+    given = arguments
+    fleet = opened(arguments) if writes_registry(arguments) else None
+    display = CombineDisplay(arguments)
+    done = combine_calibrations(
+        given.files,
+        reading=Reading(registry=given.registry, image_size=given.image_size, camera=given.camera),
+        date=given.date,
+        operator=given.operator,
+        camera=stated_camera(arguments, fleet),
+    )
+    display.sources(done.report)
+    if given.out is not None:
+        refused = done.report.calibration is None
+        display.show_out(given.out, () if refused else done.write(given.out, given.to), refused=refused)
+    kept = fleet is None or keep(arguments, fleet, done, display)
+    display.conclusion(done.report)
+    if given.json:
+        print_json(done.to_dict(), indent=None)
+    return 0 if done.is_good and kept else EXIT_NOT_PASSED

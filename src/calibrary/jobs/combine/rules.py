@@ -1,0 +1,187 @@
+"""The rules of combining: what refuses calibrations before any number is compared, and what the result is worth.
+
+PASS needs calibrations whose σ was tested. A program's formal σ, however many files state one, is not: what all of them
+leave out (a held principal point, a flight that does not tell focal length from height) does not show as scatter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from datetime import date
+from itertools import combinations
+from typing import Final
+
+from calibrary.calib.verdict import LIMITS
+from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.errors import InputError
+from calibrary.jobs.combine.sources import Source
+from calibrary.jobs.diff.origin import common_numbers
+from calibrary.sfm.combination import Weighed, shared_parameters, weighed
+from calibrary.validation import Finding, Severity
+
+__all__ = ["agreement", "day_of", "judged", "obstacles"]
+
+CURED: Final = frozenset({"uncertain-focal-length", "uncertain-edge", "few-images", "few-views"})
+"""What kept one calibration from passing and more of them make good. All else, a weak geometry or a lens that does not
+fit, they may have in common."""
+
+
+def obstacles(sources: Sequence[Source]) -> Iterator[Finding]:
+    """What refuses them before any number is compared."""
+    for source in sources:
+        if source.calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}:
+            yield _error(
+                "not-measured",
+                f"{source.label} is of grade {source.calibration.grade.value}: {source.calibration.grade.meaning}",
+                "combine what was measured only",
+            )
+        if len(sources) > 1 and source.covariance is None:
+            yield _error(
+                "no-covariance",
+                f"{source.label} states no covariance, so that nothing says what it counts for",
+                "solve it again, or give the program's own file with its covariance",
+            )
+    yield from _other_cameras(sources)
+    yield from _copies(sources)
+    covariances = [C for one in sources if (C := one.covariance) is not None]
+    if len(covariances) == len(sources) > 1 and _sizes(sources) == 1:
+        cameras = [one.calibration for one in sources]
+        try:
+            shared_parameters(cameras, covariances)
+            weighed(cameras, covariances)
+        except InputError as error:
+            yield _error("other-lens-model", error.message, "solve all of them with one --lens-model")
+
+
+def _sizes(sources: Sequence[Source]) -> int:
+    return len({one.calibration.intrinsics.image_size for one in sources})
+
+
+def _other_cameras(sources: Sequence[Source]) -> Iterator[Finding]:
+    keys = [one.calibration.camera for one in sources]
+    for name in CameraKey.__struct_fields__:
+        if name in {"image_size", "firmware"}:
+            continue
+        stated = {str(value).strip().casefold(): str(value) for key in keys if (value := getattr(key, name))}
+        if len(stated) > 1:
+            listed = " and ".join(sorted(stated.values()))
+            yield _error(
+                "other-camera",
+                f"the files are of several cameras: {name} {listed}",
+                "combine those of one unit",
+            )
+    if _sizes(sources) > 1:
+        listed = ", ".join(
+            "{} {}×{}".format(one.label, *one.calibration.intrinsics.image_size) for one in sources
+        )
+        yield _error(
+            "other-frame",
+            f"the image sizes differ: {listed}; whether one is a crop or a scale of the other, no file says",
+            "combine those of one image size",
+        )
+    focus = sorted({text for one in sources if (text := one.calibration.provenance.focus)})
+    if len(focus) > 1:
+        yield _error(
+            "other-focus", f"the lens was focused differently: {' and '.join(focus)}", "combine one focus"
+        )
+
+
+def _copies(sources: Sequence[Source]) -> Iterator[Finding]:
+    for one, two in combinations(sources, 2):
+        mine, theirs = (
+            {file.sha256 for file in source.calibration.provenance.sources} for source in (one, two)
+        )
+        if one.file is not None and two.file is not None and one.file.sha256 == two.file.sha256:
+            why = "are the same file"
+        elif both := len(mine & theirs):
+            why = f"have {both} of the files in common that they were made from"
+        elif _sizes((one, two)) == 1 and common_numbers(one.calibration, two.calibration).is_one_measurement:
+            why = "have numbers in common to the last digit, as one measurement has"
+        else:
+            continue
+        yield _error(
+            "same-observations",
+            f"{one.label} and {two.label} {why}: counted twice, they would make σ smaller than it is",
+            "leave one of them out",
+        )
+
+
+def judged(sources: Sequence[Source], fx_std: float | None, camera: Calibration) -> Iterator[Finding]:
+    """What speaks against the result.
+
+    Args:
+        sources: that agree, or the only one.
+        fx_std: px, of the result.
+        camera: the result.
+    """
+    formal = [one.label for one in sources if one.quality.kappa2 is None and one.fx_std is not None]
+    if formal:
+        yield Finding(
+            rule="formal-sigma",
+            severity=Severity.UNPROVEN,
+            message=f"σ of {', '.join(formal)} is that of the program that made it: no halves of its images were "
+            "compared, and no principal point held and freed",
+            remedy="leave it out, or solve its observations here: calibrate flight --from FOLDER",
+        )
+    short = {source.label: source.shortcomings - CURED for source in sources}
+    if any(short.values()):
+        yield Finding(
+            rule="provisional-source",
+            severity=Severity.UNPROVEN,
+            message=f"{', '.join(label for label, rules in short.items() if rules)} did not pass for what further "
+            f"calibrations may have in common with them: {', '.join(sorted(frozenset().union(*short.values())))}",
+            remedy="do what their own reports say, or leave them out",
+        )
+    if fx_std is None:
+        yield Finding(
+            rule="unknown-uncertainty",
+            severity=Severity.UNPROVEN,
+            message="no standard deviation is stated",
+            remedy="solve it again, or give the program's own file with its covariance",
+        )
+        return
+    spread = fx_std / camera.intrinsics.fx
+    if not spread <= LIMITS.focal_std_wanted:
+        yield Finding(
+            rule="uncertain-focal-length",
+            severity=Severity.UNPROVEN if spread <= LIMITS.focal_std_needed else Severity.ERROR,
+            measured=spread,
+            limit=LIMITS.focal_std_wanted,
+            message=f"the standard deviation of fx is {spread:.2%}, need {LIMITS.focal_std_wanted:.2%}",
+            remedy="combine more calibrations, of flights with cross strips at a second height or oblique images",
+        )
+
+
+def agreement(sources: Sequence[Source], together: Weighed) -> Iterator[Finding]:
+    """How well they agree."""
+    days = sorted(day for one in sources if (day := day_of(one)) is not None)
+    span = f", of {days[0]} to {days[-1]}," if days and days[0] < days[-1] else ""
+    yield Finding(
+        rule="consistent",
+        severity=Severity.NOTE,
+        measured=together.chi2 / together.dof,
+        message=f"{len(sources)} calibrations{span} agree: χ² is {together.chi2:.1f} with {together.dof} degrees of "
+        f"freedom (p = {together.p:.2g})"
+        + (f"; σ is multiplied by {math.sqrt(together.scatter):.2f} for it" if together.scatter > 1 else ""),
+    )
+    firmware = sorted({text for one in sources if (text := one.calibration.camera.firmware)})
+    if len(firmware) > 1:
+        yield Finding(
+            rule="several-firmwares",
+            severity=Severity.NOTE,
+            message=f"they are of firmware {' and '.join(firmware)}, and agree nevertheless",
+        )
+
+
+def day_of(source: Source) -> date | None:
+    """When a calibration was made; None where it does not say it, or says no day."""
+    text = source.calibration.provenance.date
+    try:
+        return date.fromisoformat(text[:10]) if text is not None else None
+    except ValueError:
+        return None
+
+
+def _error(rule: str, message: str, remedy: str) -> Finding:
+    return Finding(rule=rule, severity=Severity.ERROR, message=message, remedy=remedy)

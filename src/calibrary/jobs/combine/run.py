@@ -1,0 +1,262 @@
+"""Several calibrations of one camera as one, where they agree.
+
+Two cameras are never averaged. What their files state apart (unit, frame, focus, lens model) refuses them before any
+number is compared; then χ² on the full covariances does. What noise explains is combined, and where it scatters more
+than it states, the combined σ is inflated by that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from datetime import UTC, date, datetime
+from typing import Final
+
+from calibrary.calib.assessment import notes_of, programs
+from calibrary.calib.verdict import BoardVerdict
+from calibrary.calib.verdict_rules import graver_first
+from calibrary.calibration import Calibration, CameraKey, Provenance, Quality, SourceFile
+from calibrary.errors import InputError
+from calibrary.jobs.combine.report import CombinationReport, CombinedSource
+from calibrary.jobs.combine.rules import agreement, day_of, judged, obstacles
+from calibrary.jobs.combine.sources import Source
+from calibrary.records import replace
+from calibrary.sfm.combination import Difference, Weighed, difference, explanation, weighed
+from calibrary.validation import Finding, Severity
+
+__all__ = ["COMBINATION", "LEVEL", "combine"]
+
+COMBINATION: Final = "combination"
+"""The kind of provenance."""
+LEVEL: Final = 0.001
+"""Chance below which noise is no explanation."""
+LEAST_CHANCE: Final = 1e-12
+DAYS: Final = 365.25
+
+
+def combine(
+    sources: Sequence[Source],
+    said: Callable[[CameraKey], CameraKey],
+    *,
+    day: date | None = None,
+    operator: str | None = None,
+) -> CombinationReport:
+    """Combine them, or say why not.
+
+    Args:
+        sources: one or more; of one, only what it states is judged.
+        said: puts what was said of the camera in the place of what they say.
+        day: of the combination; None for the last of theirs, else today.
+        operator: who made it.
+
+    Raises:
+        InputError: there are none.
+    """
+    if not sources:
+        raise InputError("expected calibrations to combine")
+    rows = tuple(map(_row, sources))
+    if findings := graver_first(obstacles(sources)):
+        return _report(findings, None, rows, None)
+    covariances = [C for one in sources if (C := one.covariance) is not None]
+    if len(sources) == 1:
+        findings = graver_first(judged(sources, sources[0].fx_std, sources[0].calibration))
+        return _report(findings, _with_camera(sources[0].calibration, said, findings), rows, None)
+    cameras = [one.calibration for one in sources]
+    together = weighed(cameras, covariances)
+    rows = tuple(_held_against(sources, at) for at in range(len(sources)))
+    if together.p < LEVEL:
+        return _report((_contradiction(sources, rows, together),), None, rows, together)
+    combined = _combined(sources, together, said, day, operator)
+    std = together.covariance.std.get("fx")
+    inflated = std * math.sqrt(together.scatter) if std is not None else None
+    findings = graver_first((*judged(sources, inflated, combined), *agreement(sources, together)))
+    combined = replace(combined, notes=tuple(notes_of(findings)))
+    return _report(findings, combined, rows, together)
+
+
+def _report(
+    findings: tuple[Finding, ...],
+    calibration: Calibration | None,
+    rows: tuple[CombinedSource, ...],
+    together: Weighed | None,
+) -> CombinationReport:
+    verdict = BoardVerdict.of(findings)
+    return CombinationReport(
+        verdict=verdict,
+        findings=findings,
+        calibration=calibration if verdict is not BoardVerdict.REFUSE else None,
+        sources=rows,
+        chi2=together.chi2 if together is not None else None,
+        dof=together.dof if together is not None else None,
+        p=together.p if together is not None else None,
+    )
+
+
+def _row(source: Source) -> CombinedSource:
+    return CombinedSource(
+        label=source.label,
+        date=source.calibration.provenance.date,
+        fx=source.calibration.intrinsics.fx,
+        fx_std=source.fx_std,
+        kappa2=source.quality.kappa2,
+    )
+
+
+def _held_against(sources: Sequence[Source], at: int) -> CombinedSource:
+    """One calibration against all others."""
+    rest = [one for number, one in enumerate(sources) if number != at]
+    mine, others = _weighed([sources[at]]), _weighed(rest)
+    apart = difference(mine, others)
+    pair = weighed([mine.calibration, others.calibration], [mine.covariance, others.covariance])
+    return replace(
+        _row(sources[at]),
+        off_px=apart.px if apart is not None else None,
+        off_std_px=apart.std_px if apart is not None else None,
+        p=pair.p,
+    )
+
+
+def _weighed(sources: Sequence[Source]) -> Weighed:
+    return weighed(
+        [one.calibration for one in sources], [C for one in sources if (C := one.covariance) is not None]
+    )
+
+
+def _contradiction(sources: Sequence[Source], rows: Sequence[CombinedSource], together: Weighed) -> Finding:
+    """Why they are no one camera, in the words of what explains it best."""
+    days = [day_of(one) for one in sources]
+    known = [day.toordinal() / DAYS for day in days if day is not None]
+    years = known if len(known) == len(sources) else None
+    apart = explanation(
+        [one.calibration for one in sources],
+        [C for one in sources if (C := one.covariance) is not None],
+        years,
+    )
+    chance = f"{together.p:.1g}" if together.p > LEAST_CHANCE else f"less than {LEAST_CHANCE:g}"
+    labels = [one.label for one in sources]
+    rule, remedy = "inconsistent", "leave out what is of another camera, or of another time"
+    if apart is None:
+        by = max(rows, key=lambda row: row.off_px or 0.0)
+        between = Difference(px=by.off_px or math.nan, std_px=by.off_std_px or math.nan)
+        message = f"{' and '.join(labels)} disagree by {_px(between)}"
+    elif apart.p < LEVEL:
+        message = f"no two groups of the files agree within themselves; {_listed(rows)}"
+    elif not apart.others:
+        rule, remedy = "drift", "calibrate anew, and combine what is of one season"
+        first, last = min(day for day in days if day), max(day for day in days if day)
+        message = f"the camera changed by {_px(apart.between)} from {first} to {last}, at a constant rate"
+    else:
+        others = [labels[at] for at in apart.others]
+        rest = [label for at, label in enumerate(labels) if at not in apart.others]
+        verb = "disagrees" if len(others) == 1 else "disagree"
+        message = f"{', '.join(others)} {verb} with {', '.join(rest)} by {_px(apart.between)}"
+        if (cut := _before_and_after(days, apart.others)) is not None:
+            rule = "drift" if len(others) > 1 else rule
+            message += f". The camera may have changed between {cut[0]} and {cut[1]}"
+    return Finding(
+        rule=rule,
+        severity=Severity.ERROR,
+        measured=together.p,
+        limit=LEVEL,
+        message=f"{message}. The chance of so much from noise alone is {chance}, so they are not combined",
+        remedy=remedy,
+    )
+
+
+def _px(between: Difference) -> str:
+    return f"{between.px:.2g} ± {between.std_px:.1g} px at the most"
+
+
+def _listed(rows: Sequence[CombinedSource]) -> str:
+    return ", ".join(
+        f"{row.label} is {row.off_px:.2g} ± {row.off_std_px:.1g} px from the others"
+        for row in rows
+        if row.off_px is not None
+    )
+
+
+def _before_and_after(days: Sequence[date | None], others: Sequence[int]) -> tuple[date, date] | None:
+    """The last day before and the first after, where time parts the two groups."""
+    mine = [day for at, day in enumerate(days) if at in others and day is not None]
+    rest = [day for at, day in enumerate(days) if at not in others and day is not None]
+    if len(mine) + len(rest) < len(days):
+        return None
+    if max(mine) < min(rest):
+        return max(mine), min(rest)
+    return (max(rest), min(mine)) if max(rest) < min(mine) else None
+
+
+def _combined(
+    sources: Sequence[Source],
+    together: Weighed,
+    said: Callable[[CameraKey], CameraKey],
+    day: date | None,
+    operator: str | None,
+) -> Calibration:
+    qualities = [one.quality for one in sources]
+    weights = [quality.points for quality in qualities]
+    known = [
+        (points, q.rms_px)
+        for points, q in zip(weights, qualities, strict=True)
+        if points and q.rms_px is not None
+    ]
+    points = sum(count for count, _ in known)
+    quality = Quality(
+        rms_px=math.sqrt(sum(count * rms**2 for count, rms in known) / points) if points else None,
+        points=sum(filter(None, weights)) or None,
+        views=sum(q.views or 0 for q in qualities) or None,
+        std=together.covariance.std,
+        covariance=together.covariance,
+        kappa2=together.chi2 / together.dof,
+        coverage=max((q.coverage for q in qualities if q.coverage is not None), default=None),
+    )
+    days = sorted(found for one in sources if (found := day_of(one)) is not None)
+    files: dict[str, SourceFile] = {}
+    for one in sources:
+        of_it = one.calibration.provenance.sources
+        files |= {file.sha256: file for file in ((one.file, *of_it) if one.file is not None else of_it)}
+    provenance = Provenance(
+        kind=COMBINATION,
+        tag=", ".join(one.file.name if one.file is not None else one.label for one in sources),
+        sources=tuple(files.values()),
+        tool=f"calibrary {programs()['calibrary']}",
+        date=(day or (days[-1] if days else datetime.now(UTC).date())).isoformat(),
+        operator=operator,
+        firmware=_agreed([one.calibration.provenance.firmware for one in sources]),
+        focus=_agreed([one.calibration.provenance.focus for one in sources]),
+    )
+    grades = [one.calibration.grade for one in sources]
+    return replace(
+        together.calibration,
+        camera=said(_key(sources)),
+        grade=max(grades, key=lambda grade: grade.rank),
+        quality=quality,
+        provenance=provenance,
+        notes=(),
+        extras=(),
+    )
+
+
+def _with_camera(
+    camera: Calibration, said: Callable[[CameraKey], CameraKey], findings: Sequence[Finding]
+) -> Calibration:
+    return replace(camera, camera=said(camera.camera), notes=(*notes_of(findings), *camera.notes), extras=())
+
+
+def _key(sources: Sequence[Source]) -> CameraKey:
+    """What the files say of the camera together: each field as the first has it that states it."""
+    keys = [one.calibration.camera for one in sources]
+    stated = {
+        name: next((value for key in keys if (value := getattr(key, name)) is not None), None)
+        for name in CameraKey.__struct_fields__
+    }
+    firmware = _agreed([key.firmware for key in keys])
+    return CameraKey(
+        **stated | {"firmware": firmware, "image_size": sources[0].calibration.intrinsics.image_size}
+    )
+
+
+def _agreed(values: Sequence[str | None]) -> str | None:
+    """The one value that is stated; None where there are several."""
+    stated = {value for value in values if value is not None}
+    return stated.pop() if len(stated) == 1 else None

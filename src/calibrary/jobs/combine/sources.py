@@ -1,0 +1,97 @@
+"""The calibrations to combine: files that carry a covariance, entries, and the JSON of earlier calibrations."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
+from calibrary.jobs.exchange.argument import Reading, read_argument
+from calibrary.parsers.files import read_regular_file
+from calibrary.records import Json
+from calibrary.strictjson import parse_json
+
+__all__ = ["Source", "read_source"]
+
+_RULE: Final = re.compile(r"([a-z][a-z-]+): ")
+NOT_PASSED: Final = ("provisional:", "refuse:")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A calibration and what to call it.
+
+    Attributes:
+        label: the file's name, or KEY@REV.
+        calibration: what it holds.
+        file: its name and hash; None of an entry.
+    """
+
+    label: str
+    calibration: Calibration
+    file: SourceFile | None = None
+
+    @property
+    def quality(self) -> Quality:
+        """As stated; without anything where nothing is."""
+        return self.calibration.quality or Quality()
+
+    @property
+    def covariance(self) -> Covariance | None:
+        """Its variance factor included; None where none is stated."""
+        stated = self.quality.covariance
+        if stated is None:
+            return None
+        return Covariance.from_matrix(stated.names, stated.matrix * self.quality.inflation)
+
+    @property
+    def fx_std(self) -> float | None:
+        """Px, the variance factor included."""
+        std = self.quality.std.get("fx")
+        if self.quality.covariance is not None:
+            std = self.quality.covariance.std.get("fx", std)
+        return std * math.sqrt(self.quality.inflation) if std is not None else None
+
+    @property
+    def shortcomings(self) -> frozenset[str]:
+        """The rules that kept it from passing, as its notes name them; empty where it passed."""
+        notes = self.calibration.notes
+        if not any(note.startswith(NOT_PASSED) for note in notes):
+            return frozenset()
+        return frozenset(found[1] for note in notes if (found := _RULE.match(note))) - {
+            "provisional",
+            "refuse",
+        }
+
+
+def read_source(text: str, reading: Reading) -> Source:
+    """What an argument names.
+
+    Raises:
+        InputError: it cannot be read, or holds several cameras and none was chosen.
+        RegistryError: there is neither a file nor an entry of that name.
+    """
+    path = Path(text)
+    if not path.is_file():
+        found = read_argument(text, reading)
+        return Source(label=found.label, calibration=found.calibration)
+    data = read_regular_file(path, max_bytes=reading.max_bytes)
+    file = SourceFile(name=path.name, sha256=hashlib.sha256(data).hexdigest())
+    own = _own(data, path.name) if reading.format is None else None
+    if own is not None:
+        return Source(label=text, calibration=Calibration.from_dict(own), file=file)
+    return Source(label=text, calibration=read_argument(text, reading).calibration, file=file)
+
+
+def _own(data: bytes, name: str) -> Json | None:
+    """The calibration in a document that calibrary printed; None of any other file."""
+    if b'"pixel_origin"' not in data or not data.lstrip().startswith(b"{"):
+        return None
+    document = parse_json(data, source=name)
+    if isinstance(document, dict) and isinstance(document.get("calibration"), dict):
+        return document["calibration"]
+    return document if isinstance(document, dict) and "intrinsics" in document else None

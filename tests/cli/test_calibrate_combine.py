@@ -1,0 +1,104 @@
+"""``calibrary calibrate combine``: from files and entries to one entry, or to why not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from calibrary import parsers
+from calibrary.calibration import CameraKey
+from calibrary.cli.main import main
+from calibrary.records import replace
+from tests.jobs.combine.made import OTHER, made
+from tests.registry.git.repositories import seclude
+
+
+@pytest.fixture(autouse=True)
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seclude(monkeypatch, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    for at in range(3):
+        # As calibrate --json prints it, and as Calibration.to_dict does.
+        document = made("", at, date=f"2025-0{at + 3}-04").calibration.to_dict()
+        Path(f"{at}.json").write_text(json.dumps({"calibration": document} if at else document))
+    Path("odd.json").write_text(json.dumps(made("", 7, truth=OTHER).calibration.to_dict()))
+
+
+def test_files_that_agree_become_an_entry(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["registry", "init", "fleet", "--yes"]) == 0
+    capsys.readouterr()
+    keep = ["--registry", "fleet", "--yes", "--approve", "--reason", "three seasons"]
+    out = ["--out", "camera.xml", "--to", "agisoft_xml"]
+    assert main(["calibrate", "combine", "0.json", "1.json", "2.json", *keep, *out]) == 0
+    said = capsys.readouterr().out
+    assert "3 calibrations, of 2025-03-04 to 2025-05-04, agree" in " ".join(said.split())
+    assert said.splitlines()[-1].startswith("PASS  Example Flight One 1500×1000: 3 calibrations as one")
+    entry = next(Path("fleet/cameras").rglob("*.yaml")).read_text(encoding="utf-8")
+    assert 'kind: "combination"' in entry
+    assert 'name: "1.json"' in entry
+    assert 'date: "2025-05-04"' in entry
+    # What was combined can be read again with its covariance, from the file and from the registry.
+    [file] = parsers.read("camera.xml")
+    assert file.quality is not None
+    assert file.quality.covariance is not None
+    assert main(["calibrate", "combine", "flight_one", "--registry", "fleet", "--json", "--yes"]) == 0
+    assert json.loads(capsys.readouterr().out)["sources"][0]["label"].startswith(
+        "example/flight_one/1500x1000@"
+    )
+
+
+def test_files_that_disagree_become_none(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["registry", "init", "fleet", "--yes"]) == 0
+    capsys.readouterr()
+    flags = ["--registry", "fleet", "--yes", "--out", "camera.xml", "--to", "agisoft_xml", "--json"]
+    assert main(["calibrate", "combine", "0.json", "1.json", "2.json", "odd.json", *flags]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"] == "refuse"
+    assert document["calibration"] is None
+    assert "odd.json disagrees with 0.json, 1.json, 2.json by" in document["findings"][0]["message"]
+    off = {one["label"]: one["off_px"] for one in document["sources"]}
+    assert max(off, key=lambda label: off[label]) == "odd.json"
+    assert not Path("camera.xml").exists()
+    assert not [*Path("fleet/cameras").rglob("*.yaml"), *Path("fleet/proposals").rglob("*.yaml")]
+    assert (
+        main(["calibrate", "combine", "0.json", "odd.json", "--out", "camera.xml", "--to", "agisoft_xml"])
+        == 1
+    )
+    assert "not written, since they are refused: camera.xml" in capsys.readouterr().out
+
+
+def test_metashapes_own_sigma_is_provisional_at_the_most(capsys: pytest.CaptureFixture[str]) -> None:
+    for at in range(2):
+        plain = replace(made("", at).calibration, camera=CameraKey(image_size=(1500, 1000)))
+        parsers.write([plain], Path(f"{at}.xml"), format="agisoft_xml")
+    camera = ["--make", "Example", "--model", "Flight One"]
+    assert main(["registry", "init", "fleet", "--yes"]) == 0
+    keep = ["--registry", "fleet", "--yes", "--approve", "--reason", "for now"]
+    assert main(["calibrate", "combine", "0.xml", "1.xml", *camera, *keep]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "formal-sigma: σ of 0.xml, 1.xml is that of the program that made it" in said
+    assert "PROVISIONAL Example Flight One" in said
+    assert [*Path("fleet/proposals").rglob("*.yaml")]
+    assert not [*Path("fleet/cameras").rglob("*.yaml")]
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["none.json"], "no such file"),
+        (["0.json", "--to", "agisoft_xml"], "--out"),
+        (["0.json", "--approve"], "--registry"),
+    ],
+)
+def test_what_makes_no_sense_is_said(
+    words: list[str], problem: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code: object = None
+    try:
+        code = main(["calibrate", "combine", *words])
+    except SystemExit as stop:
+        code = stop.code
+    assert code in {2, 3}
+    assert problem in capsys.readouterr().err
