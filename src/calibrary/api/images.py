@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeAlias
 
@@ -75,6 +76,8 @@ class ExtractResult:
         database: PathLike | None = None,
         task: PathLike | None = None,
         copy_images: bool = False,
+        job: str | None = None,
+        operator: str | None = None,
     ) -> Outputs:
         """The files of a run: one K per camera, a report, what a solver needs; nothing is written.
 
@@ -86,6 +89,8 @@ class ExtractResult:
             database: a COLMAP database that has the images, to write their cameras into.
             task: a new folder for "odm" or "opensfm" to process as it is, with the images in it.
             copy_images: into the task; else it has hard links to them.
+            job: its name, for the top of the page; None is printed as unknown.
+            operator: likewise.
 
         Raises:
             InputError: ``matrix`` is not a .npy, a file that may not be replaced is in the way, or a solver is to get
@@ -101,10 +106,11 @@ class ExtractResult:
         )
         if page is None:
             return found
-        from calibrary.jobs.extract.page import outcome_page
+        from calibrary.jobs.extract.page import JobFacts, outcome_page
         from calibrary.pages import render_page
 
-        html = render_page(outcome_page(self.extraction, found)).encode()
+        about = JobFacts(job=job, operator=operator, checked=datetime.now(UTC).date())
+        html = render_page(outcome_page(self.extraction, found, about)).encode()
         return replace(found, files={**found.files, Path(page): html})
 
     def to_dict(self) -> dict[str, Json]:
@@ -139,6 +145,7 @@ def extract(
     strict_validation: bool = False,
     verify: bool = False,
     list_images: bool = False,
+    days: bool = False,
     resume: PathLike | None = None,
     scheduler: str | None = None,
     cluster: str | None = None,
@@ -160,6 +167,7 @@ def extract(
         strict_validation: raise at the first breach.
         verify: hold K against the pixels of a dozen images of each camera as well: one more source.
         list_images: name every image of however many; else of more than 10 000 only the first few that say the same.
+        days: read on which days the images were taken, for the page; a registry reads them in any case.
         resume: a folder that keeps what was read; a later run with it reads only what is missing there.
         scheduler: address of a Dask scheduler, as "tcp://host:8786", whose workers read the images.
         cluster: "local:4": so many workers of a Dask cluster on this machine do.
@@ -193,6 +201,7 @@ def extract(
                 strict=strict_validation,
                 verify=verify,
                 list_images=list_images,
+                days=days,
                 partials=Path(resume) if resume is not None else None,
                 scheduler=scheduler,
                 cluster=cluster,

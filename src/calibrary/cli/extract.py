@@ -203,6 +203,10 @@ def _add_output_flags(parser: argparse.ArgumentParser) -> None:
     written.add_argument(
         "--html", type=Path, metavar="FILE", help="also write the report as a page, to look at and to hand on"
     )
+    written.add_argument("--job", metavar="NAME", help="with --html: the job, at the top of the page")
+    written.add_argument(
+        "--operator", metavar="NAME", help="with --html: the operator, at the top of the page"
+    )
     written.add_argument(
         "--list-images",
         action="store_true",
@@ -227,6 +231,8 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("--task is for --hand-off odm and --hand-off opensfm")
     if arguments.copy_images and arguments.task is None:
         arguments.parser.error("--copy-images is for --task DIR")
+    if arguments.html is None and (arguments.job is not None or arguments.operator is not None):
+        arguments.parser.error("--job and --operator are for --html")
     matrix = Path(arguments.output_matrix)
     check_place(matrix)
     if arguments.html is not None:
@@ -250,6 +256,7 @@ def run(arguments: argparse.Namespace) -> int:
             scheduler=arguments.scheduler,
             cluster=arguments.cluster,
             list_images=arguments.list_images or arguments.hand_off != "none",
+            days=arguments.html is not None,
             progress=display.progress,
         )
     outputs = result.outputs(
@@ -259,6 +266,8 @@ def run(arguments: argparse.Namespace) -> int:
         database=arguments.database,
         task=arguments.task,
         copy_images=arguments.copy_images,
+        job=arguments.job,
+        operator=arguments.operator,
     )
     if not arguments.dry_run:
         write_outputs(outputs)

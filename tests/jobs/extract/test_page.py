@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+from datetime import date
 from pathlib import Path
 
 import pytest
@@ -12,9 +13,21 @@ from calibrary.jobs.extract import page as page_module
 from calibrary.jobs.extract.extraction import Extraction
 from calibrary.jobs.extract.hand_off import Solver
 from calibrary.jobs.extract.outputs import plan
-from calibrary.jobs.extract.page import outcome_page
+from calibrary.jobs.extract.page import JobFacts, outcome_page
 from calibrary.jobs.images.folders import SkippedFile
-from calibrary.pages import Badge, Details, Figure, Link, Note, Page, Section, SideBySide, Table, render_page
+from calibrary.pages import (
+    Badge,
+    Details,
+    Figure,
+    Link,
+    Note,
+    Page,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+    render_page,
+)
 from calibrary.records import replace
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
@@ -55,11 +68,11 @@ def section(page: Page, word: str) -> Section:
 
 
 def overview(page: Page) -> Table:
-    [table] = [block for block in section(page, "Overview").blocks if isinstance(block, Table)]
+    [table] = [block for block in section(page, "Cameras").blocks if isinstance(block, Table)]
     return table
 
 
-def test_the_cameras_that_need_somebody_stand_first(page: Page) -> None:
+def test_the_cameras_that_need_attention_are_first(page: Page) -> None:
     verdicts = [row[1].text for row in overview(page).rows if isinstance(row[1], Badge)]
     assert verdicts == sorted(verdicts, key=[*map(str, reversed(Verdict))].index)
     assert len(set(verdicts)) == 3
@@ -111,7 +124,7 @@ def test_numbers_that_were_rejected_are_not_shown_as_a_k(page: Page) -> None:
     assert rejected in text(replace(page, sections=(replace(shown, blocks=(folded,)),)))
     assert rejected not in text(replace(page, sections=(rest,)))
     [row] = [row for row in overview(page).rows if isinstance(row[0], Link) and "Far" in row[0].text]
-    assert row[3:] == ("–", "–", "–", "–")
+    assert row[3:] == ("–", "–", "–")
 
 
 def test_what_stands_in_is_told_with_all_that_was_tried(page: Page) -> None:
@@ -121,7 +134,7 @@ def test_what_stands_in_is_told_with_all_that_was_tried(page: Page) -> None:
 
 
 def test_images_that_were_set_aside_are_listed_with_the_reason(outcome: Extraction, page: Page) -> None:
-    told = text(replace(page, sections=(section(page, "skipped"),)))
+    told = text(replace(page, sections=(section(page, "Images skipped"),)))
     assert f"corrupt.jpg {outcome.rejected[0].reason}" in told
 
 
@@ -133,14 +146,56 @@ def test_no_serial_number_and_no_folder_is_in_it(page: Page, tmp_path: Path) -> 
 
 def test_what_else_is_to_be_said_of_the_run_is_a_note(outcome: Extraction, tmp_path: Path) -> None:
     (tmp_path / "K_matrix.gone.npy").write_bytes(b"")
-    notes = [b.text for b in section(made(outcome, tmp_path), "Overview").blocks if isinstance(b, Note)]
+    notes = [b.text for b in section(made(outcome, tmp_path), "Cameras").blocks if isinstance(b, Note)]
     assert "K_matrix.gone.npy is left from an earlier run; remove it" in notes
+
+
+def test_what_to_do_first_names_each_camera_without_a_valid_k_and_the_images_that_cannot_be_read(
+    outcome: Extraction, page: Page
+) -> None:
+    [table] = [block for block in page.sections[0].blocks if isinstance(block, Table)]
+    due = [camera for camera in outcome.cameras if camera.verdict is not Verdict.VALID]
+    named = [row[0].text for row in table.rows if isinstance(row[0], Link)]
+    assert sorted(named) == sorted([*(camera.name for camera in due), "1 of 6 images unread"])
+    assert [row[3] for row in table.rows if row[3] in {camera.advice for camera in due}] != []
+    # What a row leads to is a section of the page.
+    targets = {row[0].target.removeprefix("#") for row in table.rows if isinstance(row[0], Link)}
+    assert targets <= {one.anchor for one in page.sections}
+
+
+def test_job_folder_date_and_operator_are_at_the_top_and_what_is_not_known_is_unknown(
+    outcome: Extraction, page: Page, tmp_path: Path
+) -> None:
+    assert dict(page.facts) == {
+        "job": "unknown",
+        "folder": "flight",
+        "flown": "unknown",
+        "checked on": "unknown",
+        "operator": "unknown",
+    }
+    about = JobFacts(job="Quarry", operator="A. Pilot", checked=date(2026, 5, 2))
+    flown = replace(outcome, days=(date(2026, 4, 30), date(2026, 5, 1)))
+    stated = outcome_page(flown, plan(outcome, tmp_path / "K_matrix.npy", Solver.NONE), about)
+    assert [value for _, value in stated.facts] == [
+        "Quarry",
+        "flight",
+        "2026-04-30 to 2026-05-01",
+        "2026-05-02",
+        "A. Pilot",
+    ]
+
+
+def test_the_days_of_a_flight_are_read_when_they_are_asked_for(tmp_path: Path) -> None:
+    for day in ("2024:05:18", "2024:05:17"):
+        picture(tmp_path / "flight" / f"{day[-2:]}.jpg", **P4R, date_time=f"{day} 09:30:00")
+    assert gate(tmp_path / "flight").days is None
+    assert gate(tmp_path / "flight", days=True).days == (date(2024, 5, 17), date(2024, 5, 18))
 
 
 def test_a_run_without_a_fault_says_so(tmp_path: Path) -> None:
     picture(tmp_path / "flight/a.jpg", **P4R, dewarp=DEWARP)
     page = made(gate(tmp_path / "flight"), tmp_path)
-    assert page.badge == Badge("every K is valid", page_module.VERDICTS[Verdict.VALID])
+    assert page.badge == Badge("every K is valid", Tone.GOOD)
     assert page.lead.startswith("1 valid, judged by the fleet policy.")
 
 

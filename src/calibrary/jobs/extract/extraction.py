@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -134,6 +135,8 @@ class Extraction:
         beside_unread: what looks like one and cannot be read, with the reason.
         warnings: what the user should know about the run itself.
         root: the folder that the images' names are relative to.
+        sources: the folders, archives and URLs that were given, by their last names.
+        days: the first and last on which images were taken; None where none states one, or nothing asked.
     """
 
     policy: Policy
@@ -147,6 +150,8 @@ class Extraction:
     beside: tuple[Candidates, ...] = ()
     beside_unread: tuple[tuple[str, str], ...] = ()
     root: Path = Path()
+    sources: tuple[str, ...] = ()
+    days: tuple[date, date] | None = None
 
     @property
     def images(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,6 +58,7 @@ class Request:
         scheduler: address of a Dask scheduler whose workers read the images.
         cluster: "local:N": that many workers of a Dask cluster on this machine do.
         list_images: name every image of however many; else of more than 10 000 only a few that say the same.
+        days: read on which days the images were taken, which a registry needs in any case.
         progress: called with (images read, images in all, "images"); while K is held against pixels also with
             "features", "pairs" and "placed".
     """
@@ -72,6 +74,7 @@ class Request:
     strict: bool = False
     verify: bool = False
     list_images: bool = False
+    days: bool = False
     partials: Path | None = None
     lines: Iterable[str] | None = field(default=None, compare=False)
     scheduler: str | None = None
@@ -102,7 +105,7 @@ def run(request: Request) -> Extraction:
         raise InputError(
             f"contains no images (JPEG, TIFF, DNG, HEIF, PNG){hint}", source=source or "the list"
         )
-    reading = _read(listing, request, days=knowledge.has_registry)
+    reading = _read(listing, request, days=request.days or knowledge.has_registry)
     with stage("derived and judged K"):
         return judge_images(reading, listing, request, knowledge=knowledge, matrix=matrix)
 
@@ -188,7 +191,14 @@ def judge_images(
         beside=tuple(beside),
         beside_unread=tuple(unreadable),
         root=listing.root,
+        sources=tuple(shown(one) if isinstance(one, str) else one.resolve().name for one in request.images),
+        days=_days(images.states),
     )
+
+
+def _days(states: Mapping[ImageMetadata, ByDay]) -> tuple[date, date] | None:
+    days = [day for by_day in states.values() for day in by_day if day is not None]
+    return (min(days), max(days)) if days else None
 
 
 def _of_layers(knowledge: Knowledge, states: Mapping[CameraKey, tuple[State, ...]]) -> Iterator[str]:

@@ -259,11 +259,14 @@ def _scale(usual: float, gain: float, frame: _Frame, axis: Axis) -> str:
 def _told(at: FloatArray, amounts: FloatArray, counts: NDArray[np.bool_], frame: _Frame) -> Iterator[str]:
     rows, columns = amounts.shape
     places = frame.at(at)
+    # Beside the largest, a thousandth of it is nothing.
+    high = float(np.max(amounts[counts], initial=0.0))
+    decimals = 2 - math.floor(math.log10(high)) if high > 0 else 2
     for row in sorted({rows // 8, rows // 2, rows - 1 - rows // 8}):
         for column in sorted({columns // 8, columns // 2, columns - 1 - columns // 8}):
             if counts[row, column]:
                 x, y = places[row, column]
-                text = number(float(amounts[row, column]))
+                text = number(round(float(amounts[row, column]), decimals))
                 wide = 7.0 * len(text) + 6
                 yield (
                     f'<rect x="{x - wide / 2:.1f}" y="{y - 9:.1f}" width="{wide:.1f}" height="17" fill="{SURFACE}"/>'
