@@ -183,7 +183,7 @@ def test_what_can_be_made_can_be_read_back(kind: type[Record], data: st.DataObje
 def test_a_cameras_page_shows_every_field(name: str) -> None:
     entry = parse_entry((ROOT / f"tests/golden/entries/{name}.yaml").read_bytes(), name)
     place = Place(stem=entry.id)
-    page = camera_page(entry, id_=entry.id, place=place, revisions=(), changes=(), files=(), made_by="")
+    page = camera_page(entry, id_=entry.id, place=place, revisions=(), changes=(), files=())
     assert all(repr((name, text)) in repr(page) for name, text in entry_rows(entry))
 
 

@@ -41,7 +41,7 @@ def test_a_drift_is_shown_with_its_numbers() -> None:
     assert (page.badge.text, page.badge.tone) == ("drift", Tone.BAD)
     for part in (
         "+0.100%",
-        "+3.679",
+        "+3.68",
         "80 m",
         "+8.0 cm",
         "× κ² = 2",

@@ -50,7 +50,6 @@ def test_any_entry_has_a_page(old: Entry, new: Entry) -> None:
             place=place,
             revisions=revisions,
             changes=steps(revisions, FLEET),
-            made_by="Made by a test.",
         )
     pages = [data for address, data in content.items() if address.endswith(".html")]
     assert pages

@@ -70,10 +70,10 @@ def test_the_list_leads_to_every_camera(site: Site) -> None:
 def test_a_camera_is_shown_with_its_numbers_and_where_they_are_from(site: Site) -> None:
     told = text(site.root / P4R_PAGE)
     for part in (
-        "3665.600 ± 0.3 px",
+        "3665.60 ± 0.30 px",
         "brown model",
         "−0.262",
-        "rms reprojection error 0.28 px",
+        "reprojection error (RMS) 0.28 px",
         "κ² 1.4",
         "lab-2.xml",
     ):
@@ -85,7 +85,7 @@ def test_a_camera_is_shown_with_its_numbers_and_where_they_are_from(site: Site) 
 def test_a_camera_of_which_little_is_known_says_so(site: Site) -> None:
     told = text(site.root / "cameras/dji/fc330/4000x3000+f3.61.html")
     assert "The distortion is unknown (which is not the same as no distortion)." in told
-    assert "It states no uncertainty." in told
+    assert "Its source states no uncertainty." in told
     assert "checked in the air" in told
 
 

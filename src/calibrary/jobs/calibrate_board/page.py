@@ -32,7 +32,9 @@ from calibrary.pages import (
     Table,
     Tone,
 )
+from calibrary.pages.parameters import rounded
 from calibrary.pages.plots import correlations
+from calibrary.pages.wording import or_unknown
 from calibrary.validation import Severity
 
 __all__ = ["calibration_page"]
@@ -55,7 +57,7 @@ MOST_ROWS = 300
 def calibration_page(result: CalibrationResult, collected: Collected) -> Page:
     """Everything about one calibration, refused or not."""
     quality, views = result.calibration.quality, len(result.rms_by_view)
-    rms = f"{quality.rms_px:.3f} px" if quality is not None and quality.rms_px is not None else "unknown"
+    rms = f"{quality.rms_px:.2f} px" if quality is not None and quality.rms_px is not None else "unknown"
     shown = len(result.views) + len(collected.rejected)
     refused_flight = result.flown is not None and result.verdict is BoardVerdict.REFUSE
     versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
@@ -64,6 +66,12 @@ def calibration_page(result: CalibrationResult, collected: Collected) -> Page:
         badge=OUTCOMES[result.verdict],
         lead=f"From {views} of {shown} views of {collected.observations.board}, reprojection error (RMS) {rms}. "
         f"{FLIGHT_REFUSED if refused_flight else LEADS[result.verdict]}",
+        facts=(
+            ("calibrated on", or_unknown(result.calibration.provenance.date)),
+            ("operator", or_unknown(result.calibration.provenance.operator)),
+            ("firmware", or_unknown(result.calibration.provenance.firmware)),
+            ("focus", or_unknown(result.calibration.provenance.focus)),
+        ),
         sections=tuple(_sections(result, collected)),
         made_by=f"Made by {versions}.",
     )
@@ -73,26 +81,36 @@ def _sections(result: CalibrationResult, collected: Collected) -> Iterator[Secti
     yield Section(title="Verdict", anchor="verdict", blocks=tuple(_verdict(result, collected)))
     yield Section(title="Parameters", anchor="parameters", blocks=tuple(_parameters(result)))
     yield Section(
-        title="How the views fit", anchor="fit", blocks=(*fit_plots(result), _views(result, collected))
+        title="How the views fit",
+        anchor="fit",
+        blocks=(*fit_plots(result), _views(result, collected)),
+        printed=False,
     )
     if result.flown is not None:
         flown = (_flown(result.flown), *flight_plots(result))
-        yield Section(title="How the flight was flown", anchor="flown", blocks=flown)
+        yield Section(title="How the flight was flown", anchor="flown", blocks=flown, printed=False)
     else:
         yield Section(
-            title="How the board was held", anchor="held", blocks=(_held(result), *board_plots(result))
+            title="How the board was held",
+            anchor="held",
+            blocks=(_held(result), *board_plots(result)),
+            printed=False,
         )
     yield Section(title="How far to trust it", anchor="trust", blocks=tuple(trust_plots(result)))
-    yield Section(title="The lens", anchor="lens", blocks=(_models(result), *lens_plots(result)))
+    yield Section(
+        title="The lens", anchor="lens", blocks=(_models(result), *lens_plots(result)), printed=False
+    )
     if frames := tuple(frame_plots(result, collected)):
-        yield Section(title="Corners on frames", anchor="frames", blocks=(SideBySide(frames),))
-    yield Section(title="Made from", anchor="made-from", blocks=tuple(_origin(result, collected)))
+        yield Section(title="Corners on frames", anchor="frames", blocks=(SideBySide(frames),), printed=False)
+    yield Section(
+        title="Made from", anchor="made-from", blocks=tuple(_origin(result, collected)), printed=False
+    )
 
 
 def _verdict(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
     reasons = result.findings
     if not reasons:
-        yield "No finding speaks against it."
+        yield "No finding: every limit of the policy is kept."
     for finding in reasons:
         if finding.severity is not Severity.NOTE:
             yield Note(
@@ -116,15 +134,12 @@ def _numbers(result: CalibrationResult) -> Iterator[Block]:
     calibration, quality = result.calibration, result.calibration.quality
     std = quality.std if quality is not None else {}
     inflated = math.sqrt(quality.inflation) if quality is not None else 1.0
-    rows = tuple(
-        (
-            name,
-            _in_digits_of(value, std.get(name)),
-            _short(std.get(name)),
-            _short(_times(std.get(name), inflated)),
-        )
-        for name, value in _values(calibration)
-    )
+    rows = []
+    for name, value in _values(calibration):
+        shown, sigma = rounded(value, std.get(name))
+        # To the digits of the wider one, which is to be used.
+        wide = rounded(value, std[name] * inflated)[1] if name in std else "–"
+        rows.append((name, shown, sigma, wide))
     table = Table(
         caption=f"The {result.model.value} model; fx, fy, cx and cy in px",
         columns=(
@@ -133,17 +148,19 @@ def _numbers(result: CalibrationResult) -> Iterator[Block]:
             Column("σ", numeric=True),
             Column("σ × κ", numeric=True),
         ),
-        rows=rows,
+        rows=tuple(rows),
     )
     if quality is not None and quality.covariance is not None:
-        caption = "Which parameters can trade against one another; ± 1 cannot be told apart."
+        caption = (
+            "Correlations: parameters near ± 1 can change together with hardly any change of the projection."
+        )
         yield SideBySide((table, correlations(quality.covariance, caption=caption)))
     else:
         yield table
     K = calibration.intrinsics
     yield (
         f"cx and cy count from the outer corner of the top-left pixel, so the middle of the frame is "
-        f"({K.image_size[0] / 2:g}, {K.image_size[1] / 2:g}); OpenCV counts from that pixel's centre and would say "
+        f"({K.image_size[0] / 2:g}, {K.image_size[1] / 2:g}); OpenCV counts from that pixel's centre and has "
         f"({K.cx - 0.5:.2f}, {K.cy - 0.5:.2f})."
     )
     if quality is not None and quality.kappa2 is not None:
@@ -208,7 +225,7 @@ def _views(result: CalibrationResult, collected: Collected) -> Details:
     )
     more = (f"{len(rows) - MOST_ROWS} more are in the JSON.",) if len(rows) > MOST_ROWS else ()
     without = sum(view.without is not None for view in result.views) + len(collected.rejected)
-    return Details(summary=f"{len(rows)} frames, {without} left out", blocks=(table, *more))
+    return Details(summary=f"{len(rows)} frames, {without} not used", blocks=(table, *more))
 
 
 def _held(result: CalibrationResult) -> KeyValues:
@@ -255,7 +272,7 @@ def _models(result: CalibrationResult) -> Block:
         return f"The {result.model.value} model was asked for."
     least = min(candidate.criterion for candidate in result.candidates)
     return Table(
-        caption="Models that were held against one another; each parameter must lower n·ln(rss/n) by 5.4",
+        caption="Lens models that were compared; each parameter more must lower n·ln(rss/n) by 5.4",
         columns=(
             Column("model"),
             Column("parameters", numeric=True),
@@ -267,7 +284,7 @@ def _models(result: CalibrationResult) -> Block:
             (
                 one.model.value,
                 str(len(one.model.parameters)),
-                f"{one.rms_px:.4f}",
+                f"{one.rms_px:.3f}",
                 f"{one.criterion - least:.1f}",
                 Badge("chosen", Tone.GOOD) if one.model is result.model else (one.refused or ""),
             )
@@ -286,7 +303,7 @@ def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
         "unit": f"serial number hashed to {key.serial}" if key.serial is not None else None,
         "firmware": made.firmware,
         "date": f"{made.date}, {result.date_origin}",
-        "focus": made.focus or "not said by the frames",
+        "focus": made.focus or "not stated by the frames",
         "points" if result.flown is not None else "board": board.described
         if isinstance(board, Board)
         else str(board),
@@ -303,18 +320,6 @@ def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
             rows=tuple((view.name, view.sha256 or "") for view in files),
         )
         yield Details(summary="Hashes of the frames", blocks=(table,))
-
-
-def _in_digits_of(value: float, std: float | None) -> str:
-    """As many decimals as σ has, and one more."""
-    if std is None or not std > 0:
-        return f"{value:.6g}".replace("-", "−")
-    decimals = min(9, max(2, 2 - math.floor(math.log10(std))))
-    return f"{value:.{decimals}f}".replace("-", "−")
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return value * factor if value is not None else None
 
 
 def _short(value: float | None) -> str:

@@ -12,7 +12,7 @@ from calibrary.calib.board import Board
 from calibrary.calib.collect import Collected
 from calibrary.calib.geometry import CELLS
 from calibrary.calib.observations import View
-from calibrary.calib.result import CalibrationResult, DismissalReason, ViewResult
+from calibrary.calib.result import CalibrationResult, ViewResult
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate_board.figures import board_warp, corners_on_frame
 from calibrary.pages import Block, Figure, SideBySide
@@ -38,21 +38,20 @@ MOST_BARS: Final = 120
 
 def fit_plots(result: CalibrationResult) -> Iterator[Block]:
     """Each view's rms, and where residuals point."""
-    shown = [view for view in result.views if view.rms_px is not None]
+    shown = [view for view in result.views if view.rms_px is not None and view.without is None]
     shown = sorted(shown, key=lambda view: -(view.rms_px or 0.0))[:MOST_BARS]
     names = {id(view) for view in shown}
     ordered = [view for view in result.views if id(view) in names]
     yield bars(
         [view.rms_px or 0.0 for view in ordered],
-        labels=[f"{view.name} (out)" if view.without is not None else view.name for view in ordered],
+        labels=[view.name for view in ordered],
         axis=Axis("reprojection error (RMS)", "px"),
         caption=f"How far {_seen_of(result)} lie from where the model puts them, by view. One that stands out was "
         + (
             "blurred, or shows what moves."
             if result.flown is not None
-            else "moved, blurred, or has a corner that is none."
-        )
-        + (" Views marked (out) were rejected." if any(view.without is not None for view in ordered) else ""),
+            else "moved or blurred, or has a point that is not a corner."
+        ),
     )
     pixels, residuals = _residuals(result)
     size, axis = result.calibration.intrinsics.image_size, Axis("residual", "px")
@@ -61,7 +60,7 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
         residuals,
         size,
         axis=axis,
-        caption=f"Residuals of all {_seen_of(result)}. Where nothing is wrong they point every which way.",
+        caption=f"Residuals of all {_seen_of(result)}. Where nothing is wrong their directions are random.",
     )
     middles, means = _averaged(pixels, residuals, size)
     yield SideBySide(
@@ -82,7 +81,7 @@ def fit_plots(result: CalibrationResult) -> Iterator[Block]:
 
 
 def board_plots(result: CalibrationResult) -> Iterator[Block]:
-    """Coverage, poses, and the board's warp."""
+    """Coverage, poses, and the board's warp where it was solved for."""
     covered = _covered(result)
     normals, away, unit = _posed(result, [view for view in result.views if view.without is None])
     held = poses(
@@ -94,18 +93,9 @@ def board_plots(result: CalibrationResult) -> Iterator[Block]:
     )
     yield SideBySide((covered, held))
     board = result.observations.board
-    if result.warp is not None and isinstance(board, Board):
-        if result.evidence.is_warped:
-            taken = "it was solved for."
-        elif result.warp.keeps_warp:
-            taken = "the calibration was made as if the board were flat."
-        else:
-            taken = "noise would show as much, so the board was taken for flat."
-        yield board_warp(
-            board,
-            result.warp,
-            caption=f"The board warp that fits best (F = {result.warp.f:.1f}); {taken}",
-        )
+    if result.warp is not None and isinstance(board, Board) and result.evidence.is_warped:
+        caption = f"The board warp that fits best (F = {result.warp.f:.1f}), solved for."
+        yield board_warp(board, result.warp, caption=caption)
 
 
 def flight_plots(result: CalibrationResult) -> Iterator[Block]:
@@ -143,7 +133,7 @@ def _covered(result: CalibrationResult) -> Figure:
         size,
         axis=Axis(_seen_of(result)),
         cells=True,
-        caption=f"Where {_seen_of(result)} were seen. In an empty cell the distortion is a guess.",
+        caption=f"Where {_seen_of(result)} were seen. In an empty cell the distortion is extrapolated.",
     )
 
 
@@ -162,7 +152,7 @@ def trust_plots(result: CalibrationResult) -> Iterator[Block]:
                 _between_nodes(std),
                 size,
                 axis=Axis("σ of a direction", "px"),
-                caption="By how much a direction to far away may be off, the variance factor included: "
+                caption="1 σ of the pixel in which a far point is seen, the variance factor included: "
                 f"{float(np.nanmin(std)):.2g} px at best, {float(np.nanmax(std)):.2g} px at the edge.",
             )
         )
@@ -174,38 +164,38 @@ def trust_plots(result: CalibrationResult) -> Iterator[Block]:
                 difference.vectors.reshape(-1, 2),
                 size,
                 axis=Axis("difference", "px"),
-                caption="Two calibrations, from one half of the views each: rms "
+                caption="Difference of two calibrations, from one half of the views each: RMS "
                 f"{difference.rms_px:.2g} px, at most {difference.max_px:.2g} px.",
             )
         )
     if plots:
         yield SideBySide(tuple(plots))
     else:
-        yield "There are too few views to hold one half against the other, or no direction is determined."
+        yield "There are too few views to compare one half with the other, or no direction is determined."
 
 
 def lens_plots(result: CalibrationResult) -> Iterator[Block]:
     """What the lens does to the image."""
+    lens = result.calibration.distortion
+    if lens is None or not lens.coefficients:
+        return
     arrows, _ = distortion_map(result.calibration)
     yield SideBySide((arrows, radial_curve(result.calibration)))
 
 
 def frame_plots(result: CalibrationResult, collected: Collected) -> Iterator[Figure]:
-    """The corners on the frame that fits worst, and on one that fits as most do."""
+    """The corners on the frame that fits worst of those that count, and on one that fits as most do."""
     board = collected.observations.board
     if not isinstance(board, Board):
         return
     seen = {view.name: view for view in collected.observations.views}
-    fitted = [view for view in result.views if view.rms_px is not None and view.name in seen]
+    fitted = [v for v in result.views if v.rms_px is not None and v.without is None and v.name in seen]
     fitted.sort(key=lambda view: -(view.rms_px or 0.0))
     if not fitted:
         return
-    usual = [view for view in fitted if view.without is None]
     chosen = {fitted[0].name: (fitted[0], "The view that fits worst")}
-    if usual:
-        chosen.setdefault(
-            usual[len(usual) // 2].name, (usual[len(usual) // 2], "A view that fits as most do")
-        )
+    usual = fitted[len(fitted) // 2]
+    chosen.setdefault(usual.name, (usual, "A view that fits as most do"))
     for name, (fit, told) in chosen.items():
         if (figure := _on_frame(seen[name], fit, board, collected, told)) is not None:
             yield figure
@@ -215,12 +205,9 @@ def _on_frame(view: View, fit: ViewResult, board: Board, collected: Collected, t
     path = collected.files.get(view.sha256 or "")
     if path is None:
         return None
-    out = (
-        ", which does not count"
-        if fit.without is not None and fit.without.reason is DismissalReason.MISFIT
-        else ""
+    caption = (
+        f"{told}, RMS {fit.rms_px:.2f} px: {view.name}. The square is the board's first corner, the line "
     )
-    caption = f"{told}, rms {fit.rms_px:.2f} px{out}: {view.name}. The square is the board's first corner, the line "
     caption += "its first row."
     try:
         return corners_on_frame(path, view, fit, board, caption=caption)

@@ -65,13 +65,16 @@ def _sections(result: RigResult, collected: RigCollected, report: RigReport) -> 
             title="How the shots fit",
             anchor="shots",
             blocks=(shot_errors(result), _shots(result)),
+            printed=False,
         )
-    yield Section(title="Made from", anchor="made-from", blocks=tuple(_origin(result, collected)))
+    yield Section(
+        title="Made from", anchor="made-from", blocks=tuple(_origin(result, collected)), printed=False
+    )
 
 
 def _verdict(result: RigResult, collected: RigCollected) -> Iterator[Block]:
     if not result.findings:
-        yield "No finding speaks against it."
+        yield "No finding: every limit of the policy is kept."
     for finding in result.findings:
         if finding.severity is not Severity.NOTE:
             yield Note(
@@ -241,7 +244,7 @@ def _origin(result: RigResult, collected: RigCollected) -> Iterator[Block]:
             columns=(Column("camera"), Column("frame"), Column("reason")),
             rows=tuple(rejected[:MOST_ROWS]),
         )
-        yield Details(summary=f"{len(rejected)} frames left out", blocks=(table,))
+        yield Details(summary=f"{len(rejected)} frames not used", blocks=(table,))
 
 
 def _triple(values: tuple[float, ...] | None, decimals: int) -> str:

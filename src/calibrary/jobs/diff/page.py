@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib.metadata import version
 
 import numpy as np
 
@@ -28,8 +27,10 @@ from calibrary.pages import (
     Table,
     Tone,
 )
+from calibrary.pages.parameters import rounded
 from calibrary.pages.plots.canvas import Axis, number
 from calibrary.pages.plots.drawn import amount_map, arrow_map
+from calibrary.pages.wording import count, made_by, minus, or_unknown, sentence
 
 __all__ = ["badge_of", "comparison_page", "comparison_sections", "fleet_page"]
 
@@ -47,7 +48,7 @@ MEANINGS = {
     ChangeVerdict.NEGLIGIBLE: "They differ by too little to be seen on a map.",
     ChangeVerdict.UNRESOLVED: "They may be the same or not: their uncertainty is larger than the limits.",
     ChangeVerdict.DRIFT: "They differ by enough to be seen on a map, and no noise explains it.",
-    ChangeVerdict.STRUCTURAL: "The frame, the lens or a convention changed, or numbers were lost; this is no drift.",
+    ChangeVerdict.STRUCTURAL: "The image size, lens or convention changed, or parameters were lost; this is not drift.",
 }
 IN_PX = frozenset({"fx", "fy", "cx", "cy", "skew"})
 
@@ -70,10 +71,19 @@ def comparison_page(comparison: Comparison, labels: tuple[str, str], altitude_m:
     return Page(
         title=f"Has K moved? {camera}",
         badge=badge_of(comparison),
-        lead=f"{MEANINGS[comparison.verdict]} A is {labels[0]}, B is {labels[1]}.",
+        lead=f"Use: {comparison.use.value}. {MEANINGS[comparison.verdict]}",
+        facts=tuple(_of_each(comparison, labels)),
         sections=comparison_sections(comparison, labels, altitude_m),
-        made_by=f"Made by calibrary {version('calibrary')} from {labels[0]} and {labels[1]}.",
+        made_by=made_by(f"from {labels[0]} and {labels[1]}"),
     )
+
+
+def _of_each(comparison: Comparison, labels: tuple[str, str]) -> Iterator[tuple[str, Cell]]:
+    """What A and B are, when and by whom they were made."""
+    for letter, label, one in zip("AB", labels, (comparison.a, comparison.b), strict=True):
+        made = one.provenance
+        yield letter, label
+        yield f"{letter} calibrated", f"on {or_unknown(made.date)}, operator {or_unknown(made.operator)}"
 
 
 def comparison_sections(
@@ -88,7 +98,9 @@ def comparison_sections(
             Section(title="Over the image", blocks=tuple(_over_the_image(comparison, numbers))),
             Section(title="On the ground", blocks=tuple(_on_the_ground(numbers, altitude_m))),
         ]
-    sections.append(Section(title="Where both are from", blocks=(_sources(comparison, labels),)))
+    sections.append(
+        Section(title="Where both are from", blocks=(_sources(comparison, labels),), printed=False)
+    )
     return tuple(sections)
 
 
@@ -108,17 +120,18 @@ def fleet_page(changes: Sequence[Change], title: str, altitude_m: float) -> Page
             badge=_badge(change),
             anchor=f"entry-{n}",
             blocks=tuple(_change(change, altitude_m)),
+            printed=False,
         )
         for n, change in enumerate(changes[:MOST_SECTIONS])
     ]
-    told = f"{_count(len(changes), 'entry', 'entries')} changed, {alarms} to look at."
+    told = f"{count(len(changes), 'entry', 'entries')} changed, {alarms} to look at."
     return Page(
         title=f"Has K moved? {title}",
         badge=Badge("look at it", Tone.BAD) if alarms else Badge("nothing to look at", Tone.GOOD),
         lead=told if changes else "No entry differs.",
         sections=tuple(sections),
         contents=False,
-        made_by=f"Made by calibrary {version('calibrary')}.",
+        made_by=made_by(),
     )
 
 
@@ -136,12 +149,12 @@ def _verdict(comparison: Comparison) -> Iterator[Block]:
     kinds = {one.reason: one.kind.value for one in comparison.structural}
     yield Bullets(
         tuple(
-            _sentence((f"{kinds[reason]}: " if reason in kinds else "") + reason)
+            sentence((f"{kinds[reason]}: " if reason in kinds else "") + reason)
             for reason in comparison.reasons
         )
     )
     for warning in comparison.warnings:
-        yield Note(text=_sentence(warning), tone=Tone.CAUTION)
+        yield Note(text=sentence(warning), tone=Tone.CAUTION)
     if comparison.steps:
         yield f"To be compared at all, {'; '.join(comparison.steps)}."
     if comparison.numbers is None:
@@ -149,16 +162,16 @@ def _verdict(comparison: Comparison) -> Iterator[Block]:
 
 
 def _in_numbers(numbers: Numbers) -> Iterator[Block]:
-    titles = ("number", "A", "σ of A", "B", "σ of B", "Δ", "Δ / σ")
+    titles = ("parameter", "A", "σ of A", "B", "σ of B", "Δ", "Δ / σ")
     width, height = numbers.a.intrinsics.image_size
     yield Table(
-        caption=f"Every number of both, in a {width} × {height} px frame; fx, fy, cx, cy in px",
+        caption=f"Every parameter of both, at {width} × {height} px; fx, fy, cx, cy in px; σ with the variance factor",
         columns=tuple(Column(title, numeric=at > 0) for at, title in enumerate(titles)),
         rows=tuple(_parameter(row) for row in numbers.parameters),
     )
     yield KeyValues(
         (
-            ("focal length", _signed(percent(numbers.focal_change))),
+            ("focal length", minus(percent(numbers.focal_change))),
             ("uncertainty of the difference", numbers.basis.value),
             *(
                 (("chance of it from noise", chance(numbers.significance.p)),)
@@ -171,29 +184,27 @@ def _in_numbers(numbers: Numbers) -> Iterator[Block]:
 
 
 def _parameter(row: Parameter) -> tuple[Cell, ...]:
-    in_px = row.name in IN_PX
-    form = "{:.3f}" if in_px else "{:.6g}"
-    return (
-        row.name,
-        _cell(row.a, form),
-        _cell(row.std_a, "{:.2g}"),
-        _cell(row.b, form),
-        _cell(row.std_b, "{:.2g}"),
-        _cell(row.delta, "0" if not row.delta else "{:+.3f}" if in_px else "{:+.3g}"),
-        _cell(row.z, "{:+.1f}"),
-    )
+    form = ".2f" if row.name in IN_PX else ".6g"
+    a = rounded(row.a, row.std_a, form) if row.a is not None else ("–", "–")
+    b = rounded(row.b, row.std_b, form) if row.b is not None else ("–", "–")
+    known = [len(text.partition(".")[2]) for text in (a[1], b[1]) if text != "–"]
+    delta = f"{{:+.{min(known)}f}}" if known else "{:+.2f}" if row.name in IN_PX else "{:+.2g}"
+    return (row.name, *a, *b, _cell(row.delta, delta if row.delta else "0"), _cell(row.z, "{:+.1f}"))
 
 
 def _over_the_image(comparison: Comparison, numbers: Numbers) -> Iterator[Block]:
     seen, policy, unknown = numbers.difference, comparison.policy, numbers.unknown(comparison.policy)
     yield KeyValues(
         (
-            ("root mean square", f"{pixels(seen.rms_px)} (limit {policy.drift_rms_px:g} px)"),
-            ("at most", f"{pixels(seen.max_px)} (limit {policy.drift_max_px:g} px)"),
-            ("image scale", f"{_signed(percent(numbers.scale.change))} (limit {policy.drift_focal:.2%})"),
-            ("in the centre", pixels(seen.centre_rms_px)),
+            ("difference (RMS)", f"{pixels(seen.rms_px)} (limit {policy.drift_rms_px:g} px)"),
+            ("largest difference", f"{pixels(seen.max_px)} (limit {policy.drift_max_px:g} px)"),
+            (
+                "change of the image scale",
+                f"{minus(percent(numbers.scale.change))} (limit {policy.drift_focal:.2%})",
+            ),
+            ("in the centre (RMS)", pixels(seen.centre_rms_px)),
             ("camera turned by", f"{number(round(seen.rotation_deg, 4))}°"),
-            ("unknown in", f"{unknown.mean():.0%} of the frame"),
+            ("unknown in", f"{unknown.mean():.0%} of the image"),
         )
     )
     yield (
@@ -242,11 +253,11 @@ def _on_the_ground(numbers: Numbers, altitude_m: float) -> Iterator[Block]:
     ground = numbers.ground(altitude_m)
     yield KeyValues(
         (
-            ("altitude", f"{altitude_m:g} m"),
-            ("a pixel on the ground", f"{number(ground.gsd_cm)} cm"),
-            ("root mean square", length(ground.rms_cm / 100)),
-            ("at most", length(ground.max_cm / 100)),
-            ("error of heights", _signed(length(ground.height_cm / 100, signed=True))),
+            ("altitude above ground", f"{altitude_m:g} m"),
+            ("pixel on the ground (GSD)", f"{number(ground.gsd_cm)} cm"),
+            ("difference (RMS)", length(ground.rms_cm / 100)),
+            ("largest difference", length(ground.max_cm / 100)),
+            ("error of heights", minus(length(ground.height_cm / 100, signed=True))),
         )
     )
     yield "Heights err with the image scale where no control point holds them: Δh = h · Δf / f."
@@ -273,18 +284,18 @@ def _told(calibration: Calibration) -> dict[str, str | None]:
         "image": "{} × {} px".format(*calibration.intrinsics.image_size),
         "grade": calibration.grade.value,
         "distortion": lens.model if lens is not None else "unknown",
-        "rms reprojection error": f"{quality.rms_px:.3g} px"
+        "reprojection error (RMS)": f"{quality.rms_px:.3g} px"
         if quality is not None and quality.rms_px is not None
         else None,
-        "made from": source.source or source.kind,
+        "source": source.source or source.kind,
         "tag": source.tag,
         "sha256": source.sha256,
-        "made with": source.tool,
-        "made on": source.date,
-        "made by": source.operator,
+        "program": source.tool,
+        "calibrated on": source.date,
+        "operator": source.operator,
         "firmware": source.firmware or calibration.camera.firmware,
         "focus": source.focus,
-        "brought to the frame by": source.adaptation,
+        "adapted by": source.adaptation,
         "assumed": "; ".join(source.assumptions),
     }
 
@@ -297,9 +308,9 @@ def _overview(changes: Sequence[Change]) -> Iterator[Block]:
         Column("entry"),
         Column("verdict"),
         Column("Δf / f", numeric=True),
-        Column("rms", numeric=True),
-        Column("at most", numeric=True),
-        Column("why"),
+        Column("difference (RMS)", numeric=True),
+        Column("largest", numeric=True),
+        Column("reason"),
     )
     yield Table(
         caption="Every entry that changed, those to look at first",
@@ -317,7 +328,7 @@ def _row(n: int, change: Change) -> tuple[Cell, ...]:
     return (
         Link(change.id, f"#entry-{n}") if n < MOST_SECTIONS else change.id,
         _badge(change),
-        _signed(percent(numbers.focal_change)) if numbers is not None else "–",
+        minus(percent(numbers.focal_change)) if numbers is not None else "–",
         pixels(numbers.difference.rms_px) if numbers is not None else "–",
         pixels(numbers.difference.max_px) if numbers is not None else "–",
         kinds or "–",
@@ -332,23 +343,11 @@ def _badge(change: Change) -> Badge:
 
 def _change(change: Change, altitude_m: float) -> Iterator[Block]:
     if change.comparison is None:
-        yield Note(text=_sentence(change.reason or ""), tone=_badge(change).tone)
+        yield Note(text=sentence(change.reason or ""), tone=_badge(change).tone)
         return
     labels = (f"{change.id} before", f"{change.id} after")
     yield from comparison_sections(change.comparison, labels, altitude_m)
 
 
 def _cell(value: float | None, form: str) -> str:
-    return _signed(form.format(value)) if value is not None else "–"
-
-
-def _signed(text: str) -> str:
-    return text.replace("-", "−")
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
-
-
-def _count(count: int, one: str, several: str) -> str:
-    return f"{count} {one if count == 1 else several}"
+    return minus(form.format(value)) if value is not None else "–"

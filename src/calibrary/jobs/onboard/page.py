@@ -1,13 +1,11 @@
-"""A payload as a page: for every camera the decision, who says what beside whom, the entry, and its kin."""
+"""A payload as a page: for every camera the decision, each source's estimate, the entry, and its relatives."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib.metadata import version
 from typing import Final
 
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate_board.page_plots import fit_plots
 from calibrary.jobs.onboard.classify import Payload
 from calibrary.jobs.onboard.comparison import Agreement, EstimateComparison, Relative
@@ -30,9 +28,20 @@ from calibrary.pages import (
     Table,
     Tone,
 )
+from calibrary.pages.parameters import intrinsics_items
 from calibrary.pages.plots import Axis, Interval, Role, distortion_map, intervals, radial_curve
+from calibrary.pages.wording import (
+    SEVERITIES,
+    UNPROVEN,
+    count,
+    cut_table,
+    made_by,
+    minus,
+    or_unknown,
+    sentence,
+)
 from calibrary.registry.entry import Entry
-from calibrary.validation import UNPROVEN_LEGEND, Report, Severity, Verdict
+from calibrary.validation import Report, Verdict
 
 __all__ = ["onboard_page"]
 
@@ -47,12 +56,6 @@ SOLVES: Final = {
     BoardVerdict.PROVISIONAL: Tone.CAUTION,
     BoardVerdict.REFUSE: Tone.BAD,
 }
-SEVERITIES: Final = {
-    Severity.PASS: Tone.GOOD,
-    Severity.WARNING: Tone.NEUTRAL,
-    Severity.UNPROVEN: Tone.CAUTION,
-    Severity.ERROR: Tone.BAD,
-}
 PX: Final = Axis("fx", "px")
 MOST_ROWS: Final = 200
 MOST_SOLVES: Final = 3
@@ -61,14 +64,14 @@ MOST_SOLVES: Final = 3
 
 def onboard_page(done: Onboarding) -> Page:
     """All of it; nothing in it depends on whether the drafts were written."""
-    count = len(done.outcomes)
-    title = str(done.outcomes[0].camera.key) if count == 1 else f"{count} cameras"
+    cameras = len(done.outcomes)
+    title = str(done.outcomes[0].camera.key) if cameras == 1 else f"{cameras} cameras"
     refused = sum(one.decision is Decision.REFUSED for one in done.outcomes)
     if not done.outcomes:
         badge, lead = Badge("no camera", Tone.BAD), "No camera could be identified in the folder."
     elif refused:
         badge = Badge("refused", Tone.BAD)
-        lead = f"{refused} of {count} cameras refused, so nothing is written into the registry."
+        lead = f"{refused} of {cameras} cameras refused, so nothing is written into the registry."
     elif any(one.decision is Decision.PROPOSED for one in done.outcomes):
         badge, lead = (
             Badge("draft proposed", Tone.GOOD),
@@ -85,20 +88,16 @@ def onboard_page(done: Onboarding) -> Page:
         solves += one.board is not None and one.board.result is not None
         sections.append(_camera(one, done.payload, whole=solves <= MOST_SOLVES))
     return Page(
-        title=f"On board: {title}",
+        title=f"New payload: {title}",
         badge=badge,
         lead=lead,
         sections=(*sections, _sorted(done)),
-        made_by=f"Made by calibrary {version('calibrary')} from {done.payload.folder.name}.",
+        made_by=made_by(f"from {done.payload.folder.name}"),
     )
 
 
 def _camera(one: CameraDecision, payload: Payload, *, whole: bool) -> Section:
-    blocks: list[Block] = [
-        Note(
-            text=f"{one.reason[:1].upper()}{one.reason[1:]}.", action=one.advice, tone=DECISIONS[one.decision]
-        )
-    ]
+    blocks: list[Block] = [Note(text=sentence(one.reason), action=one.advice, tone=DECISIONS[one.decision])]
     blocks += _estimates(one)
     if one.entry is not None:
         blocks += _entry(one, one.entry)
@@ -123,11 +122,11 @@ def _estimates(one: CameraDecision) -> Iterator[Block]:
             else None
         )
         K = estimate.intrinsics
-        stands: Cell = "–"
+        result: Cell = "–"
         if comparison is not None and estimate is comparison.chosen:
-            stands = Badge("proposed" if comparison.dispute is None else "in dispute", Tone.NEUTRAL)
+            result = Badge("proposed" if comparison.dispute is None else "in dispute", Tone.NEUTRAL)
         elif compared is not None and comparison is not None:
-            stands = (
+            result = (
                 Badge("not believed", Tone.CAUTION)
                 if compared in comparison.overruled
                 else Badge(compared.agreement.value, AGREEMENTS[compared.agreement])
@@ -142,7 +141,7 @@ def _estimates(one: CameraDecision) -> Iterator[Block]:
                 f"{K.cx:.2f}" if estimate.measured_centre else "–",
                 f"{K.cy:.2f}" if estimate.measured_centre else "–",
                 _percent(compared.difference) if compared is not None else "–",
-                stands,
+                result,
             )
         )
     yield Table(
@@ -154,7 +153,7 @@ def _estimates(one: CameraDecision) -> Iterator[Block]:
             Column("grade"),
             *(Column(name, numeric=True) for name in ("fx", "fy", "cx", "cy")),
             Column("difference", numeric=True),
-            Column("stands"),
+            Column("result"),
         ),
         rows=tuple(rows),
     )
@@ -199,12 +198,15 @@ def _entry(one: CameraDecision, entry: Entry) -> Iterator[Block]:
         status += f", {before.status.value} before"
     yield f"The entry {entry.id}:"
     items: list[tuple[str, Cell]] = [
-        ("serves", "this unit only" if calibration.camera.serial is not None else "every unit of its model"),
+        (
+            "valid for",
+            "this unit only" if calibration.camera.serial is not None else "every unit of its model",
+        ),
         ("grade", calibration.grade.value),
-        *_numbers(calibration),
+        *intrinsics_items(calibration),
         ("status", status),
-        ("made", calibration.provenance.date or "–"),
-        ("operator", calibration.provenance.operator or "–"),
+        ("calibrated on", or_unknown(calibration.provenance.date)),
+        ("operator", or_unknown(calibration.provenance.operator)),
     ]
     yield KeyValues(tuple(items))
     if calibration.distortion is not None and calibration.distortion.coefficients:
@@ -212,15 +214,6 @@ def _entry(one: CameraDecision, entry: Entry) -> Iterator[Block]:
         yield SideBySide((arrows, radial_curve(calibration)))
     for finding in one.findings:
         yield Note(text=f"{finding.message} [{finding.rule}]", tone=Tone.CAUTION)
-
-
-def _numbers(calibration: Calibration) -> Iterator[tuple[str, Cell]]:
-    K, quality = calibration.intrinsics, calibration.quality
-    std = quality.std if quality is not None else {}
-    for name in ("fx", "fy", "cx", "cy"):
-        sigma = f" ± {std[name]:.2f}" if name in std else ""
-        yield name, f"{getattr(K, name):.2f}{sigma} px"
-    yield "image", "{} × {} px".format(*K.image_size)
 
 
 def _relatives(relatives: tuple[Relative, ...]) -> Iterator[Block]:
@@ -270,7 +263,7 @@ def _findings(report: Report | None) -> Iterator[Block]:
         ),
     )
     if report.verdict is Verdict.UNPROVEN:
-        yield f"{UNPROVEN_LEGEND[0].upper()}{UNPROVEN_LEGEND[1:]}."
+        yield UNPROVEN
     yield (
         table
         if report.failures
@@ -286,7 +279,11 @@ def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
     if board.result is None or board.collected is None or not whole:
         return
     result, quality = board.result, board.result.calibration.quality
-    rms = f", rms {quality.rms_px:.3f} px" if quality is not None and quality.rms_px is not None else ""
+    rms = (
+        f", reprojection error (RMS) {quality.rms_px:.2f} px"
+        if quality is not None and quality.rms_px is not None
+        else ""
+    )
     lead = (
         f"{len(result.rms_by_view)} of {board.frames} frames of {result.observations.board} count{rms}; "
         f"the {result.model.value} model. All of it: calibrary calibrate FRAMES --report FILE."
@@ -310,7 +307,7 @@ def _sources(one: CameraDecision, payload: Payload) -> Details:
         columns=(Column("file"), Column("what"), Column("sha256")),
         rows=tuple((source.name, what, source.sha256) for what, source in found[:MOST_ROWS]),
     )
-    return Details(summary=f"{len(found)} source{'s' * (len(found) != 1)} with their hashes", blocks=(table,))
+    return Details(summary=f"{count(len(found), 'source')} with their hashes", blocks=(table,))
 
 
 def _sorted(done: Onboarding) -> Section:
@@ -325,18 +322,12 @@ def _sorted(done: Onboarding) -> Section:
     )
     blocks: list[Block] = [counts]
     if skipped:
-        blocks.append(
-            Table(
-                caption="What was skipped",
-                columns=(Column("file"), Column("why")),
-                rows=tuple((one.name, one.reason) for one in skipped[:MOST_ROWS]),
-            )
-        )
-    if len(skipped) > MOST_ROWS:
-        blocks.append(f"{len(skipped) - MOST_ROWS} more are in the JSON.")
+        rows = [(one.name, one.reason) for one in skipped]
+        columns = (Column("file"), Column("reason"))
+        blocks += cut_table("What was skipped", columns, rows, most=MOST_ROWS, rest="the JSON")
     return Section(title="What was in the folder", blocks=tuple(blocks))
 
 
 def _percent(share: float, *, digits: int = 1) -> str:
     # + 0.0 takes the sign off a zero.
-    return f"{round(share, digits + 2) + 0.0:+.{digits}%}".replace("-", "−")
+    return minus(f"{round(share, digits + 2) + 0.0:+.{digits}%}")

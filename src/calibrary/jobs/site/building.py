@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 from calibrary.errors import InputError
 from calibrary.jobs.site.addresses import INDEX
 from calibrary.jobs.site.listing import listing
 from calibrary.jobs.site.place import MARKER, is_published, replaced
+from calibrary.jobs.site.words import made_at
 from calibrary.jobs.site.work import Card, Job, Task, write_entries
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -103,7 +103,6 @@ def build_into(
         commit=shown,
         policy=opened.configuration.policy,
         root=folder,
-        made_by=f"Made by calibrary {version('calibrary')}.",
         former=former.root if former is not None else None,
         published=published,
     )
@@ -127,10 +126,9 @@ def build_into(
         if progress is not None:
             progress(len(cards), len(tasks))
     newest = history(repo, None, shown, most=1)
-    on = f" of {newest[0].committed:%Y-%m-%d}" if newest else ""
-    made_by = f"Made by calibrary {version('calibrary')} from commit {shown[:12]}{on}."
+    made = made_at(newest[0] if newest else None)
     try:
-        (folder / INDEX).write_bytes(listing(cards, job.policy, made_by).encode())
+        (folder / INDEX).write_bytes(listing(cards, job.policy, made).encode())
         (folder / MARKER).write_text(f"{shown}\n", encoding="ascii")
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror or error}", source=str(folder)) from None

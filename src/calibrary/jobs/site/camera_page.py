@@ -15,7 +15,7 @@ from calibrary.jobs.site.addresses import INDEX, Place, way
 from calibrary.jobs.site.changes import story
 from calibrary.jobs.site.downloads import Download
 from calibrary.jobs.site.past import Step
-from calibrary.jobs.site.words import STATUSES, signed, stds_of
+from calibrary.jobs.site.words import STATUSES, made_at
 from calibrary.pages import (
     Badge,
     Block,
@@ -33,9 +33,11 @@ from calibrary.pages import (
     Table,
     Tone,
 )
+from calibrary.pages.parameters import distortion_blocks, intrinsics_items, stds_of
 from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.drawn import amount_map, arrow_map
+from calibrary.pages.wording import minus, or_unknown
 from calibrary.registry.entry import UNSTATED, Entry, Status
 from calibrary.registry.entry_form import digest
 from calibrary.registry.fields import entry_rows
@@ -43,7 +45,6 @@ from calibrary.registry.history import EntryRevision
 
 __all__ = ["camera_page"]
 
-K_NAMES = ("fx", "fy", "cx", "cy")
 GRID = (17, 13)
 MOST_SOURCES = 60
 WHOLE = ("mrcal", "opencv_storage", "keyed_text")
@@ -61,7 +62,6 @@ def camera_page(
     revisions: Sequence[EntryRevision],
     changes: Sequence[Step],
     files: Sequence[Download],
-    made_by: str,
     is_proposed: bool = False,
 ) -> Page:
     """Everything that a registry knows of one camera.
@@ -73,7 +73,6 @@ def camera_page(
         revisions: its revisions, newest first.
         changes: of its calibration, newest first.
         files: to download.
-        made_by: for the foot.
         is_proposed: whether another K waits to take its place.
     """
     calibration = entry.calibration
@@ -88,13 +87,13 @@ def camera_page(
         sections=(
             Section(title="Which K to use", blocks=tuple(_use(entry, id_, place, is_proposed=is_proposed))),
             Section(title="K", blocks=tuple(_k(entry, id_))),
-            Section(title="Lens", blocks=tuple(_lens(calibration))),
+            Section(title="Lens", blocks=tuple(_lens(calibration)), printed=False),
             Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration))),
             Section(title="Where it is from", blocks=(*_provenance(entry), *_approved(revisions))),
             Section(title="History", blocks=tuple(story(id_, place, revisions, changes))),
-            Section(title="Download", blocks=tuple(_downloads(place, files))),
+            Section(title="Download", blocks=tuple(_downloads(place, files)), printed=False),
         ),
-        made_by=made_by,
+        made_by=made_at(newest),
     )
 
 
@@ -109,9 +108,9 @@ def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator
     stated += [f"{entry.validity}"] if entry.validity is not None else []
     said = {
         Status.APPROVED: f"Use this K for images {', '.join(stated)}.",
-        Status.HELD: f"Use this K for images {', '.join(stated)}: it is held, and nothing takes its place unasked.",
+        Status.HELD: f"Use this K for images {', '.join(stated)}. It is held: nothing replaces it automatically.",
         Status.DRAFT: "Do not use this K yet: a draft, not approved.",
-        Status.RETIRED: f"Do not use this K any more: retired. For images {', '.join(stated)} ask what is used.",
+        Status.RETIRED: f"Do not use this K any more: retired. Ask which K is used for images {', '.join(stated)}.",
     }
     action = {
         Status.DRAFT: f"calibrary registry approve {id_}",
@@ -119,7 +118,7 @@ def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator
     }
     yield Note(text=said[entry.status] + reason, action=action.get(entry.status), tone=STATUSES[entry.status])
     if entry.validity is not None:
-        text = "The day of an image decides which K it gets: for other days an earlier one may answer; see the history."
+        text = "The day of an image decides which K it gets: for other days an earlier one may apply; see the history."
         yield Note(text=text, action="calibrary registry resolve IMAGE")
     if is_proposed:
         text = "Another K is proposed in its place, and is not used before it is approved."
@@ -131,20 +130,16 @@ def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator
 
 def _k(entry: Entry, id_: str) -> Iterator[Block]:
     calibration = entry.calibration
-    K, std = calibration.intrinsics, stds_of(calibration)
-    values = [
-        (name, f"{getattr(K, name):.3f}" + (f" ± {std[name]:.2g}" if name in std else "") + " px")
-        for name in K_NAMES
-    ]
-    skew = [("skew", f"{K.skew:.6g} px")] if K.skew else []
-    yield KeyValues((*values, *skew, ("image", "{} × {} px".format(*K.image_size))))
-    rows = ",\n ".join("[" + ", ".join(repr(float(value)) for value in row) + "]" for row in K.matrix)
+    yield KeyValues(tuple(intrinsics_items(calibration)))
+    # A ten thousandth of a pixel is beyond what any calibration knows; the files below have every digit.
+    values = calibration.intrinsics.matrix.round(4)
+    rows = ",\n ".join("[" + ", ".join(repr(float(value)) for value in row) + "]" for row in values)
     yield Code(text=f"[{rows}]", label="K, counted from the outer corner of the first pixel")
     if entry.override is not None:
         text = f"This K contradicts what is known of its camera, and is used in spite of that. Reason: {entry.override}"
         yield Note(text=text, tone=Tone.CAUTION)
     yield "Pixels are counted from the outer corner of the top-left one; OpenCV's cx and cy are half a pixel less."
-    yield from _coefficients(calibration, std)
+    yield from distortion_blocks(calibration)
     yield Code(text=f"calibrary registry show {id_}", label="The command that shows this entry")
 
 
@@ -162,24 +157,6 @@ def _approved(revisions: Sequence[EntryRevision]) -> Iterator[Block]:
         yield KeyValues(
             (("approved", f"{first.authored:%Y-%m-%d} by {first.author.name}, commit {first.commit[:12]}"),)
         )
-
-
-def _coefficients(calibration: Calibration, std: dict[str, float]) -> Iterator[Block]:
-    lens = calibration.distortion
-    if lens is None:
-        yield "The distortion is unknown (which is not the same as no distortion)."
-        return
-    if not lens.coefficients:
-        yield "The image is free of distortion."
-        return
-    yield Table(
-        caption=f"Distortion, {lens.model} model",
-        columns=(Column("coefficient"), Column("value", numeric=True), Column("σ", numeric=True)),
-        rows=tuple(
-            (name, signed(f"{value:.8g}"), f"{std[name]:.2g}" if name in std else "–")
-            for name, value in lens.coefficients.items()
-        ),
-    )
 
 
 def _lens(calibration: Calibration) -> Iterator[Block]:
@@ -214,11 +191,11 @@ def _uncertainty(calibration: Calibration) -> Iterator[Block]:
     quality = calibration.quality
     if quality is not None:
         stated = (
-            ("rms reprojection error", quality.rms_px, "{:.3g} px"),
+            ("reprojection error (RMS)", quality.rms_px, "{:.3g} px"),
             ("views", quality.views, "{}"),
             ("points", quality.points, "{}"),
-            ("coverage of the frame", quality.coverage, "{:.0%}"),
-            ("κ²", quality.kappa2, "{:.3g}"),
+            ("coverage of the image", quality.coverage, "{:.0%}"),
+            ("variance factor κ²", quality.kappa2, "{:.3g}"),
         )
         items = tuple((name, form.format(value)) for name, value, form in stated if value is not None)
         if items:
@@ -228,18 +205,18 @@ def _uncertainty(calibration: Calibration) -> Iterator[Block]:
     if spread is None or not spread.is_measured:
         prior, K = PRIORS[calibration.grade], calibration.intrinsics
         yield Note(
-            text=f"It states no uncertainty. A K of grade {calibration.grade.value} is usually worth "
+            text=f"Its source states no uncertainty. A K of grade {calibration.grade.value} is usually worth "
             f"± {number(prior.focal * K.fx)} px of fx and ± {number(prior.centre * K.image_size[0])} px of the "
             "principal point."
         )
         return
-    yield f"1 σ: {spread.source}."
+    yield f"σ: {spread.source}."
     drawn = _spread_map(calibration, spread.covariance)
     if drawn is not None:
         yield drawn
     if quality is not None and quality.covariance is not None:
         told = _strongest(quality.covariance)
-        yield Bullets(told) if told else "No two of its numbers are strongly correlated."
+        yield Bullets(told) if told else "No two of its parameters are strongly correlated."
 
 
 def _spread_map(calibration: Calibration, covariance: Covariance) -> Figure | None:
@@ -251,9 +228,9 @@ def _spread_map(calibration: Calibration, covariance: Covariance) -> Figure | No
         found.pixels,
         found.std_px,
         calibration.intrinsics.image_size,
-        axis=Axis("1 σ of what is seen at infinity", "px"),
-        caption="How far a direction may be from where K and lens put it, the camera free to turn: 1 σ in px. "
-        "A calibration knows least where nothing was observed.",
+        axis=Axis("1 σ of the pixel of a far point", "px"),
+        caption="1 σ of the pixel in which a far point is seen, the camera free to turn. "
+        "It is largest where nothing was observed.",
     )
 
 
@@ -268,7 +245,7 @@ def _strongest(covariance: Covariance) -> tuple[str, ...]:
         if math.isfinite(rho[row, column]) and abs(rho[row, column]) >= STRONG
     ]
     return tuple(
-        signed(
+        minus(
             f"{covariance.names[column]} moves with {covariance.names[row]}: correlation {rho[row, column]:+.2f}"
         )
         for _, row, column in sorted(pairs, reverse=True)[:5]
@@ -279,20 +256,20 @@ def _provenance(entry: Entry) -> Iterator[Block]:
     calibration = entry.calibration
     made, camera = calibration.provenance, calibration.camera
     stated = (
-        ("made from", (made.source or made.kind) if made != UNSTATED else "not stated"),
+        ("source", (made.source or made.kind) if made != UNSTATED else "not stated"),
         ("tag", made.tag),
-        ("made on", made.date),
-        ("made with", made.tool),
-        ("made by", made.operator),
-        ("made at firmware", made.firmware),
+        ("calibrated on", made.date),
+        ("program", made.tool),
+        ("operator", or_unknown(made.operator)),
+        ("calibrated with firmware", made.firmware),
         ("focus", made.focus),
-        ("of firmware", str(entry.firmware) if entry.firmware is not None else None),
+        ("for firmware", str(entry.firmware) if entry.firmware is not None else None),
         ("valid", str(entry.validity) if entry.validity is not None else None),
         ("tolerance", f"± {entry.tolerance:.2%} of fx" if entry.tolerance is not None else None),
         ("serial number", f"hash {camera.serial}" if camera.serial is not None else None),
         ("supersedes", entry.supersedes),
         ("also called", ", ".join(f"{alias.make} {alias.model}" for alias in entry.aliases) or None),
-        ("brought to the frame by", made.adaptation),
+        ("adapted by", made.adaptation),
         ("sha256 of the source", made.sha256),
     )
     yield KeyValues(tuple((name, value) for name, value in stated if value))
@@ -322,12 +299,12 @@ def _downloads(place: Place, files: Sequence[Download]) -> Iterator[Block]:
     without = tuple(f"{file.title}: {file.remark}" for file in files if file.name is None)
     if not without:
         return
-    yield Details(summary=f"{len(without)} formats that do not hold it", blocks=(Bullets(without),))
+    yield Details(summary=f"{len(without)} formats that cannot contain it", blocks=(Bullets(without),))
     best = next((file.name for file in held if file.format in WHOLE), None)
     if best is not None:
         yield Code(
             text=f"calibrary convert {best} OUT --to FORMAT --max-error-px 0.2",
-            label="The command that fits another lens model, from a file of this table",
+            label="The command that fits another lens model to a file of this table",
         )
 
 

@@ -12,7 +12,7 @@ from calibrary.jobs.diff.comparison import Comparison
 from calibrary.jobs.diff.page import badge_of, comparison_sections
 from calibrary.jobs.site.addresses import Place, way
 from calibrary.jobs.site.past import MOST_COMPARED, Step
-from calibrary.jobs.site.words import STATUSES, signed, stds_of
+from calibrary.jobs.site.words import STATUSES, made_at
 from calibrary.pages import (
     Badge,
     Block,
@@ -29,8 +29,10 @@ from calibrary.pages import (
     Table,
     Tone,
 )
+from calibrary.pages.parameters import stds_of
 from calibrary.pages.plots import Axis, Series
 from calibrary.pages.plots.history import history
+from calibrary.pages.wording import minus
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_form import digest
 from calibrary.registry.fields import differences
@@ -44,14 +46,13 @@ MOST_REVISIONS = 200
 ALTITUDE_M = 100.0
 
 
-def step_page(step: Step, *, id_: str, place: Place, made_by: str) -> Page:
+def step_page(step: Step, *, id_: str, place: Place) -> Page:
     """One change of an entry's calibration, compared.
 
     Args:
         step: the change.
         id_: the entry's longest KEY.
         place: where its page lies.
-        made_by: for the foot.
     """
     before, after = step.before, step.after
     labels = (_label(id_, before), _label(id_, after))
@@ -87,7 +88,7 @@ def step_page(step: Step, *, id_: str, place: Place, made_by: str) -> Page:
         lead=f"A is what the registry said on {before.revision.authored:%Y-%m-%d}, B on "
         f"{after.revision.authored:%Y-%m-%d}.",
         sections=(*found, done),
-        made_by=made_by,
+        made_by=made_at(after.revision),
     )
 
 
@@ -237,7 +238,7 @@ def _fields(after: EntryRevision, before: EntryRevision) -> Table:
 
 
 def _delta(delta: dict[str, float] | None, name: str) -> str:
-    return signed(f"{delta[name]:+.3f}") if delta is not None and delta[name] else "–"
+    return minus(f"{delta[name]:+.3f}") if delta is not None and delta[name] else "–"
 
 
 def _said(value: object) -> str:

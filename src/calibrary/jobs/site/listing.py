@@ -9,23 +9,25 @@ from calibrary.jobs.site.addresses import INDEX, way
 from calibrary.jobs.site.words import STATUSES
 from calibrary.jobs.site.work import Card
 from calibrary.pages import Badge, Cell, Column, Link, Note, Page, Section, Table, Tone, render_page
+from calibrary.pages.wording import count
 from calibrary.policy import Policy
 from calibrary.registry.entry import Status
 
 __all__ = ["listing"]
 
+# The style sheet shows the first nine, and on a phone the first three; the others are there to search and to choose by.
 COLUMNS = (
     Column("camera"),
-    Column("label"),
     Column("status"),
+    Column("fx (px)", numeric=True),
+    Column("σ of fx (px)", numeric=True),
+    Column("label"),
     Column("last change"),
     Column("grade"),
-    Column("fx (px)", numeric=True),
-    Column("σ of fx", numeric=True),
-    Column("uncertainty"),
-    Column("lens"),
     Column("firmware"),
-    Column("made on", numeric=True),
+    Column("calibrated on"),
+    Column("lens"),
+    Column("uncertainty"),
     Column("revisions", numeric=True),
     Column("make"),
     Column("model"),
@@ -45,8 +47,8 @@ def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
     broken = [card for card in cards if card.page is None]
     usable = sum(card.status is not None and card.status.is_usable for card in readable)
     drafts = sum(card.status is Status.DRAFT for card in readable)
-    parts = [f"{_count(len(readable), 'camera')}, {usable} of them in use"]
-    parts += [f"{_count(drafts, 'draft')} to look at"] if drafts else []
+    parts = [f"{count(len(readable), 'camera')}, {usable} of them in use"]
+    parts += [f"{count(drafts, 'draft')} to approve"] if drafts else []
     parts += [f"{len(broken)} that cannot be read"] if broken else []
     sections = []
     if broken:
@@ -55,13 +57,13 @@ def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
                 title="What cannot be read",
                 blocks=(
                     Note(
-                        text="These entries are no entries; nothing is shown of them.",
-                        action="calibrary registry check says what to put right",
+                        text="These files are not entries; nothing is shown of them.",
+                        action="calibrary registry check names what to correct",
                         tone=Tone.BAD,
                     ),
                     Table(
                         caption="Entries that cannot be read",
-                        columns=(Column("entry"), Column("why")),
+                        columns=(Column("entry"), Column("reason")),
                         rows=tuple((card.id, card.problem or "") for card in broken),
                     ),
                 ),
@@ -85,7 +87,7 @@ def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
         sections.insert(0, Section(title="Cameras", anchor="cameras", blocks=(empty,)))
     page = Page(
         title="Camera registry",
-        lead=f"{'; '.join(parts)}. Held to the {policy.name} policy.",
+        lead=f"{'; '.join(parts)}. Checked against the {policy.name} policy.",
         sections=tuple(sections),
         contents=False,
         made_by=made_by,
@@ -96,16 +98,16 @@ def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
 def _row(card: Card, page: str, status: Status) -> tuple[Cell, ...]:
     return (
         Link(card.id, way(INDEX, page)),
-        card.label or "–",
         Badge(status.value, STATUSES[status]),
-        Badge(*card.verdict) if card.verdict is not None else "–",
-        card.grade,
         f"{card.fx:.2f}" if card.fx is not None else "–",
         f"{card.std_fx:.2g}" if card.std_fx is not None else "–",
-        card.uncertainty,
-        card.lens,
+        card.label or "–",
+        Badge(*card.verdict) if card.verdict is not None else "–",
+        card.grade,
         card.firmware or "–",
         card.made_on or "–",
+        card.lens,
+        card.uncertainty,
         str(card.revisions),
         card.make,
         card.model,
@@ -115,7 +117,3 @@ def _row(card: Card, page: str, status: Status) -> tuple[Cell, ...]:
 
 def _script() -> str:
     return resources.files("calibrary.jobs.site").joinpath("list.js").read_text(encoding="utf-8")
-
-
-def _count(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"

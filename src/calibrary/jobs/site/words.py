@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from calibrary.calibration import Calibration
 from calibrary.pages import Tone
+from calibrary.pages.wording import made_by
 from calibrary.registry.entry import Status
+from calibrary.registry.git.history import Revision
 
-__all__ = ["STATUSES", "signed", "stds_of"]
+__all__ = ["STATUSES", "made_at"]
 
 STATUSES = {
     Status.APPROVED: Tone.GOOD,
@@ -16,15 +17,8 @@ STATUSES = {
 }
 
 
-def stds_of(calibration: Calibration) -> dict[str, float]:
-    """The standard deviations that a calibration states itself; κ² is not in them."""
-    quality = calibration.quality
-    if quality is None:
-        return {}
-    covariance = quality.covariance.std if quality.covariance is not None else {}
-    return {**dict(quality.std), **covariance}
-
-
-def signed(text: str) -> str:
-    """A number with the sign that typesetters use."""
-    return text.replace("-", "−")
+def made_at(commit: Revision | None) -> str:
+    """For a page's foot: the commit that last changed what it shows, so that the page stays as it is until the next."""
+    return made_by(
+        f"from commit {commit.commit[:12]} of {commit.committed:%Y-%m-%d}" if commit is not None else None
+    )

@@ -19,8 +19,8 @@ from calibrary.jobs.site.camera_page import camera_page
 from calibrary.jobs.site.changes import step_page
 from calibrary.jobs.site.downloads import Download, downloads
 from calibrary.jobs.site.past import Step, steps
-from calibrary.jobs.site.words import stds_of
 from calibrary.pages import Page, Tone, render_page
+from calibrary.pages.parameters import stds_of
 from calibrary.policy import Policy
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
@@ -82,7 +82,6 @@ class Job:
         commit: at which it is shown.
         policy: whose limits tell a drift.
         root: the folder that the site is written into.
-        made_by: for the foot of each page.
         former: the folder of an earlier site by this very program, to take over what is still true.
         published: whether the files that programs read are beside it, so that pages link to them.
     """
@@ -91,7 +90,6 @@ class Job:
     commit: str
     policy: Policy
     root: Path
-    made_by: str
     former: Path | None = None
     published: bool = False
 
@@ -157,7 +155,6 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
             place=place,
             revisions=revisions,
             changes=changes,
-            made_by=job.made_by,
             is_proposed=task.is_proposed,
         )
     for address, written in content.items():
@@ -175,7 +172,6 @@ def entry_files(
     place: Place,
     revisions: Sequence[EntryRevision],
     changes: Sequence[Step],
-    made_by: str,
     is_proposed: bool = False,
 ) -> dict[str, bytes]:
     """All that a site holds of an entry, by address: its page, its downloads, a page for each change.
@@ -187,7 +183,6 @@ def entry_files(
         place: where its pages lie.
         revisions: newest first.
         changes: of its calibration, newest first.
-        made_by: for the foot of each page.
         is_proposed: whether another K waits to take its place.
     """
     own = [*downloads(entry), _own_file(entry, data)]
@@ -200,13 +195,12 @@ def entry_files(
         revisions=revisions,
         changes=changes,
         files=files,
-        made_by=made_by,
         is_proposed=is_proposed,
     )
     content = {place.page: _html(page)}
     content |= {place.file(file.name): file.data for file in own if file.name is not None}
     for step in changes:
-        content[place.step(step.name)] = _html(step_page(step, id_=id_, place=place, made_by=made_by))
+        content[place.step(step.name)] = _html(step_page(step, id_=id_, place=place))
     return content
 
 
