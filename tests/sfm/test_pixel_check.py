@@ -63,7 +63,7 @@ def found(**over: float) -> Measured:
         std=values["std"],
         by_px=values["by_px"],
         images=12,
-        edge_px=(values["edge"], values["edge_std"]),
+        corner_px=(values["edge"], values["edge_std"]),
         split=True,
     )
 

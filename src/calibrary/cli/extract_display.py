@@ -50,7 +50,7 @@ COLUMNS = {"verdict": 8, "images": 6, "fx/W": 6, "grade": 10}
 """Widths beside the camera's, which takes what is left."""
 
 CHAIN = (Column(name="step"), Column(name="outcome"), Column(name="", rank=1, wraps=True))
-PIXEL_RULES = frozenset({"pixels", "distortion-as-stated"})
+PIXEL_RULES = frozenset({"pixels", "distortion-as-stated", "zoomed", "cropped"})
 GROUP_RULES = frozenset({"one-unit", "one-calibration"})
 MOST_STATES = 6
 INDENT = COLUMNS["verdict"] + GAP

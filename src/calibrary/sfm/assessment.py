@@ -21,6 +21,7 @@ from calibrary.calibration import CameraKey, Grade
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
+from calibrary.sfm.as_stated import DISTORTION, Claim, Kind, altered, shown
 from calibrary.sfm.sigma import FOCAL_BY_PX, Trust, trust
 from calibrary.validation import Finding, Severity
 
@@ -62,6 +63,7 @@ def flight_result(
     scale: float = 1.0,
     chosen: str | None = None,
     versions: Mapping[str, str] | None = None,
+    claim: Claim | None = None,
     seed: int = 0,
 ) -> FlightResult:
     """The camera with its uncertainty and its verdict.
@@ -73,6 +75,7 @@ def flight_result(
         scale: px of the images for a px of the size that points were looked for in.
         chosen: how the images were chosen, in words.
         versions: of the programs that took part.
+        claim: what is stated of the camera, held against what the images show; None where nothing is.
         seed: of dealing the images into halves.
 
     Raises:
@@ -120,7 +123,11 @@ def flight_result(
         chosen=chosen,
     )
     findings = graver_first(
-        (*map(_of_flight, result.findings), *_judged(known, len(images), result.calibration.intrinsics.fx))
+        (
+            *map(_of_flight, result.findings),
+            *_judged(known, len(images), result.calibration.intrinsics.fx),
+            *(_as_stated(claim, found, known) if claim is not None else ()),
+        )
     )
     refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
     calibration = replace(
@@ -204,6 +211,15 @@ _REMEDIES: Final[Mapping[str, str]] = {
 """What a flight's pilot can do, where a board's words would not do."""
 
 
+_FOR_ONE_MODE: Final[Mapping[Kind, str]] = {
+    Kind.DISTORTION_REMOVED: "register this K for images of this kind alone, --capture-mode dewarped, or switch the "
+    "correction off in the camera and fly again",
+    Kind.DISTORTION_PRESENT: "use this calibration with its distortion, not the tags",
+    Kind.ZOOMED: "register this K for this zoom alone: --capture-mode 'zoom 2x'",
+    Kind.CROPPED: "use this K for images of this size and crop alone",
+}
+
+
 def _of_flight(finding: Finding) -> Finding:
     """A board's finding in the words of a flight."""
     message = finding.message
@@ -264,6 +280,22 @@ def _judged(known: Trust, images: int, fx: float) -> Iterator[Finding]:
             severity=Severity.NOTE,
             message="fewer than three images state where they were taken, so distances have no scale; K needs none",
         )
+
+
+def _as_stated(claim: Claim, found: Adjustment, known: Trust) -> Iterator[Finding]:
+    """What the camera did to its images, where the flight determines it; K is of the images as they are."""
+    inflation = max(1.0, known.halves.kappa2) if known.halves is not None else 1.0
+    seen = shown(found, known.covariance.matrix * inflation)
+    for one in altered(claim, seen):
+        if known.separates_height or one.kind in DISTORTION:
+            yield Finding(
+                rule=one.kind.value,
+                severity=Severity.WARNING,
+                measured=one.measured,
+                limit=one.stated,
+                message=one.message,
+                remedy=_FOR_ONE_MODE[one.kind],
+            )
 
 
 def _shortcomings(geometry: FlightGeometry) -> Iterator[str]:

@@ -6,6 +6,7 @@ from enum import StrEnum
 from typing import Annotated
 
 from calibrary.records import Meta, Record
+from calibrary.sfm.as_stated import Alteration
 
 __all__ = ["DistortionCheck", "PixelCheck", "PixelVerdict"]
 
@@ -19,7 +20,7 @@ class PixelVerdict(StrEnum):
 
 
 class DistortionCheck(Record):
-    """The lens's distortion as K states it and as the pixels show it, by radius 0.8 of the half diagonal.
+    """The lens's distortion as K states it and as the pixels show it, at the image's corners.
 
     Attributes:
         stated_px: outwards positive; 0 where K states that there is none.
@@ -52,6 +53,7 @@ class PixelCheck(Record):
         pair_std: of it, relative.
         pairs: how many pairs determine it.
         distortion: None where K states none that could be compared, or nothing was measured.
+        explained: what of the tags explains a contradiction: digital zoom, a crop; None where nothing does.
     """
 
     verdict: PixelVerdict
@@ -66,6 +68,7 @@ class PixelCheck(Record):
     pair_std: float | None = None
     pairs: Annotated[int, Meta(ge=0)] = 0
     distortion: DistortionCheck | None = None
+    explained: Alteration | None = None
 
     @property
     def figures(self) -> str:

@@ -12,13 +12,9 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
-from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import Calibration
-from calibrary.distortion import NoDistortion
 from calibrary.sfm.adjust import Adjustment
+from calibrary.sfm.as_stated import Claim, Kind, claimed_shift, corner_shift, distortion_altered
 from calibrary.sfm.pixel_check import DistortionCheck, PixelCheck, PixelVerdict
 from calibrary.sfm.sigma import Trust
 from calibrary.sfm.two_view import TwoViewFocal
@@ -48,16 +44,6 @@ relief of 6 % of the height 0.7, oblique images 0.2 … 0.4 (simulated flights o
 FEWEST_IMAGES: Final = 8
 """Fewer cannot be dealt into halves."""
 
-EDGE: Final = 0.8
-"""Of the half diagonal: where distortions are compared; few images show points further out."""
-
-DISTORTION_MATTERS_PX: Final = 3.0
-"""At FEATURE_SIDE, at the edge."""
-
-DISTORTION_SIGMAS: Final = 4.0
-REMOVED_SHARE: Final = 0.25
-"""Of the stated distortion: what is left after a camera has removed it."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Measured:
@@ -68,7 +54,7 @@ class Measured:
         std: relative, with every allowance.
         by_px: relative change of fx by one systematic pixel at FEATURE_SIDE.
         images: in the adjustment.
-        edge_px: outward shift by the distortion at the edge, and its standard deviation.
+        corner_px: outward shift by the distortion at the image's corners, and its standard deviation.
         split: whether halves of the images could be compared.
     """
 
@@ -76,7 +62,7 @@ class Measured:
     std: float
     by_px: float
     images: int
-    edge_px: tuple[float, float]
+    corner_px: tuple[float, float]
     split: bool
 
 
@@ -96,7 +82,7 @@ def measured(found: Adjustment, known: Trust) -> Measured:
         std=std,
         by_px=by_px,
         images=int(bundle.tracks.used.sum()),
-        edge_px=_edge(scene.model, scene.parameters, known.covariance.matrix * inflation, size),
+        corner_px=corner_shift(scene.model, scene.parameters, known.covariance.matrix * inflation, size),
         split=known.halves is not None,
     )
 
@@ -186,49 +172,14 @@ def _likely(difference: float, agreement: float) -> str:
 
 
 def _compared(K: Calibration, found: Measured) -> DistortionCheck | None:
-    if K.distortion is None:
+    stated = claimed_shift(Claim(K=K))
+    if stated is None:
         return None
-    size = K.intrinsics.image_size
-    unit = max(1.0, max(size) / FEATURE_SIDE)
-    stated = 0.0
-    if not isinstance(K.distortion, NoDistortion):
-        radius = EDGE * math.hypot(*size) / 2 / K.intrinsics.fx
-        shifted = K.distortion.distort(
-            np.array([[radius, 0.0], [-radius, 0.0], [0.0, radius], [0.0, -radius]])
-        )
-        lengths = np.linalg.norm(shifted, axis=1)
-        stated = float(np.nanmean(lengths) - radius) * K.intrinsics.fx
-    if not math.isfinite(stated):
-        return None
-    value, std = found.edge_px
-    real = DISTORTION_SIGMAS * std
-    matters = DISTORTION_MATTERS_PX * unit
-    states_one = abs(stated) > matters
+    kind = distortion_altered(stated, *found.corner_px, max(K.intrinsics.image_size))
     return DistortionCheck(
         stated_px=stated,
-        measured_px=value,
-        std_px=std,
-        removed=states_one and abs(value) < REMOVED_SHARE * abs(stated) and abs(value - stated) > real,
-        present=stated == 0.0 and abs(value) > max(matters, real),
+        measured_px=found.corner_px[0],
+        std_px=found.corner_px[1],
+        removed=kind is Kind.DISTORTION_REMOVED,
+        present=kind is Kind.DISTORTION_PRESENT,
     )
-
-
-def _edge(
-    model: Solvable, parameters: FloatArray, C: FloatArray, size: tuple[int, int]
-) -> tuple[float, float]:
-    """Px by which the radial distortion shifts a point at the edge outwards, and its standard deviation."""
-    focal = parameters[0]
-    radius = EDGE * math.hypot(*size) / 2 / focal
-    points = np.array([[radius, 0.0, 1.0], [-radius, 0.0, 1.0], [0.0, radius, 1.0], [0.0, -radius, 1.0]])
-    outward = points[:, :2] / radius
-
-    def shift(vector: FloatArray) -> float:
-        off = model.project(vector, points)[0] - vector[2:4] - vector[:2] * points[:, :2]
-        return float(np.einsum("ni,ni->n", off, outward).mean())
-
-    middle = shift(parameters)
-    steps = np.maximum(np.sqrt(np.diag(C)), 1e-12)
-    slope = np.array([(shift(parameters + step) - middle) for step in np.diag(steps)]) / steps
-    # A change of K does not change what is compared here, but for the radius it is taken at.
-    slope[:4] = 0.0
-    return middle, math.sqrt(max(float(slope @ C @ slope), 0.0))

@@ -107,7 +107,7 @@ def fly(folder: Path, flights: Sequence[Flight], monkeypatch: pytest.MonkeyPatch
             std=0.004,
             by_px=flight.by_px,
             images=len(paths),
-            edge_px=(-40.0, 1.0),
+            corner_px=(-40.0, 1.0),
             split=True,
         )
         return Look(chosen=len(paths), found=found)

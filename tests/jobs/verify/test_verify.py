@@ -26,14 +26,14 @@ IMAGES = 9
 def pixels(monkeypatch: pytest.MonkeyPatch) -> Pixels:
     """Have the pixels show a focal length, without any."""
 
-    def show(focal_px: float, *, std: float = 0.005, by_px: float = 0.3, edge_px: float = -40.0) -> None:
+    def show(focal_px: float, *, std: float = 0.005, by_px: float = 0.3, corner_px: float = -40.0) -> None:
         def seen(paths: list[Path], *_: object, **__: object) -> Look:
             found = Measured(
                 focal_px=focal_px,
                 std=std,
                 by_px=by_px,
                 images=len(paths),
-                edge_px=(edge_px, 1.0),
+                corner_px=(corner_px, 1.0),
                 split=True,
             )
             return Look(chosen=len(paths), found=found)
@@ -132,10 +132,28 @@ def test_pixels_that_cannot_tell_are_a_note(tmp_path: Path, pixels: Pixels) -> N
 
 def test_distortion_that_the_camera_removed_makes_k_unproven(tmp_path: Path, pixels: Pixels) -> None:
     tags = P4R | {"dewarp": DEWARP}
-    pixels(fx_of(tmp_path, tags), edge_px=1.0)
+    pixels(fx_of(tmp_path, tags), corner_px=1.0)
     [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
     assert camera.verdict is Verdict.UNPROVEN
     assert "it was removed already" in (camera.reason or "")
+
+
+@pytest.mark.parametrize("factor", [1.5, 1 / 1.5])
+def test_a_digital_zoom_that_the_tags_state_explains_a_contradiction(
+    factor: float, tmp_path: Path, pixels: Pixels
+) -> None:
+    """Whether K has the zoom and the pixels have not, or the other way round."""
+    tags = P4R | {"digital_zoom": (3, 2)}
+    pixels(fx_of(tmp_path, tags) * factor)
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    assert camera.report is not None
+    [finding] = [one for one in camera.report.findings if one.rule == "zoomed"]
+    assert "DigitalZoomRatio states 1.5×" in finding.message
+    assert finding.severity is Severity.UNPROVEN
+    pixels(fx_of(tmp_path, tags) * 1.2)
+    [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
+    assert camera.report is not None
+    assert not [one for one in camera.report.findings if one.rule in {"zoomed", "cropped"}]
 
 
 def test_too_few_images_are_said_to_be_so_without_a_look(tmp_path: Path) -> None:

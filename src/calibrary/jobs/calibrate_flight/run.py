@@ -22,6 +22,7 @@ from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate_board.frame_metadata import FrameMetadata, describe_frames, without_other_sizes
 from calibrary.jobs.calibrate_board.run import calibration_date
+from calibrary.jobs.extract.claims import claim_of_image
 from calibrary.parsers.imagery.position import fix_of
 from calibrary.progress import Progress, counted, stage
 from calibrary.records import replace
@@ -112,6 +113,7 @@ def calibrate_flight_from(
             scale=max(1.0, max(size) / request.max_side),
             chosen=_how(chosen, len(paths)),
             versions=programs("pycolmap"),
+            claim=claim_of_image(chosen.images[0].path),
         )
     result = dated(flight.result, request, metadata)
     placed = set(result.rms_by_view)

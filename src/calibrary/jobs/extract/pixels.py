@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from calibrary.calibration import Calibration
 from calibrary.jobs.extract.cameras import Camera
+from calibrary.jobs.extract.claims import claim_of
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.places import is_url
@@ -14,7 +15,8 @@ from calibrary.jobs.verify.verdict import with_pixels
 from calibrary.policy import Policy
 from calibrary.progress import Progress
 from calibrary.records import replace
-from calibrary.sfm.pixel_check import PixelCheck
+from calibrary.sfm.as_stated import Claim, focal_altered
+from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 
 __all__ = ["Verified", "verified"]
 
@@ -46,15 +48,24 @@ def verified(
     K = _in_use(camera, before)
     if K is None:
         return camera, before, None, None
-    found = _look(camera, K, listing, progress)
+    found, claim = _look(camera, K, listing, progress), claim_of(camera)
     if camera.calibration is not None:
-        camera = _judged(camera, found.check(camera.calibration, policy.source_agreement), policy)
+        camera = _judged(camera, _explained(found, camera.calibration, claim, policy), policy)
     fallback = fall_back(camera)
     K = _in_use(camera, fallback) or K
-    check = found.check(K, policy.source_agreement)
+    check = _explained(found, K, claim, policy)
     if fallback is not None and fallback.calibration is K and fallback.report is not None:
         fallback = replace(fallback, report=with_pixels(fallback.report, check, policy))
     return camera, fallback, check, found
+
+
+def _explained(found: Look, K: Calibration, claim: Claim | None, policy: Policy) -> PixelCheck:
+    """K held against the pixels, and what of the tags explains where they contradict it."""
+    check = found.check(K, policy.source_agreement)
+    if check.verdict is not PixelVerdict.CONTRADICTS or claim is None or found.found is None:
+        return check
+    claim = replace(claim, K=K, by="K" if K is not claim.K else claim.by)
+    return replace(check, explained=focal_altered(claim, found.found.focal_px, found.found.std))
 
 
 def _in_use(camera: Camera, fallback: Fallback | None) -> Calibration | None:

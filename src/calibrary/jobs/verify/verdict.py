@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 from calibrary.policy import Policy
 from calibrary.records import replace
+from calibrary.sfm.as_stated import Kind
 from calibrary.sfm.pixel_check import DistortionCheck, PixelCheck, PixelVerdict
 from calibrary.validation import Finding, Report, Severity, lacks_confirmation
 
-__all__ = ["with_pixels"]
+__all__ = ["REMEDIES", "with_pixels"]
 
+REMEDIES: Final = {
+    Kind.DISTORTION_REMOVED: "use K without its distortion for these images, or provide images that are not dewarped",
+    Kind.DISTORTION_PRESENT: "use the distortion of the lens: register a measured calibration of this capture mode",
+    Kind.ZOOMED: "fly without digital zoom, or register a K for this zoom alone: --capture-mode 'zoom 2x'",
+    Kind.CROPPED: "register a K for images of this size alone",
+}
+"""What to do where the pixels show another camera than is stated."""
 FLY = "fly cross strips, a second height or 30° obliques, or calibrate the camera with a board"
 
 
@@ -72,6 +81,15 @@ def _findings(check: PixelCheck, policy: Policy, *, alone: bool) -> Iterator[Fin
             message=f"the pixels of {check.images} images contradict K: {check.figures}; {check.reason}",
             remedy="find out which of the two is right: calibrate the camera with a board, or register a measured K",
         )
+    if check.explained is not None:
+        yield Finding(
+            rule=check.explained.kind.value,
+            severity=Severity.UNPROVEN if policy.independent_sources_settle else Severity.WARNING,
+            measured=check.explained.measured,
+            limit=check.explained.stated,
+            message=check.explained.message,
+            remedy=REMEDIES[check.explained.kind],
+        )
     if check.distortion is not None:
         yield from _of_distortion(check.distortion, policy)
 
@@ -82,15 +100,15 @@ def _of_distortion(found: DistortionCheck, policy: Policy) -> Iterator[Finding]:
     pixels = f"{found.measured_px:+.1f} ± {found.std_px:.1f} px"
     if found.removed:
         message = (
-            f"the images have {pixels} of distortion towards the corners where K states {found.stated_px:+.1f} px: "
+            f"the images have {pixels} of distortion at the corners where K states {found.stated_px:+.1f} px: "
             "it was removed already, in the camera or by a program"
         )
-        remedy = "use K without its distortion for these images, or provide images that are not dewarped"
+        remedy = REMEDIES[Kind.DISTORTION_REMOVED]
     else:
         message = (
-            f"K states that the images have no distortion, and their pixels show {pixels} towards the corners"
+            f"K states that the images have no distortion, and their pixels show {pixels} at the corners"
         )
-        remedy = "use the distortion of the lens: register a measured calibration of this capture mode"
+        remedy = REMEDIES[Kind.DISTORTION_PRESENT]
     yield Finding(
         rule="distortion-as-stated",
         severity=Severity.UNPROVEN if policy.independent_sources_settle else Severity.WARNING,

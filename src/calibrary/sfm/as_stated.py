@@ -1,0 +1,267 @@
+"""What a camera did to its images before it wrote them: a distortion removed or left in, digital zoom, a crop.
+
+Tags and catalogue describe a lens and a sensor; the pixels may show another camera. Each statement here is of one such
+difference, larger than its σ, with what of the tags explains it. Distortion is stated where it is largest: in px at the
+corners of the image.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from calibrary.arrays import FloatArray
+from calibrary.calib.lens_models import Solvable
+from calibrary.calibration import Calibration, ImageSize
+from calibrary.distortion import NoDistortion
+from calibrary.records import Record
+from calibrary.sfm.adjust import Adjustment
+
+__all__ = [
+    "DISTORTION",
+    "Alteration",
+    "Claim",
+    "Kind",
+    "Shown",
+    "altered",
+    "claimed_shift",
+    "corner_shift",
+    "distortion_altered",
+    "focal_altered",
+    "shown",
+]
+
+SIDE: Final = 1600
+"""Px: longer side of what features are looked for in; errors are of the size of its pixels."""
+MATTERS_PX: Final = 3.0
+"""At that size, in the corners."""
+SIGMAS: Final = 4.0
+REMOVED_SHARE: Final = 0.25
+"""Of the stated distortion: what is left after a camera has removed it."""
+FOCAL_SIGMAS: Final = 2.5
+FOCAL_MATTERS: Final = 0.015
+"""Of fx, as for a contradiction of K (:mod:`calibrary.sfm.pixel_judging`)."""
+OFF_CENTRE: Final = 0.04
+"""Of the longer side: farther from the middle no lens is mounted that a maker sells."""
+
+
+class Kind(StrEnum):
+    """What was done to the image; the value is the finding's rule."""
+
+    DISTORTION_REMOVED = "distortion-removed"
+    DISTORTION_PRESENT = "distortion-present"
+    ZOOMED = "zoomed"
+    CROPPED = "cropped"
+
+
+DISTORTION: Final = frozenset({Kind.DISTORTION_REMOVED, Kind.DISTORTION_PRESENT})
+
+
+class Alteration(Record):
+    """One difference between the camera that is stated and the one that the pixels show.
+
+    Attributes:
+        kind: what was done.
+        stated: px at the image's corner, or a factor of the focal length, or px off the middle; by the tags.
+        measured: the same by the pixels.
+        std: of that.
+        message: in a sentence.
+    """
+
+    kind: Kind
+    stated: float
+    measured: float
+    std: float
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Claim:
+    """What is stated of the camera without its pixels.
+
+    Attributes:
+        K: at the size of the images, its distortion None where none is stated.
+        by: who states it: "the tags", "the registry".
+        zoom: EXIF DigitalZoomRatio, whether or not K has it; 1 for none.
+        native_size: of the sensor's full frame, by the catalogue.
+        fisheye: whether the catalogue knows the lens as a fisheye.
+    """
+
+    K: Calibration
+    by: str = "the tags"
+    zoom: float = 1.0
+    native_size: ImageSize | None = None
+    fisheye: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shown:
+    """What an adjustment shows of the camera, each with one σ.
+
+    Attributes:
+        focal_px: fx.
+        std: of fx, relative.
+        corner_px: outward shift by the distortion in the corners, and its σ.
+        centre_px: (cx, cy) and their σ.
+    """
+
+    focal_px: float
+    std: float
+    corner_px: tuple[float, float]
+    centre_px: tuple[tuple[float, float], tuple[float, float]]
+
+
+def shown(found: Adjustment, C: FloatArray) -> Shown:
+    """Of an adjustment and the (n, n) covariance of its lens, everything included."""
+    scene, size = found.bundle.scene, found.bundle.tracks.image_size
+    focal = float(scene.parameters[0])
+    at = [scene.model.parameters.index(name) for name in ("cx", "cy")]
+    x, y = scene.parameters[at].tolist()
+    sx, sy = np.sqrt(np.diag(C)[at]).tolist()
+    return Shown(
+        focal_px=focal,
+        std=math.sqrt(float(C[0, 0])) / focal,
+        corner_px=corner_shift(scene.model, scene.parameters, C, size),
+        centre_px=((x, y), (sx, sy)),
+    )
+
+
+def altered(claim: Claim, seen: Shown) -> Iterator[Alteration]:
+    """Every difference that exceeds its σ."""
+    stated = claimed_shift(claim)
+    if stated is not None:
+        kind = distortion_altered(stated, *seen.corner_px, max(claim.K.intrinsics.image_size))
+        if kind is not None:
+            yield _of_distortion(kind, stated, claim, seen)
+    focal = focal_altered(claim, seen.focal_px, seen.std)
+    if focal is not None:
+        yield focal
+    yield from _of_centre(claim, seen)
+
+
+def claimed_shift(claim: Claim) -> float | None:
+    """Px by which the stated lens shifts the corners outwards; 0 of none, None where nothing is stated."""
+    K, lens = claim.K.intrinsics, claim.K.distortion
+    radius = math.hypot(*K.image_size) / 2 / K.fx
+    if isinstance(lens, NoDistortion):
+        return 0.0
+    if lens is None:
+        # Equidistant, as most fisheyes nearly are.
+        return (math.atan(radius) - radius) * K.fx if claim.fisheye else None
+    shifted = lens.distort(np.array([[radius, 0.0], [-radius, 0.0], [0.0, radius], [0.0, -radius]]))
+    # A model that folds back before the corners states nothing there.
+    stated = float(np.linalg.norm(shifted, axis=1).mean() - radius) * K.fx
+    return stated if math.isfinite(stated) else None
+
+
+def distortion_altered(stated: float, measured: float, std: float, side: int) -> Kind | None:
+    """Whether the pixels lack a distortion that is stated, or have one where none is.
+
+    Args:
+        stated: px outwards in the corners; 0 where it is stated that there is none.
+        measured: the same by the pixels.
+        std: of that.
+        side: px, longer side of the image.
+    """
+    matters, real = MATTERS_PX * max(1.0, side / SIDE), SIGMAS * std
+    if (
+        abs(stated) > matters
+        and abs(measured) < REMOVED_SHARE * abs(stated)
+        and abs(measured - stated) > real
+    ):
+        return Kind.DISTORTION_REMOVED
+    if stated == 0.0 and abs(measured) > max(matters, real):
+        return Kind.DISTORTION_PRESENT
+    return None
+
+
+def corner_shift(
+    model: Solvable, parameters: FloatArray, C: FloatArray, size: ImageSize
+) -> tuple[float, float]:
+    """Px by which the radial distortion shifts the corners outwards, and its standard deviation."""
+    focal = parameters[0]
+    radius = math.hypot(*size) / 2 / focal
+    points = np.array([[radius, 0.0, 1.0], [-radius, 0.0, 1.0], [0.0, radius, 1.0], [0.0, -radius, 1.0]])
+    outward = points[:, :2] / radius
+
+    def shift(vector: FloatArray) -> float:
+        off = model.project(vector, points)[0] - vector[2:4] - vector[:2] * points[:, :2]
+        return float(np.einsum("ni,ni->n", off, outward).mean())
+
+    middle = shift(parameters)
+    steps = np.maximum(np.sqrt(np.diag(C)), 1e-12)
+    slope = np.array([(shift(parameters + step) - middle) for step in np.diag(steps)]) / steps
+    # A change of K does not change what is compared here, but for the radius it is taken at.
+    slope[:4] = 0.0
+    return middle, math.sqrt(max(float(slope @ C @ slope), 0.0))
+
+
+def _of_distortion(kind: Kind, stated: float, claim: Claim, seen: Shown) -> Alteration:
+    measured, std = seen.corner_px
+    pixels = f"{measured:+.1f} ± {std:.1f} px"
+    if kind is Kind.DISTORTION_REMOVED:
+        message = (
+            f"{claim.by} state a distortion of {stated:+.1f} px at the corner of the image, and the pixels show "
+            f"{pixels}: it was removed already, in the camera or by a program"
+        )
+    else:
+        message = f"{claim.by} state no distortion, and the pixels show {pixels} at the corner of the image"
+    return Alteration(kind=kind, stated=stated, measured=measured, std=std, message=message)
+
+
+def focal_altered(claim: Claim, focal_px: float, std: float) -> Alteration | None:
+    """What of the tags explains that the focal length is not theirs; None where it is theirs, or nothing does.
+
+    Args:
+        claim: what is stated.
+        focal_px: fx by the pixels.
+        std: of it, relative.
+    """
+    K = claim.K.intrinsics
+    ratio, reach = focal_px / K.fx, max(FOCAL_SIGMAS * std, FOCAL_MATTERS)
+    (width, height), full = K.image_size, claim.native_size
+    candidates = []
+    if claim.zoom > 1:
+        told = f"DigitalZoomRatio states {claim.zoom:g}×"
+        candidates += [
+            (Kind.ZOOMED, claim.zoom, f"{told}, and K is without it"),
+            (Kind.ZOOMED, 1 / claim.zoom, f"{told}, and the pixels show none"),
+        ]
+    if full is not None and width < full[0]:
+        told = f"{width}×{height} px of the sensor's {full[0]}×{full[1]}"
+        candidates += [
+            (Kind.CROPPED, full[0] / width, f"the image is {told}, and K is of all of them made smaller"),
+            (
+                Kind.CROPPED,
+                width / full[0],
+                f"the image is all of the sensor made smaller, and K is of {told}",
+            ),
+        ]
+    fitting = [one for one in candidates if abs(ratio / one[1] - 1) <= reach]
+    if abs(ratio - 1) <= reach or not fitting:
+        return None
+    kind, factor, why = min(fitting, key=lambda one: abs(ratio / one[1] - 1))
+    figures = f"fx = {focal_px:.0f} px ± {std:.1%} is {ratio:.3f} times that of {claim.by}, {K.fx:.0f} px"
+    return Alteration(kind=kind, stated=factor, measured=ratio, std=std * ratio, message=f"{figures}: {why}")
+
+
+def _of_centre(claim: Claim, seen: Shown) -> Iterator[Alteration]:
+    """A part of the frame that is not its middle has its principal point elsewhere."""
+    K, (centre, std) = claim.K.intrinsics, seen.centre_px
+    side = max(K.image_size)
+    for axis, stated, measured, sigma in zip("xy", (K.cx, K.cy), centre, std, strict=True):
+        off = measured - stated
+        if abs(off) > max(SIGMAS * sigma, OFF_CENTRE * side):
+            yield Alteration(
+                kind=Kind.CROPPED,
+                stated=stated,
+                measured=measured,
+                std=sigma,
+                message=f"the principal point is {off:+.0f} ± {sigma:.0f} px in {axis} from where {claim.by} have it: "
+                "the image is a part of the frame that is not its middle, or was cut afterwards",
+            )
