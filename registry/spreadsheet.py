@@ -57,8 +57,9 @@ def _cell(value: object, *, excel: bool) -> str:
         return _cell(" ".join(map(str, value)), excel=excel)
     if isinstance(value, float):
         return repr(value).replace(".", ",") if excel else repr(value)
-    text = str(value)
-    return f"'{text}" if isinstance(value, str) and text.startswith(ESCAPED) else text
+    text = f"'{value}" if isinstance(value, str) and value.startswith(ESCAPED) else str(value)
+    # The csv module leaves a carriage return unquoted, and readers begin a row at it.
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_sheet(data: bytes, source: str) -> Sheet:
