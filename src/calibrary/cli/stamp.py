@@ -128,7 +128,7 @@ def _show(screen: Screen, done: StampReport, out: Path) -> None:
     for used in dict.fromkeys((one.calibration, one.tags) for one in made):
         errors = [one.max_error_px or 0.0 for one in made if (one.calibration, one.tags) == used]
         exact = f"up to {max(errors):.2g} px off" if max(errors) else "exact"
-        screen.say(f"{plain(str(used[0]))} in {len(errors)} images, {exact}: {plain(', '.join(used[1]))}")
+        screen.say(f"{plain(str(used[0]))} in {_counted(len(errors))}, {exact}: {plain(', '.join(used[1]))}")
     for note in dict.fromkeys(note for one in made for note in one.notes):
         screen.say(f"  [yellow]note[/]: {plain(note)}")
     left = [one for one in done.images if one.outcome != "stamped"]
@@ -138,4 +138,8 @@ def _show(screen: Screen, done: StampReport, out: Path) -> None:
     if len(left) > MOST_ROWS:
         screen.say(f"[dim]and {len(left) - MOST_ROWS} more; --json lists them all[/]")
     verb = "would be stamped" if done.dry_run else "stamped"
-    screen.say(f"{len(made)} of {len(done.images)} images {verb} into {plain(str(out))}")
+    screen.say(f"{len(made)} of {_counted(len(done.images))} {verb} into {plain(str(out))}")
+
+
+def _counted(images: int) -> str:
+    return f"{images} images" if images != 1 else "1 image"
