@@ -16,7 +16,7 @@ from importlib.util import find_spec
 
 from calibrary.errors import MissingExtraError
 
-__all__ = ["CALIBRATE", "LIBRARIES", "PAGES", "SFM", "Library", "missing", "require"]
+__all__ = ["CALIBRATE", "LIBRARIES", "PAGES", "SFM", "TABLES", "Library", "missing", "require"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +42,7 @@ LIBRARIES = {
     "jinja2": Library(name="Jinja2", extras=("pages",)),
     "matplotlib": Library(name="Matplotlib", extras=("pages",)),
     "obstore": Library(name="obstore", extras=("remote",)),
+    "pyarrow": Library(name="pyarrow", extras=("tables",), floor=(17, 0)),
     "pycolmap": Library(name="pycolmap", extras=("sfm",), floor=(4, 0)),
 }
 """By the name they are imported by."""
@@ -49,6 +50,7 @@ LIBRARIES = {
 CALIBRATE = ("cv2", "PIL")
 PAGES = ("jinja2", "matplotlib")
 SFM = ("pycolmap",)
+TABLES = ("pyarrow",)
 
 
 def require(modules: Sequence[str], job: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.tables import Column, fitted
 
 if TYPE_CHECKING:
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from rich.text import Text
 
+    from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
     from calibrary.known_camera import KnownCamera
 
@@ -24,6 +25,7 @@ examples:
   calibrary catalogue                  every camera
   calibrary catalogue M3T              what shares this Model, with sources and conflicts
   calibrary catalogue "phantom 4"      by what people call it
+  calibrary catalogue --table cameras.csv
 """
 
 DETAILS_UP_TO = 6
@@ -36,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "model", nargs="?", metavar="MODEL", help="part of a make, EXIF Model, name or lens (default: all)"
     )
     add_json_flag(parser)
+    add_table_flag(parser, "the cameras")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -43,7 +46,9 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.api.cameras import CatalogueListing, known_cameras
     from calibrary.cli.console import errors, out, plain
 
+    check_table_flag(arguments)
     cameras = known_cameras(arguments.model or "")
+    write_table(arguments.table, lambda: _as_table(cameras))
     if arguments.json:
         print_json(CatalogueListing(cameras=tuple(cameras)))
     elif not cameras:
@@ -106,6 +111,12 @@ def _table(cameras: Sequence[KnownCamera], width: int) -> list[Text]:
         for camera in cameras
     ]
     return fitted(COLUMNS, rows, width)
+
+
+def _as_table(cameras: Sequence[KnownCamera]) -> Table:
+    from calibrary.api.tables import catalogue
+
+    return catalogue(cameras)
 
 
 def _g(value: float | None) -> str:

@@ -1,7 +1,7 @@
 """Which stream a command's words go to, and how they are folded.
 
 Results go to standard output, progress and remarks to standard error. With ``--json`` the document takes the place
-of the results; with ``--quiet`` there are no remarks. Errors are always said.
+of the results, with ``--table -`` the table; with ``--quiet`` there are no remarks. Errors are always said.
 """
 
 from __future__ import annotations
@@ -58,7 +58,9 @@ class Screen(Console):
 
 def out(arguments: argparse.Namespace | None = None) -> Screen:
     """The console of results."""
-    return _screen(stderr=False, muted=getattr(arguments, "json", False))
+    given = vars(arguments) if arguments is not None else {}
+    printed = given.get("json", False) or "-" in {given.get("table"), given.get("image_table")}
+    return _screen(stderr=False, muted=printed)
 
 
 def note(arguments: argparse.Namespace | None = None) -> Screen:

@@ -6,14 +6,16 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.output import add_json_flag
+from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, write_table
 from calibrary.cli.registry.place import add_layers_flag
 from calibrary.errors import InputError
 
 if TYPE_CHECKING:
+    from calibrary.api.images import ExtractResult
     from calibrary.policy import Policy
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
@@ -27,6 +29,7 @@ examples:
   calibrary extract flight/ --registry ../fleet-registry --hand-off colmap
   calibrary extract flight/ --hand-off odm --task survey    a folder that ODM and WebODM process as it is
   calibrary extract flight/ --html flight.html   the same as a page to show
+  calibrary extract flight/ --image-table images.parquet   the K of every image, for a data frame
   calibrary extract flight/ --verify             hold K against the pixels too
   calibrary extract s3://bucket/2024/ --resume parts   images where they lie; go on where it left off
   find . -name '*.JPG' | calibrary extract --from -
@@ -52,6 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_knowledge_flags(parser)
     _add_output_flags(parser)
     add_json_flag(parser)
+    add_table_flag(parser, "the cameras")
+    add_table_flag(parser, "the images, each with the K of its camera", name="--image-table")
 
 
 def _add_image_flags(parser: argparse.ArgumentParser) -> None:
@@ -233,6 +238,10 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.parser.error("--copy-images is for --task DIR")
     if arguments.html is None and (arguments.job is not None or arguments.operator is not None):
         arguments.parser.error("--job and --operator are for --html")
+    check_table_flag(arguments)
+    check_table_flag(arguments, name="image_table")
+    if arguments.table == arguments.image_table == "-":
+        arguments.parser.error("--table and --image-table are two tables: one of them into a file")
     matrix = Path(arguments.output_matrix)
     check_place(matrix)
     if arguments.html is not None:
@@ -255,7 +264,9 @@ def run(arguments: argparse.Namespace) -> int:
             resume=arguments.resume,
             scheduler=arguments.scheduler,
             cluster=arguments.cluster,
-            list_images=arguments.list_images or arguments.hand_off != "none",
+            list_images=arguments.list_images
+            or arguments.hand_off != "none"
+            or arguments.image_table is not None,
             days=arguments.html is not None,
             progress=display.progress,
         )
@@ -271,12 +282,22 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if not arguments.dry_run:
         write_outputs(outputs)
+    _write_tables(arguments, result)
     if arguments.json:
         # The very bytes of the report's file, whatever the terminal's encoding.
         sys.stdout.flush()
         sys.stdout.buffer.write(outputs.report)
     display.show(result.extraction, outputs, solver=arguments.hand_off, dry_run=arguments.dry_run)
     return outputs.exit_code
+
+
+def _write_tables(arguments: argparse.Namespace, result: ExtractResult) -> None:
+    """The tables that were asked for; into files only if anything is to be written."""
+    from calibrary.api.tables import cameras, images
+
+    for place, table in ((arguments.table, cameras), (arguments.image_table, images)):
+        if place == "-" or not arguments.dry_run:
+            write_table(place, partial(table, result))
 
 
 def _given(arguments: argparse.Namespace) -> list[str]:

@@ -6,11 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
 from calibrary.cli.reading import add_reading_flags, reading_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from calibrary.api.tables import Table
     from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
     from calibrary.jobs.inspect.run import Inspected
@@ -25,6 +28,7 @@ examples:
   calibrary inspect flight/DJI_0001.JPG                 what an image says of its camera
   calibrary inspect K.npy --image-size 5472x3648
   calibrary inspect handed-over/ --json                 every file of a folder, for machines
+  calibrary inspect handed-over/ --table handed-over.csv
 
 exit code 0: every file was read; 1: and a K is that of no camera; 3: at least one file was not read.
 """
@@ -38,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="files or folders")
     add_reading_flags(parser)
     add_json_flag(parser)
+    add_table_flag(parser, "the calibrations")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -45,8 +50,10 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.api.files import inspect, inspection_report
     from calibrary.cli.console import note, out
 
+    check_table_flag(arguments)
     with Bar(note(arguments), "inspecting") as bar:
         inspected = inspect(arguments.files, reading_of(arguments), bar)
+    write_table(arguments.table, lambda: _table(inspected))
     if arguments.json:
         alone = len(arguments.files) == 1 and not arguments.files[0].is_dir()
         print_json(inspection_report(inspected, alone=alone))
@@ -57,6 +64,12 @@ def run(arguments: argparse.Namespace) -> int:
     if any(one.error is not None for one in inspected):
         return EXIT_UNREADABLE
     return EXIT_IMPLAUSIBLE if any(one.implausible for one in inspected) else 0
+
+
+def _table(inspected: Sequence[Inspected]) -> Table:
+    from calibrary.api.tables import files
+
+    return files(inspected)
 
 
 def _show(screen: Screen, one: Inspected) -> None:

@@ -6,13 +6,22 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from calibrary.api.tables import Table
     from calibrary.records import Record
 
-__all__ = ["add_json_flag", "add_output_flags", "print_json"]
+__all__ = [
+    "add_json_flag",
+    "add_output_flags",
+    "add_table_flag",
+    "check_table_flag",
+    "print_json",
+    "write_table",
+]
 
 GROUP = "what is printed"
 _BEYOND_ASCII = re.compile(r"[^\x00-\x7f]+")
@@ -25,6 +34,40 @@ def add_json_flag(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="print one JSON document on standard output, and nothing else there",
     )
+
+
+def add_table_flag(parser: argparse.ArgumentParser, of: str, *, name: str = "--table") -> None:
+    """Add ``--table``, or another flag of a table.
+
+    Args:
+        parser: of the command.
+        of: what a row is.
+        name: of the flag.
+    """
+    _group(parser).add_argument(
+        name,
+        metavar="FILE",
+        help=f"also write a table of {of}: .csv, or .parquet (calibrary[tables]); - prints CSV in place of the results",
+    )
+
+
+def check_table_flag(arguments: argparse.Namespace, *, name: str = "table") -> None:
+    """Find out before any work is done whether the table can be written."""
+    place = getattr(arguments, name)
+    if place == "-" and arguments.json:
+        arguments.parser.error(f"--{name.replace('_', '-')} - and --json both print on standard output")
+    if place not in {None, "-"}:
+        from calibrary.api.tables import check_table_place
+
+        check_table_place(Path(place))
+
+
+def write_table(place: str | None, table: Callable[[], Table]) -> None:
+    """Write the table where a flag of :func:`add_table_flag` says, if it says so."""
+    if place == "-":
+        sys.stdout.write(table().to_csv())
+    elif place is not None:
+        table().write(Path(place))
 
 
 def add_output_flags(parser: argparse.ArgumentParser) -> None:

@@ -283,10 +283,8 @@ class TestList:
     ) -> None:
         _, out, _ = run(capsys, "list", "--where", "fx>3657 fx<3659", "--columns", "label,fx,serial,k1")
         assert out.splitlines()[1].split() == ["P4R-04", "3658", hash_serial("DJI", SERIALS[3]), "-0.262"]
-        _, out, _ = run(
-            capsys, "list", "--where", "label=P4R-04", "--columns", "label,fx,k1", "--format", "csv"
-        )
-        assert [*csv.reader(io.StringIO(out))] == [["label", "fx", "k1"], ["P4R-04", "3658.0", "-0.262"]]
+        _, out, _ = run(capsys, "list", "--where", "label=P4R-04", "--columns", "label,fx,k1", "--table", "-")
+        assert [*csv.reader(io.StringIO(out))] == [["label", "fx_px", "k1"], ["P4R-04", "3658.0", "-0.262"]]
 
 
 class TestTagsAndEdits:

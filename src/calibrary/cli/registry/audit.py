@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calibrary.cli.calibrate.flags import number
-from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.progress import Bar
 from calibrary.cli.registry.audit_pixels import show_verification
 from calibrary.cli.registry.place import add_registry_flag, viewed
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from rich.text import Text
 
+    from calibrary.api.exchange import AuditResult
+    from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
     from calibrary.jobs.audit.answers import Answer
     from calibrary.jobs.audit.groups import AuditedFlight, AuditedUnit
@@ -87,6 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=_count, default=0, metavar="N", help="processes that read images")
     add_registry_flag(parser)
     add_json_flag(parser)
+    add_table_flag(parser, "what flew")
     parser.add_argument("--html", type=Path, metavar="FILE", help="also write the audit as a page to show")
 
 
@@ -95,6 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.api.pages import check_page_place, write_page
     from calibrary.cli.console import note, out
 
+    check_table_flag(arguments)
     if arguments.html is not None:
         check_page_place(arguments.html)
     if arguments.verify:
@@ -114,11 +118,18 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if arguments.html is not None:
         write_page(arguments.html, done.to_html())
+    write_table(arguments.table, lambda: _as_table(done))
     if arguments.json:
         print_json(done.to_dict())
     else:
         _show(out(arguments), done.audit)
     return 0 if done.is_clean else EXIT_FINDINGS
+
+
+def _as_table(done: AuditResult) -> Table:
+    from calibrary.api.tables import audited_cameras
+
+    return audited_cameras(done)
 
 
 def _show(screen: Screen, done: Audit) -> None:

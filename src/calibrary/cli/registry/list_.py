@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.output import add_json_flag, print_json
+from calibrary.cli.output import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
 from calibrary.cli.parser import Parser
 from calibrary.cli.registry.place import add_registry_flag, viewed
 from calibrary.cli.tables import Column, single_lines
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from calibrary.api.registry_results import EntryListing
+    from calibrary.api.tables import Table
     from calibrary.cli.console import Screen
     from calibrary.registry.fields import Row
 
@@ -36,7 +37,7 @@ examples:
   calibrary registry list --where 'grade=calibrated date<2025-01-01 label~P4R' --sort date,-fx
   calibrary registry list --where 'tags=survey !until' --columns label,fx,sigma,date
   calibrary registry list --at 2026-05-01 --json
-  calibrary registry list --format csv > fleet.csv
+  calibrary registry list --table fleet.csv      or fleet.parquet; units are in the columns' names
 
 {CONDITIONS}"""
 
@@ -85,9 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--at", metavar="REV", help="as it was at a commit, tag, branch or day")
     add_registry_flag(parser)
     add_json_flag(parser)
-    parser.add_argument(
-        "--format", choices=("table", "csv"), default="table", help="csv for a spreadsheet; default: table"
-    )
+    add_table_flag(parser, "the entries")
 
 
 def add_where_flag(parser: argparse.ArgumentParser) -> None:
@@ -105,6 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, out, plain
 
+    check_table_flag(arguments)
     found = viewed(arguments, arguments.at).listing(
         arguments.words,
         statuses=arguments.status or (),
@@ -113,10 +113,9 @@ def run(arguments: argparse.Namespace) -> int:
         sort=arguments.sort,
     )
     named = found.chosen.columns(arguments.columns) if arguments.columns is not None else None
+    write_table(arguments.table, lambda: _table(found, named))
     if arguments.json:
         print_json(found.to_dict())
-    elif arguments.format == "csv":
-        _print_csv(found, named)
     elif found.chosen.rows:
         _show(out(arguments), note(arguments), found, named)
     elif not found.unreadable:
@@ -139,8 +138,6 @@ COLUMNS = (
     Column(name="cy px", rank=7, right=True),
 )
 STYLES = {"approved": "green", "held": "cyan", "draft": "yellow", "retired": "dim"}
-K_FIELDS = tuple(f"intrinsics.{name}" for name in ("fx", "fy", "cx", "cy"))
-CSV_FIELDS = ("label", "id", "status", "grade", *K_FIELDS, "provenance.date", "firmware", "tags")
 
 
 def _show(screen: Screen, remarks: Screen, found: EntryListing, named: Sequence[str] | None) -> None:
@@ -184,11 +181,7 @@ def _text(value: object) -> str:
     return f"{value:.10g}" if isinstance(value, float) else "" if value is None else str(value)
 
 
-def _print_csv(found: EntryListing, named: Sequence[str] | None) -> None:
-    import sys
+def _table(found: EntryListing, named: Sequence[str] | None) -> Table:
+    from calibrary.api.tables import entries
 
-    from calibrary.api.units import csv_text
-
-    fields = named or CSV_FIELDS
-    rows = [[row.get(field) for field in fields] for row in found.chosen.rows]
-    sys.stdout.write(csv_text([field.rpartition(".")[2] for field in fields], rows))
+    return entries(found, named)

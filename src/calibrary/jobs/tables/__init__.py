@@ -1,0 +1,1 @@
+"""Cameras and images as tables for spreadsheets and data frames."""

@@ -1,0 +1,203 @@
+"""The rows of tables: cameras and images of a run, entries, files, known cameras.
+
+The columns of a calibration are the same in all of them: what is fixed first, and last the coefficients of the
+distortion models that there are. cx_px and cy_px count from the outer corner of the top-left pixel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final
+
+from calibrary.calibration import Calibration, CameraKey, ImageSize
+from calibrary.jobs.audit.report import AuditReport
+from calibrary.jobs.extract.report import CameraDocument, ExtractReport
+from calibrary.jobs.images.folders import SkippedFile
+from calibrary.jobs.inspect.run import Inspected
+from calibrary.jobs.tables.table import Cell, Table
+from calibrary.known_camera import KnownCamera
+from calibrary.parsers.unsized import UnsizedCalibration
+from calibrary.quality import Quality
+from calibrary.registry.fields import Row
+from calibrary.registry.stored import StoredEntry
+
+__all__ = ["audit_table", "camera_table", "catalogue_table", "entry_table", "file_table", "image_table"]
+
+K: Final = ("fx", "fy", "cx", "cy", "skew")
+PX: Final = frozenset(f"intrinsics.{name}" for name in K) | {"quality.rms_px"}
+
+
+def camera_table(report: ExtractReport) -> Table:
+    """The cameras of a run, with the K of each that has one."""
+    return Table(
+        [_in_run(one) | {"images": len(one.images) + one.more_images} | _of(one) for one in report.cameras]
+    )
+
+
+def image_table(report: ExtractReport) -> Table:
+    """Every image of a run with its camera and the camera's K; last those that were not read."""
+    rows: list[dict[str, Cell]] = []
+    for camera in report.cameras:
+        calibration = _of(camera)
+        for state in camera.states:
+            said = _in_run(camera) | {"verdict": state.verdict.value, "why": state.why}
+            rows += ({"image": image} | said | calibration for image in state.images)
+    rows += _not_read("unreadable", report.rejected)
+    rows += _not_read("skipped", report.skipped)
+    return Table(rows)
+
+
+def _not_read(verdict: str, files: Iterable[SkippedFile]) -> Iterator[dict[str, Cell]]:
+    return ({"image": one.name, "verdict": verdict, "why": one.reason} for one in files)
+
+
+def _in_run(camera: CameraDocument) -> dict[str, Cell]:
+    return {
+        "camera": camera.id,
+        "label": camera.label,
+        "verdict": camera.verdict.value,
+        "why": camera.why,
+    }
+
+
+def _of(camera: CameraDocument) -> dict[str, Cell]:
+    return _calibration(camera.calibration) if camera.calibration is not None else _key(camera.camera)
+
+
+def entry_table(entries: Sequence[StoredEntry], rows: Sequence[Row], fields: Sequence[str] | None) -> Table:
+    """The entries of a registry.
+
+    Args:
+        entries: as they are stored.
+        rows: their fields, in the same order.
+        fields: those to show, and nothing else; None for all that a table of cameras has.
+    """
+    if fields is not None:
+        return Table([{_with_unit(field): _cell(row.get(field)) for field in fields} for row in rows])
+    return Table([_entry(stored) for stored in entries])
+
+
+def _entry(stored: StoredEntry) -> dict[str, Cell]:
+    entry, validity = stored.entry, stored.entry.validity
+    first, last = (validity.first, validity.last) if validity is not None else (None, None)
+    return {
+        "entry": stored.id,
+        "label": entry.label,
+        "status": "proposed" if stored.is_pending else entry.status.value,
+        "valid_from": first.isoformat() if first is not None else None,
+        "valid_until": last.isoformat() if last is not None else None,
+        "tags": " ".join(entry.tags) or None,
+    } | _calibration(entry.calibration)
+
+
+def _with_unit(field: str) -> str:
+    name = field.rpartition(".")[2]
+    in_px = field in PX or (field.startswith("quality.std.") and name in K)
+    return f"{name}_px" if in_px and not name.endswith("_px") else name
+
+
+def _cell(value: object) -> Cell:
+    if isinstance(value, tuple):
+        return " ".join(map(str, value))
+    return value if value is None or isinstance(value, str | int | float) else str(value)
+
+
+def file_table(files: Sequence[Inspected]) -> Table:
+    """The calibrations in files, and the files that were not read."""
+    rows: list[dict[str, Cell]] = []
+    for one in files:
+        about: dict[str, Cell] = {"file": str(one.path), "format": one.format, "error": one.error}
+        found = [*map(_calibration, one.calibrations), *map(_calibration, one.unsized)]
+        rows += (about | item for item in found or [{}])
+    return Table(rows)
+
+
+def audit_table(report: AuditReport) -> Table:
+    """Each unit with each firmware that flew, with the entry that the registry has for it."""
+    labels = {unit.serial: unit.label for unit in report.units if unit.serial is not None}
+    rows = []
+    for one in report.cameras:
+        flown = next((source for source in one.sources if source.chosen), None)
+        rows.append(
+            {
+                "label": labels.get(one.camera.serial or ""),
+                "use": one.use.value,
+                "entry": one.entry,
+                "why": one.why,
+                "images": one.images,
+                "first": one.first.isoformat() if one.first is not None else None,
+                "last": one.last.isoformat() if one.last is not None else None,
+                "entry_fx_px": one.fx,
+                "images_fx_px": flown.fx if flown is not None else None,
+                "difference_share": flown.difference if flown is not None else None,
+            }
+            | _key(one.camera)
+        )
+    return Table(rows)
+
+
+def catalogue_table(cameras: Sequence[KnownCamera]) -> Table:
+    """The known cameras; several spellings of a Model are one cell."""
+    return Table(
+        [
+            {
+                "make": one.make,
+                "model": "; ".join(one.models),
+                "name": one.title,
+                "sub_camera": one.sub_camera,
+                "lens": one.lens,
+                **_size(one.native_size),
+                "pitch_um": one.pitch_um,
+                "sensor_width_mm": one.sensor_width_mm,
+                "focal_mm": one.focal_mm,
+                "focal_35mm_mm": one.focal_35mm,
+                "projection": one.projection.value,
+                "fx_over_width": one.fx_over_w,
+                "spread_share": one.spread,
+            }
+            for one in cameras
+        ]
+    )
+
+
+def _calibration(made: Calibration | UnsizedCalibration) -> dict[str, Cell]:
+    lens, quality, source = made.distortion, made.quality or Quality(), made.provenance
+    # What pages and notebooks show as ±.
+    inflation = math.sqrt(quality.inflation)
+    spread = {name: value * inflation for name, value in quality.std.items()}
+    return (
+        _key(made.camera)
+        | _size(made.intrinsics.image_size)
+        | {f"{name}_px": getattr(made.intrinsics, name) for name in K}
+        | {f"sigma_{name}_px": spread.get(name) for name in K[:4]}
+        | {
+            "distortion": lens.model if lens is not None else "unknown",
+            "grade": made.grade.value,
+            "rms_px": quality.rms_px,
+            "date": source.date,
+            "tool": source.tool,
+            "source": source.source,
+            "tag": source.tag,
+        }
+        | (lens.coefficients if lens is not None else {})
+    )
+
+
+def _key(camera: CameraKey) -> dict[str, Cell]:
+    return {
+        "make": camera.make,
+        "model": camera.model,
+        "sub_camera": camera.sub_camera,
+        "lens": camera.lens,
+        "focal_mm": camera.focal_mm,
+        "capture_mode": camera.capture_mode,
+        **_size(camera.image_size),
+        "serial_hash": camera.serial,
+        "firmware": camera.firmware,
+    }
+
+
+def _size(size: ImageSize | None) -> dict[str, Cell]:
+    width, height = size if size is not None else (None, None)
+    return {"width_px": width, "height_px": height}
