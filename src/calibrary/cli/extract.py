@@ -228,20 +228,7 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import note, out
     from calibrary.cli.extract_display import Display
 
-    if arguments.locked is not None and arguments.registry is None:
-        arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
-    if arguments.database is not None and arguments.hand_off != "colmap":
-        arguments.parser.error("--database is for --hand-off colmap")
-    if arguments.task is not None and arguments.hand_off not in {"odm", "opensfm"}:
-        arguments.parser.error("--task is for --hand-off odm and --hand-off opensfm")
-    if arguments.copy_images and arguments.task is None:
-        arguments.parser.error("--copy-images is for --task DIR")
-    if arguments.html is None and (arguments.job is not None or arguments.operator is not None):
-        arguments.parser.error("--job and --operator are for --html")
-    check_table_flag(arguments)
-    check_table_flag(arguments, name="image_table")
-    if arguments.table == arguments.image_table == "-":
-        arguments.parser.error("--table and --image-table are two tables: one of them into a file")
+    _check_flags(arguments)
     matrix = Path(arguments.output_matrix)
     check_place(matrix)
     if arguments.html is not None:
@@ -289,6 +276,24 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.buffer.write(outputs.report)
     display.show(result.extraction, outputs, solver=arguments.hand_off, dry_run=arguments.dry_run)
     return outputs.exit_code
+
+
+def _check_flags(arguments: argparse.Namespace) -> None:
+    """Flags that say nothing without another, and tables that cannot be written."""
+    if arguments.locked is not None and arguments.registry is None:
+        arguments.parser.error("--locked needs the registry that it is of: --registry PATH")
+    if arguments.database is not None and arguments.hand_off != "colmap":
+        arguments.parser.error("--database is for --hand-off colmap")
+    if arguments.task is not None and arguments.hand_off not in {"odm", "opensfm"}:
+        arguments.parser.error("--task is for --hand-off odm and --hand-off opensfm")
+    if arguments.copy_images and arguments.task is None:
+        arguments.parser.error("--copy-images is for --task DIR")
+    if arguments.html is None and (arguments.job is not None or arguments.operator is not None):
+        arguments.parser.error("--job and --operator are for --html")
+    check_table_flag(arguments)
+    check_table_flag(arguments, name="image_table")
+    if arguments.table == arguments.image_table == "-":
+        arguments.parser.error("--table and --image-table are two tables: one of them into a file")
 
 
 def _write_tables(arguments: argparse.Namespace, result: ExtractResult) -> None:
