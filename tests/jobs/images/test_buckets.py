@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import urllib.request
 import zipfile
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.extract.report import encode, report_of
 from calibrary.jobs.extract.run import Request, run
 from calibrary.jobs.images import buckets, ranged
+from calibrary.jobs.images.aws_profile import profile_options
 from calibrary.jobs.images.buckets import bucket
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.ranged import FIRST, StoreError
@@ -149,3 +151,62 @@ def test_a_zip_file_in_a_bucket_is_read_like_its_folder(server: str, flight: Pat
     put(server, "zipped/day.zip", made.getvalue())
     far, near = run(Request(images=("s3://box/zipped/day.zip",))), gate(flight, recursive=True)
     assert encode(to_json(report_of(far, {}))) == encode(to_json(report_of(near, {})))
+
+
+@pytest.fixture
+def aws_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """No keys in the environment, and profiles in files."""
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION", "AWS_PROFILE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(tmp_path / "credentials"))
+    monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "config"))
+    (tmp_path / "credentials").write_text(
+        f"[default]\naws_access_key_id = AKIADEFAULT\naws_secret_access_key = {SECRET}\n"
+        f"[survey]\naws_access_key_id = AKIASURVEY\naws_secret_access_key = a%b{SECRET}\naws_session_token = t\n"
+    )
+    (tmp_path / "config").write_text(
+        "[default]\nregion = eu-west-1\n[profile survey]\nregion = us-east-1\nendpoint_url = http://127.0.0.1:9\n"
+        "[profile single-sign-on]\nsso_session = corp\n"
+    )
+    return tmp_path
+
+
+@pytest.mark.usefixtures("aws_files")
+def test_a_profile_gives_the_keys_that_the_environment_lacks(
+    server: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert profile_options() == {
+        "access_key_id": "AKIADEFAULT",
+        "secret_access_key": SECRET,
+        "region": "eu-west-1",
+    }
+    monkeypatch.setenv("AWS_PROFILE", "survey")
+    # The endpoint of the profile leads nowhere; that of the environment comes before it.
+    assert profile_options() == {
+        "access_key_id": "AKIASURVEY",
+        "secret_access_key": f"a%b{SECRET}",
+        "session_token": "t",
+        "region": "us-east-1",
+    }
+    assert "AWS_ENDPOINT_URL" in os.environ
+    put(server, "profile/notes.txt", b"of a profile")
+    assert bucket("s3", "box").first("profile/notes.txt", 4).data == b"of a"
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "AKIAGEHEIM")
+    assert profile_options() == {}
+
+
+@pytest.mark.parametrize("name", ["single-sign-on", "not-there"])
+@pytest.mark.usefixtures("aws_files")
+def test_a_profile_without_keys_is_told_with_what_exports_them(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("AWS_PROFILE", name)
+    assert main(["extract", "s3://box/fleet/", "--dry-run"]) == 3
+    told = " ".join(capsys.readouterr().err.split())
+    assert f"aws configure export-credentials --profile {name} --format env" in told
+
+
+def test_files_of_profiles_that_are_none_are_named(aws_files: Path) -> None:
+    (aws_files / "credentials").write_text("no section\n")
+    with pytest.raises(StoreError, match="credentials cannot be read as a file of AWS profiles"):
+        profile_options()

@@ -1,7 +1,7 @@
 """Images in object stores: S3, Google and Azure through obstore, every other kind through fsspec.
 
-Credentials come as each store's own programs take them, from the environment or the machine's role, and never from
-here; what a store says of an error is put into our own words, since its own may quote a signed URL.
+Credentials come as each store's own programs take them, from the environment, a profile or the machine's role, and
+never from here; what a store says of an error is put into our own words, since its own may quote a signed URL.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any, Final
 
 from calibrary.extras import require
+from calibrary.jobs.images.aws_profile import profile_options
 from calibrary.jobs.images.ranged import First, Listed, Store, StoreError
 
 __all__ = ["OBSTORE", "bucket"]
@@ -45,7 +46,9 @@ class _Bucket:
         self._errors: Any = import_module("obstore.exceptions")
         try:
             # Attempts are counted in one place, for every kind of store.
-            self._store = import_module("obstore.store").from_url(url, retry_config={"max_retries": 0})
+            self._store = import_module("obstore.store").from_url(
+                url, retry_config={"max_retries": 0}, **(profile_options() if url.startswith("s3") else {})
+            )
         except (OSError, ValueError, self._errors.BaseError) as error:
             raise StoreError(f"the store is not set up: {type(error).__name__}") from None
 
