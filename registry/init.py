@@ -298,7 +298,7 @@ repos:
         entry: calibrary registry check --worktree
         language: python
         additional_dependencies: ["calibrary{requirement}"]
-        files: ^(cameras|proposals)/
+        files: ^(cameras|proposals)/.*\\.yaml$|^registry\\.yaml$
         pass_filenames: false
 """
 
