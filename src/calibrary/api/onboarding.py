@@ -12,9 +12,10 @@ from calibrary.api.stated import CameraLike, overlay
 from calibrary.calib.board import parse_board
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
-from calibrary.extras import CALIBRATE, PAGES, require
+from calibrary.extras import CALIBRATE, PAGES, SFM, require
 from calibrary.jobs.exchange.add import Stated
 from calibrary.jobs.onboard.estimates import Kind
+from calibrary.jobs.onboard.flight import flight_hint
 from calibrary.jobs.onboard.proposal import Serves
 from calibrary.jobs.onboard.records import Onboarding, Questions, Request
 from calibrary.jobs.onboard.report import report_of
@@ -24,7 +25,7 @@ from calibrary.progress import Progress
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written
 
-__all__ = ["OnboardResult", "onboard"]
+__all__ = ["OnboardResult", "flight_hint", "onboard"]
 
 
 Q = TypeVar("Q")
@@ -88,6 +89,7 @@ def onboard(
     trust: str | None = None,
     only: str | None = None,
     stated: Stated | None = None,
+    flight: bool = False,
     label: str | None = None,
     workers: int = 0,
     progress: Progress | None = None,
@@ -104,9 +106,10 @@ def onboard(
         marker_mm: side of a marker.
         camera: what the payload does not say of its cameras, or says wrong.
         image_size: of calibration files that do not say theirs.
-        trust: "board", "file" or "tags": the source to trust where sources disagree and nothing else decides.
+        trust: "board", "flight", "file" or "tags": the source to trust where sources disagree and nothing else decides.
         only: a part of the name of the cameras that are meant.
         stated: date, tool and operator of calibrations that do not say them.
+        flight: calibrate from the images of a flight too, where 8 or more of one folder are of a camera: minutes.
         label: what the unit is called, "P4R-03"; a K that serves the whole model gets none.
         workers: processes; 0 decides by itself.
         progress: called with (done, in all, what): files that are sorted, then frames that are searched.
@@ -116,7 +119,7 @@ def onboard(
         RegistryError: the registry cannot be read.
         MissingExtraError: what finds boards or draws the page is not installed.
     """
-    require([*CALIBRATE, *PAGES], "onboard")
+    require([*CALIBRATE, *PAGES, *(SFM if flight else ())], "onboard --flight" if flight else "onboard")
     if board is not None and not isinstance(square_mm, int | float):
         raise InputError("a board needs square_mm, the side of its squares")
     request = Request(
@@ -135,6 +138,7 @@ def onboard(
         trusted=Kind(trust) if trust is not None else None,
         only=only,
         stated=stated or Stated(),
+        flight=flight,
         label=label,
         workers=workers,
         progress=progress,

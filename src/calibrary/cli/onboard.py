@@ -42,6 +42,7 @@ examples:
   calibrary onboard payload/                                 asks what it cannot know
   calibrary onboard payload/ --square-mm 40 --for unit --yes    for machines
   calibrary onboard payload/ --board charuco:8x5 --square-mm 30 --html report.html
+  calibrary onboard payload/ --flight                        calibrate from the images of its flight too
   calibrary onboard payload/ --trust file                    where sources disagree and you know which is right
 
 exit codes: 0 a draft waits, or nothing is new; 1 refused, and only the page is written; 2 an answer is missing that
@@ -67,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     asked.add_argument(
         "--trust",
-        choices=("board", "file", "tags"),
+        choices=("board", "flight", "file", "tags"),
         help="the source to trust where sources disagree and nothing else decides",
     )
     board = parser.add_argument_group("the board")
@@ -75,6 +76,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--board",
         metavar="BOARD",
         help="which one, in inner corners: checkerboard:11x8 (default: a checkerboard, its size found by trying)",
+    )
+    parser.add_argument(
+        "--flight",
+        action="store_true",
+        help="also calibrate from the flight of a camera with 8 images or more in one folder: one more estimate "
+        "(needs calibrary[sfm]; a few minutes)",
     )
     board.add_argument("--marker-mm", type=number(0.01, 10_000), metavar="MM", help="side of a marker")
     parser.add_argument("--only", metavar="TEXT", help="only cameras whose name holds this, such as M3T wide")
@@ -144,6 +151,7 @@ def _onboarded(arguments: argparse.Namespace, remarks: Screen) -> OnboardResult:
             camera=partial(camera_of, arguments),
             image_size=arguments.image_size,
             trust=arguments.trust,
+            flight=arguments.flight,
             only=arguments.only,
             stated=stated_of(arguments),
             label=arguments.label,
@@ -204,14 +212,18 @@ def _show(screen: Screen, done: Onboarding) -> None:
 
 
 def _show_camera(screen: Screen, one: CameraDecision) -> None:
+    from calibrary.api.onboarding import flight_hint
     from calibrary.cli.console import plain
 
     screen.say("")
     screen.say(f"[bold]{plain(str(one.camera.key))}[/]")
     if one.estimates:
         screen.show(_sources(one, screen.width - 2), indent=2)
-    if one.board is not None and one.board.reason is not None:
-        _say(screen, f"  the frames of a board give no K: {one.board.reason}", "yellow")
+    for what, solve in (("frames of a board", one.board), ("images of a flight", one.flight)):
+        if solve is not None and solve.reason is not None:
+            _say(screen, f"  the {what} give no K: {solve.reason}", "yellow")
+    if (hint := flight_hint(one.flight_images)) is not None:
+        _say(screen, f"  {hint}", "dim")
     for relative in one.relatives:
         found = relative.comparison
         numbers = found.numbers if found is not None else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
@@ -186,23 +186,27 @@ def held_against(
     if comparison.chosen.kind is Kind.TAGS and judged is not None:
         around = circumstances(judged.evidence, judged.states[0].known, spread=judged.spread)
         others = tuple(other for other in around.others if other.name not in outvoted)
-        return validate(calibration, policy, replace(around, others=others))
+        flights = _agreeing(comparison, {Kind.FLIGHT})
+        return validate(calibration, policy, replace(around, others=(*others, *flights)))
     around = Circumstances(
         expected=expected_of(camera),
-        others=tuple(
-            NamedFocal(
-                name=compared.estimate.name,
-                fx=compared.estimate.intrinsics.fx,
-                tolerance=compared.estimate.limit,
-            )
-            for compared in comparison.others
-            if not compared.disagrees and compared.estimate.kind in {Kind.TAGS, Kind.FILE}
-        ),
+        others=_agreeing(comparison, {Kind.TAGS, Kind.FILE, Kind.FLIGHT}),
         edits=tuple(f"the image was {edit}" for edit in edits(judged.states[0].metadata))
         if judged is not None and comparison.chosen.kind is Kind.BOARD
         else (),
     )
     return validate(calibration, policy, around)
+
+
+def _agreeing(comparison: EstimateComparison, kinds: Collection[Kind]) -> tuple[NamedFocal, ...]:
+    """The other estimates of these kinds that do not disagree."""
+    return tuple(
+        NamedFocal(
+            name=compared.estimate.name, fx=compared.estimate.intrinsics.fx, tolerance=compared.estimate.limit
+        )
+        for compared in comparison.others
+        if not compared.disagrees and compared.estimate.kind in kinds
+    )
 
 
 def refused_by(report: Report) -> str | None:

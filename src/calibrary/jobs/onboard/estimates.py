@@ -25,11 +25,14 @@ EXIF: Final = "EXIF"
 TOLERANCE: Final = 0.03
 """Between two measurements, or one and a known camera, where the policy names none."""
 
+SIGMAS: Final = 3.0
+
 
 class Kind(StrEnum):
     """Who says it; the value is what people read."""
 
     BOARD = "board"
+    FLIGHT = "flight"
     FILE = "file"
     TAGS = "tags"
     CATALOGUE = "catalogue"
@@ -64,18 +67,24 @@ class Estimate:
 
 
 def estimates(
-    camera: PayloadCamera, board: CalibrationResult | None, current: Resolution | None, policy: Policy
+    camera: PayloadCamera,
+    board: CalibrationResult | None,
+    flight: CalibrationResult | None,
+    current: Resolution | None,
+    policy: Policy,
 ) -> tuple[Estimate, ...]:
     """Everybody heard, the one whose K is proposed first.
 
     Args:
         camera: the camera.
-        board: what its frames of a board were solved to; of a refused one nothing is heard.
+        board: what its frames of a board were solved to; a refused one is not used.
+        flight: the same of the images of a flight.
         current: the registry's entry for it.
         policy: how near they must lie.
     """
     heard = [
         *_of_board(board, policy),
+        *_of_flight(flight, policy),
         *_of_files(camera, policy),
         *_of_tags(camera, policy),
         *_of_registry(current, policy),
@@ -120,6 +129,25 @@ def _of_board(board: CalibrationResult | None, policy: Policy) -> Iterator[Estim
         measured_centre=True,
         # A provisional solve is the last among what was measured on this unit.
         rank=(board.calibration.grade.rank, 0 if passed else 3),
+    )
+
+
+def _of_flight(flight: CalibrationResult | None, policy: Policy) -> Iterator[Estimate]:
+    if flight is None or flight.verdict is BoardVerdict.REFUSE:
+        return
+    calibration, passed = flight.calibration, flight.verdict is BoardVerdict.PASS
+    std = calibration.quality.std.get("fx", 0.0) if calibration.quality is not None else 0.0
+    yield Estimate(
+        kind=Kind.FLIGHT,
+        name=f"{len(flight.rms_by_view)} images of a flight",
+        origin="flight",
+        intrinsics=calibration.intrinsics,
+        grade=calibration.grade,
+        calibration=calibration,
+        limit=max(_measured_limit(policy), SIGMAS * std / calibration.intrinsics.fx),
+        measured_centre=True,
+        # Of one grade a file and the camera's own calibration come first: they are made for that.
+        rank=(calibration.grade.rank, 3 if passed else 4),
     )
 
 

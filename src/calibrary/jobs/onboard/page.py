@@ -11,7 +11,7 @@ from calibrary.jobs.onboard.classify import Payload
 from calibrary.jobs.onboard.comparison import Agreement, EstimateComparison, Relative
 from calibrary.jobs.onboard.estimates import Kind
 from calibrary.jobs.onboard.proposal import sources_of
-from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Decision, Onboarding
+from calibrary.jobs.onboard.records import CameraDecision, Decision, ImageSolve, Onboarding
 from calibrary.pages import (
     Badge,
     Block,
@@ -85,7 +85,7 @@ def onboard_page(done: Onboarding) -> Page:
     solves = 0
     sections = []
     for one in done.outcomes:
-        solves += one.board is not None and one.board.result is not None
+        solves += sum(solve is not None and solve.result is not None for solve in (one.board, one.flight))
         sections.append(_camera(one, done.payload, whole=solves <= MOST_SOLVES))
     return Page(
         title=f"New payload: {title}",
@@ -104,7 +104,9 @@ def _camera(one: CameraDecision, payload: Payload, *, whole: bool) -> Section:
     blocks += _relatives(one.relatives)
     blocks += _findings(one.report)
     if one.board is not None:
-        blocks += _board(one.board, whole=whole)
+        blocks += _solve(one.board, "frames of a board", whole=whole)
+    if one.flight is not None:
+        blocks += _solve(one.flight, "images of a flight", whole=whole)
     blocks.append(_sources(one, payload))
     badge = Badge(one.decision.value, DECISIONS[one.decision])
     return Section(title=str(one.camera.key), badge=badge, blocks=tuple(blocks))
@@ -179,7 +181,7 @@ def _chart(one: CameraDecision, comparison: EstimateComparison | None) -> Figure
                 name=f"{estimate.kind.value}: {estimate.name}",
                 value=estimate.intrinsics.fx,
                 half_width=estimate.intrinsics.fx * estimate.limit
-                if estimate.kind is not Kind.BOARD
+                if estimate.kind not in {Kind.BOARD, Kind.FLIGHT}
                 else 0.0,
                 role=role,
             )
@@ -273,28 +275,25 @@ def _findings(report: Report | None) -> Iterator[Block]:
     )
 
 
-def _board(board: BoardSolve, *, whole: bool) -> Iterator[Block]:
-    if board.reason is not None:
-        yield Note(text=f"{board.frames} frames of a board give no K: {board.reason}.", tone=Tone.CAUTION)
-    if board.result is None or board.collected is None or not whole:
+def _solve(solve: ImageSolve, what: str, *, whole: bool) -> Iterator[Block]:
+    if solve.reason is not None:
+        yield Note(text=f"{solve.images} {what} give no K: {solve.reason}.", tone=Tone.CAUTION)
+    if solve.result is None or solve.collected is None or not whole:
         return
-    result, quality = board.result, board.result.calibration.quality
-    rms = (
-        f", reprojection error (RMS) {quality.rms_px:.2f} px"
-        if quality is not None and quality.rms_px is not None
-        else ""
-    )
+    result, quality = solve.result, solve.result.calibration.quality
+    rms = f", rms {quality.rms_px:.3f} px" if quality is not None and quality.rms_px is not None else ""
+    command = "calibrate flight DIR" if result.flown is not None else "calibrate FRAMES"
     lead = (
-        f"{len(result.rms_by_view)} of {board.frames} frames of {result.observations.board} count{rms}; "
-        f"the {result.model.value} model. All of it: calibrary calibrate FRAMES --report FILE."
+        f"{len(result.rms_by_view)} of {solve.images} {what} count, of {result.observations.board}{rms}; "
+        f"the {result.model.value} model. All of it: calibrary {command} --report FILE."
     )
     reasons = tuple(str(finding) for finding in result.findings)
     yield Section(
-        title="The frames of a board",
+        title=f"The {what}",
         badge=Badge(result.verdict.value, SOLVES[result.verdict]),
         blocks=(
             lead,
-            *((Bullets((*reasons, *board.collected.notes)),) if reasons else ()),
+            *((Bullets((*reasons, *solve.collected.notes)),) if reasons else ()),
             *fit_plots(result),
         ),
     )

@@ -43,7 +43,7 @@ def entry_for(
     serves: Serves,
     payload: Payload,
     *,
-    board: CalibrationResult | None,
+    solved: CalibrationResult | None,
     stated: Stated,
 ) -> Entry:
     """The draft.
@@ -53,17 +53,16 @@ def entry_for(
         comparison: whose K it is, and who agrees.
         serves: this unit only, or every one of its model.
         payload: where its sources lie.
-        board: the solve, where the K is its.
+        solved: the solve of a board or a flight, where the K is its.
         stated: of the calibration's making, where its source does not say it.
 
     Raises:
         InputError: make or model is missing, or K is a guess.
     """
-    chosen = comparison.chosen
     key = _key(camera, comparison, serves)
-    if chosen.kind is Kind.BOARD and board is not None:
-        named = replace(board.calibration, camera=replace(key, firmware=camera.firmware))
-        entry = entry_of(replace(board, calibration=named), SolveRequest(operator=stated.operator))
+    if solved is not None:
+        named = replace(solved.calibration, camera=replace(key, firmware=camera.firmware))
+        entry = entry_of(replace(solved, calibration=named), SolveRequest(operator=stated.operator))
         calibration = entry.calibration
     else:
         calibration = replace(comparison.calibration, camera=key, extras=())

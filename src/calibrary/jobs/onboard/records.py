@@ -23,7 +23,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.registry import Registry
 from calibrary.validation import Finding, Report
 
-__all__ = ["BoardSolve", "CameraDecision", "Decision", "Onboarding", "Questions", "Request"]
+__all__ = ["CameraDecision", "Decision", "ImageSolve", "Onboarding", "Questions", "Request"]
 
 
 class Decision(StrEnum):
@@ -63,6 +63,7 @@ class Request:
         trusted: whom to believe where estimates disagree and nothing else decides.
         only: a part of the name of the cameras that are meant; None for all.
         stated: of the making of calibrations whose source does not say it.
+        flight: whether to calibrate from the images of a flight too, which takes minutes.
         label: what the keeper calls the unit that the payload is; None leaves what it is called.
         workers: processes; 0 decides by itself.
         progress: called with how many are done, of how many, and of what: files, then frames.
@@ -77,6 +78,7 @@ class Request:
     trusted: Kind | None = None
     only: str | None = None
     stated: Stated = field(default_factory=Stated)
+    flight: bool = False
     label: str | None = None
     workers: int = 0
     progress: Progress | None = field(default=None, compare=False)
@@ -88,16 +90,16 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BoardSolve:
-    """What became of the frames of a board.
+class ImageSolve:
+    """What became of the frames of a board, or of the images of a flight.
 
     Attributes:
-        frames: how many there are.
+        images: how many there are.
         collected, result: None where no board was found or nothing could be solved.
         reason: then why.
     """
 
-    frames: int
+    images: int
     collected: Collected | None = None
     result: CalibrationResult | None = None
     reason: str | None = None
@@ -113,6 +115,8 @@ class CameraDecision:
         reason: why, in a sentence.
         advice: what to do next.
         board: of its frames of a board, None where there are none.
+        flight: of the images of its flight; None where there is none, or that was not asked for.
+        flight_images: how many images there are that K could be calibrated from as well, and was not.
         estimates: everybody heard, the one that is proposed first.
         comparison: how the others stand to it; None where no source states a K.
         report: the K against the policy.
@@ -126,7 +130,9 @@ class CameraDecision:
     decision: Decision
     reason: str
     advice: str | None = None
-    board: BoardSolve | None = None
+    board: ImageSolve | None = None
+    flight: ImageSolve | None = None
+    flight_images: int = 0
     estimates: tuple[Estimate, ...] = ()
     comparison: EstimateComparison | None = None
     report: Report | None = None

@@ -12,7 +12,7 @@ from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.onboard.comparison import Agreement, EstimateComparison, Relative
 from calibrary.jobs.onboard.estimates import Estimate, Kind
 from calibrary.jobs.onboard.proposal import sources_of
-from calibrary.jobs.onboard.records import BoardSolve, CameraDecision, Decision, Onboarding
+from calibrary.jobs.onboard.records import CameraDecision, Decision, ImageSolve, Onboarding
 from calibrary.records import Meta, Record
 from calibrary.registry.entry import Status
 from calibrary.registry.git.objects import ObjectId
@@ -68,18 +68,18 @@ class EstimateReport(Record):
     overruled: bool
 
 
-class BoardReport(Record):
-    """What became of the frames of a board.
+class SolveReport(Record):
+    """What became of the frames of a board, or of the images of a flight.
 
     Attributes:
-        frames: how many there are.
-        board: which one; None where none was found, as the next two.
+        images: how many there are.
+        board: which one, or the points of the ground; None where nothing was solved, as the next two.
         verdict: of the calibration.
         rms_px: reprojection error.
         reason: why there is no K; None where there is one.
     """
 
-    frames: Annotated[int, Meta(ge=1)]
+    images: Annotated[int, Meta(ge=1)]
     board: str | None
     verdict: BoardVerdict | None
     rms_px: float | None
@@ -150,6 +150,7 @@ class DecisionReport(Record):
         next: what to do; None where there is nothing to do.
         estimates: every estimate of K, the proposed one first.
         board: of its frames of a board; None where there are none.
+        flight: of the images of its flight; None where that was not asked for.
         findings: K against the policy.
         entry: None where it came to none.
         check: what the registry's check says of the entry.
@@ -162,7 +163,8 @@ class DecisionReport(Record):
     reason: str
     next: str | None
     estimates: tuple[EstimateReport, ...]
-    board: BoardReport | None
+    board: SolveReport | None
+    flight: SolveReport | None
     findings: tuple[Finding, ...]
     entry: ProposedEntry | None
     check: tuple[Finding, ...]
@@ -227,7 +229,8 @@ def _camera(one: CameraDecision, done: Onboarding) -> DecisionReport:
         reason=one.reason,
         next=one.advice,
         estimates=tuple(_estimate(estimate, one.comparison) for estimate in one.estimates),
-        board=_board(one.board) if one.board is not None else None,
+        board=_solve(one.board) if one.board is not None else None,
+        flight=_solve(one.flight) if one.flight is not None else None,
         findings=one.report.findings if one.report is not None else (),
         entry=_entry(one),
         check=one.findings,
@@ -269,15 +272,15 @@ def _estimate(estimate: Estimate, comparison: EstimateComparison | None) -> Esti
     )
 
 
-def _board(board: BoardSolve) -> BoardReport:
-    result = board.result
+def _solve(solve: ImageSolve) -> SolveReport:
+    result = solve.result
     quality = result.calibration.quality if result is not None else None
-    return BoardReport(
-        frames=board.frames,
+    return SolveReport(
+        images=solve.images,
         board=str(result.observations.board) if result is not None else None,
         verdict=result.verdict if result is not None else None,
         rms_px=quality.rms_px if quality is not None else None,
-        reason=board.reason,
+        reason=solve.reason,
     )
 
 

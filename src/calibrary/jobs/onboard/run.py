@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError
@@ -26,11 +27,12 @@ from calibrary.jobs.onboard.comparison import (
     relatives,
 )
 from calibrary.jobs.onboard.estimates import MEASURED, Estimate, Kind, estimates
+from calibrary.jobs.onboard.flight import flight_of, solved_flight
 from calibrary.jobs.onboard.proposal import FRAME, Serves, entry_for, is_same, sources_of
 from calibrary.jobs.onboard.records import (
-    BoardSolve,
     CameraDecision,
     Decision,
+    ImageSolve,
     Onboarding,
     Questions,
     Request,
@@ -151,22 +153,29 @@ def _square_mm(cameras: Sequence[PayloadCamera], request: Request) -> float:
 
 def _outcome(camera: PayloadCamera, payload: Payload, square_mm: float, request: Request) -> CameraDecision:
     board = _board(camera, square_mm, request) if camera.frames else None
-    result = board.result if board is not None else None
-    heard = estimates(camera, result, _current(camera, request.registry), request.policy)
+    images = flight_of(camera, payload)
+    flight = solved_flight(camera, images, request) if images and request.flight else None
+    heard = estimates(
+        camera,
+        board.result if board is not None else None,
+        flight.result if flight is not None else None,
+        _current(camera, request.registry),
+        request.policy,
+    )
     comparison = compare_estimates(heard, request.policy, request.trusted)
-    if comparison is None:
-        why, advice = _no_k(camera, board)
-        return CameraDecision(
-            camera=camera, decision=Decision.REFUSED, reason=why, advice=advice, board=board, estimates=heard
-        )
     so_far = CameraDecision(
         camera=camera,
         decision=Decision.REFUSED,
         reason="",
         board=board,
+        flight=flight,
+        flight_images=len(images) if flight is None else 0,
         estimates=heard,
         comparison=comparison,
     )
+    if comparison is None:
+        why, advice = _no_k(camera, board)
+        return replace(so_far, reason=why, advice=advice)
     if comparison.dispute is not None:
         advice = (
             "bring another estimate (frames of a board, a calibration file), take the wrong one out, or say whom to "
@@ -187,7 +196,7 @@ def _proposed(
     so_far: CameraDecision, comparison: EstimateComparison, payload: Payload, request: Request
 ) -> CameraDecision:
     """The draft of a camera against which nothing speaks yet, and what the registry says to it."""
-    camera, registry, board = so_far.camera, request.registry, so_far.board
+    camera, registry, solved = so_far.camera, request.registry, _solved(so_far, comparison)
     is_unit = request.questions.stated is Serves.UNIT and comparison.chosen.grade in MEASURED
     if is_unit and camera.key.serial is None:
         reason = (
@@ -195,9 +204,8 @@ def _proposed(
         )
         return replace(so_far, reason=reason, advice="state it: --serial NUMBER, or --for model")
     serves = _serves(camera, comparison, request.questions)
-    result = board.result if board is not None else None
     try:
-        entry = entry_for(camera, comparison, serves, payload, board=result, stated=request.stated)
+        entry = entry_for(camera, comparison, serves, payload, solved=solved, stated=request.stated)
         if entry.unit is not None:
             entry = replace(entry, label=request.label)
         proposals = with_material_changes(registry.propose([entry]), request.policy)
@@ -228,11 +236,18 @@ def _proposed(
         reason = f"its draft is on the branch {branch}, from the same sources"
         return replace(done, entry=waiting, decision=Decision.KNOWN, reason=reason, advice=approving)
     return replace(
-        done, decision=Decision.PROPOSED, reason=_why(comparison, board, nominal=nominal), advice=approving
+        done, decision=Decision.PROPOSED, reason=_why(comparison, solved, nominal=nominal), advice=approving
     )
 
 
-def _why(comparison: EstimateComparison, board: BoardSolve | None, *, nominal: bool) -> str:
+def _solved(so_far: CameraDecision, comparison: EstimateComparison) -> CalibrationResult | None:
+    """The solve whose K is proposed; None where another source's is."""
+    solves = {Kind.BOARD: so_far.board, Kind.FLIGHT: so_far.flight}
+    solve = solves.get(comparison.chosen.kind)
+    return solve.result if solve is not None else None
+
+
+def _why(comparison: EstimateComparison, solved: CalibrationResult | None, *, nominal: bool) -> str:
     chosen = comparison.chosen
     grade = chosen.grade.value if chosen.grade is not None else "unknown"
     agreeing = [compared.estimate.name for compared in comparison.others if compared.agrees]
@@ -246,15 +261,12 @@ def _why(comparison: EstimateComparison, board: BoardSolve | None, *, nominal: b
     told += f"; {'; '.join(differing[:3])}" if differing else ""
     if comparison.overruled:
         told += f"; {', '.join(compared.estimate.name for compared in comparison.overruled)} not believed"
-    provisional = (
-        chosen.kind is Kind.BOARD
-        and board is not None
-        and board.result is not None
-        and board.result.verdict is BoardVerdict.PROVISIONAL
-    )
     if nominal:
         told += "; a nominal K is of the model, so it is proposed for the model and not for the unit"
-    return f"{told}; provisional: take better frames before approving it" if provisional else told
+    if solved is not None and solved.verdict is BoardVerdict.PROVISIONAL:
+        better = "take better frames" if chosen.kind is Kind.BOARD else "fly what its findings ask for"
+        told += f"; provisional: {better} before approving it"
+    return told
 
 
 def _serves(camera: PayloadCamera, comparison: EstimateComparison, questions: Questions) -> Serves:
@@ -264,7 +276,7 @@ def _serves(camera: PayloadCamera, comparison: EstimateComparison, questions: Qu
     return questions.serves(str(camera.key))
 
 
-def _no_k(camera: PayloadCamera, board: BoardSolve | None) -> tuple[str, str]:
+def _no_k(camera: PayloadCamera, board: ImageSolve | None) -> tuple[str, str]:
     if board is not None and board.reason is not None:
         return (
             f"its frames of a board give no K: {board.reason}",
@@ -286,7 +298,7 @@ def _trusts(heard: Sequence[Estimate]) -> str:
     return " or ".join(f"--trust {kind.value}" for kind in kinds)
 
 
-def _board(camera: PayloadCamera, square_mm: float, request: Request) -> BoardSolve:
+def _board(camera: PayloadCamera, square_mm: float, request: Request) -> ImageSolve:
     frames = camera.frames
     advance = counted(request.progress, len(frames), "frames")
 
@@ -300,11 +312,11 @@ def _board(camera: PayloadCamera, square_mm: float, request: Request) -> BoardSo
         )
         result = calibrate_from(collected, SolveRequest(operator=request.stated.operator))
     except (CalibrationError, InputError) as error:
-        return BoardSolve(frames=len(frames), reason=str(error))
+        return ImageSolve(images=len(frames), reason=str(error))
     if result.verdict is BoardVerdict.REFUSE:
         why = "; ".join(finding.message for finding in result.findings[:2])
-        return BoardSolve(frames=len(frames), collected=collected, result=result, reason=why)
-    return BoardSolve(frames=len(frames), collected=collected, result=result)
+        return ImageSolve(images=len(frames), collected=collected, result=result, reason=why)
+    return ImageSolve(images=len(frames), collected=collected, result=result)
 
 
 def _current(camera: PayloadCamera, registry: Registry) -> Resolution | None:
