@@ -115,6 +115,24 @@ def test_a_format_of_one_camera_becomes_a_folder(
         assert read.intrinsics == entry.calibration.intrinsics
 
 
+def test_ros_finds_each_camera_by_the_name_that_its_file_has(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    unit = an_entry(serial="a1b2c3d4e5f60718", label="P4R-03", fx=3655.5)
+    put(fleet, FIRST, unit, SECOND)
+    out = tmp_path / "camera_info"
+    done = printed(capsys, "registry-export-1", "export", "--format", "ros_camera_info", "--out", out)
+    files = {one["entry"]: out / one["file"] for one in done["written"]}
+    assert files[unit.id].name == "P4R_03.yaml"
+    assert files[FIRST.id].name == "dji_fc6310r_5472x3648_f8_8.yaml"
+    for path in files.values():
+        document = yaml.safe_load(path.read_text())
+        # camera_info_manager: file://.../${NAME}.yaml, NAME of letters, digits and _, and the same in the file.
+        assert document["camera_name"] == path.stem
+        assert path.stem.replace("_", "").isalnum()
+    assert yaml.safe_load(files[unit.id].read_text())["camera_matrix"]["data"][0] == 3655.5
+
+
 def test_the_table_holds_every_digit(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put(fleet, FIRST, an_entry(model="=cmd|'/c calc'!A1", fx=1000.0 / 3, size=(400, 300)))
     assert run(capsys, "export", "--format", "csv", "--out", tmp_path / "fleet.csv")[0] == 0

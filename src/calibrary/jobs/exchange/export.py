@@ -16,6 +16,7 @@ from calibrary import parsers
 from calibrary.atomic import check_folder, write_files
 from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.jobs.exchange.opensfm_names import odm_entry_names
+from calibrary.jobs.exchange.ros_names import ROS, ros_names, with_ros_name
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict
 from calibrary.parsers.writing import check_limit
@@ -307,13 +308,19 @@ def _name_in(data: bytes) -> set[str]:
 
 
 def _folder(stored: Sequence[StoredEntry], record: Format, out: Path, limit: float | None) -> Export:
-    """A file for each entry, named as the entry is."""
+    """A file for each entry, named as the entry is; for ROS as the camera is."""
     files: dict[Path, bytes] = {}
     written, left, dropped = [], [], dict[str, None]()
+    names = ros_names(stored) if record.name == ROS else {}
     for one in stored:
-        name = f"{one.id.replace('/', '__')}{record.suffixes[0]}"
+        called = names.get(one.id, one.id.replace("/", "__"))
+        name = f"{called}{record.suffixes[0]}"
+        calibration = with_ros_name(one.entry.calibration, called) if names else one.entry.calibration
+        if out / name in files:
+            left.append(NotExported(entry=one.id, reason=f"another entry is {name} already"))
+            continue
         try:
-            data, verdict = parsers.encode([one.entry.calibration], record, name=name, max_error_px=limit)
+            data, verdict = parsers.encode([calibration], record, name=name, max_error_px=limit)
         except InputError as error:
             left.append(NotExported(entry=one.id, reason=error.message))
             continue
