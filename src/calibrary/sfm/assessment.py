@@ -206,9 +206,20 @@ _REMEDIES: Final[Mapping[str, str]] = {
     "unstable": "fly slower, with a shorter exposure, or with a mechanical shutter",
     "rolling-shutter": "fly slower, or use the mechanical shutter",
     "motion-blur": "fly slower, or expose shorter",
+    "focus-unknown": "state it: --focus; K is for flights with the same focus",
+    "focus-not-locked": "lock the focus before the flight",
     "unclear-cause": "look at the images that fit worst",
 }
 """What a flight's pilot can do, where a board's words would not do."""
+_WORDS: Final[Mapping[str, str]] = {
+    "no corner was": "no point was",
+    "corners were seen": "points were seen",
+    "corners reach": "points reach",
+    "corners lie": "points lie",
+    "the corners ask": "the points ask",
+    "of the views": "of the images",
+    "the frames do not": "the images do not",
+}
 
 
 _FOR_ONE_MODE: Final[Mapping[Kind, str]] = {
@@ -225,11 +236,8 @@ def _of_flight(finding: Finding) -> Finding:
     message = finding.message
     if finding.rule == "corners-rejected":
         message = f"{finding.measured:.0f} observations of points were rejected as outliers"
-    message = message.replace("no corner was", "no point was").replace(
-        "corners were seen", "points were seen"
-    )
-    message = message.replace("corners reach", "points reach").replace("corners lie", "points lie")
-    message = message.replace("the corners ask", "the points ask").replace("of the views", "of the images")
+    for of_board, of_flight in _WORDS.items():
+        message = message.replace(of_board, of_flight)
     return replace(finding, message=message, remedy=_REMEDIES.get(finding.rule, finding.remedy))
 
 

@@ -214,7 +214,7 @@ def _views(result: CalibrationResult, collected: Collected) -> Details:
     table = Table(
         caption="Every image that was chosen" if of_flight else "Every frame that was given",
         columns=(
-            Column("frame"),
+            Column("image" if of_flight else "frame"),
             Column("state"),
             Column("RMS (px)", numeric=True),
             Column("points" if of_flight else "corners", numeric=True),
@@ -225,7 +225,8 @@ def _views(result: CalibrationResult, collected: Collected) -> Details:
     )
     more = (f"{len(rows) - MOST_ROWS} more are in the JSON.",) if len(rows) > MOST_ROWS else ()
     without = sum(view.without is not None for view in result.views) + len(collected.rejected)
-    return Details(summary=f"{len(rows)} frames, {without} not used", blocks=(table, *more))
+    images = "images" if of_flight else "frames"
+    return Details(summary=f"{len(rows)} {images}, {without} not used", blocks=(table, *more))
 
 
 def _held(result: CalibrationResult) -> KeyValues:
@@ -298,28 +299,28 @@ def _origin(result: CalibrationResult, collected: Collected) -> Iterator[Block]:
     made, key = calibration.provenance, calibration.camera
     board = seen.board
     noise = result.evidence.noise_px
+    of_flight = result.flown is not None
+    image, points = ("image", "points") if of_flight else ("frame", "corners")
     items = {
         "camera": str(key),
         "unit": f"serial number hashed to {key.serial}" if key.serial is not None else None,
         "firmware": made.firmware,
         "date": f"{made.date}, {result.date_origin}",
-        "focus": made.focus or "not stated by the frames",
-        "points" if result.flown is not None else "board": board.described
-        if isinstance(board, Board)
-        else str(board),
+        "focus": made.focus or f"not stated by the {image}s",
+        "points" if of_flight else "board": board.described if isinstance(board, Board) else str(board),
         "corner noise": f"{noise:.3f} px by coordinate, from neighbours alone" if noise is not None else None,
-        "corners' SHA-256": made.sha256,
+        f"{points}' SHA-256": made.sha256,
         "operator": made.operator,
     }
     yield KeyValues(tuple((name, value) for name, value in items.items() if value is not None))
     files = [view for view in seen.views if view.sha256 is not None][:MOST_ROWS]
     if files:
         table = Table(
-            caption="The images" if result.flown is not None else "Frames with a view of the board",
-            columns=(Column("frame"), Column("SHA-256")),
+            caption="The images" if of_flight else "Frames with a view of the board",
+            columns=(Column(image), Column("SHA-256")),
             rows=tuple((view.name, view.sha256 or "") for view in files),
         )
-        yield Details(summary="Hashes of the frames", blocks=(table,))
+        yield Details(summary=f"Hashes of the {image}s", blocks=(table,))
 
 
 def _short(value: float | None) -> str:
