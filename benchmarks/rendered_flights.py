@@ -1,11 +1,14 @@
 """Flights of a known camera through pixels: images rendered, matched, reconstructed, adjusted and judged.
 
-    python benchmarks/rendered_flights.py [--sets N] [--first SEED] [--only WORD] [--width PX]
+    python benchmarks/rendered_flights.py [--sets N] [--first SEED] [--only WORD] [--width PX] [--boards]
 
 Every pixel's ray is cast onto a textured height field by our own camera model (Brown, 5 terms), blurred, given noise
 and compressed; the whole of ``calibrate flight`` follows, pycolmap's part included. Flights differ in their seed:
 ground, texture, poses and noise. Each line is a flight: the error of fx, the σ × κ that it states, z of fx, fy, cx
 and cy, and the verdict. Wanted: |z| < 3, and no flight over flat ground at one height, straight down, that passes.
+
+With --boards each seed is another camera, which is calibrated twice: by rendered frames of a board, and by a flight of
+the kind that --only names first. The difference of the two is divided by the σ × κ of both together.
 """
 
 from __future__ import annotations
@@ -26,12 +29,24 @@ if not TYPE_CHECKING:
 
 import numpy as np
 
+from calibrary.arrays import FloatArray
+from calibrary.calib.board import Board
+from calibrary.calib.detect import detect
+from calibrary.calib.estimation import estimate
+from calibrary.calib.found import NotFound
+from calibrary.calib.observations import Observations, View
+from calibrary.calib.result import CalibrationResult
+from calibrary.calib.synthesis import Settings, poses, render
 from calibrary.calibration import Calibration
+from calibrary.distortion import BrownConrady
 from calibrary.errors import CalibrationError
 from calibrary.jobs.calibrate_flight.run import FlightRequest, calibrate_flight_from
+from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan
 from tests.sfm.rendered import render_flight
 
+BOARD = Board(columns=11, rows=8, square_mm=40.0)
+VIEWS = 20
 NAMES = ("fx", "fy", "cx", "cy")
 FLIGHTS = {
     "nadir, flat": Plan(rows=4, columns=5),
@@ -57,35 +72,104 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--only", default="")
     parser.add_argument("--width", type=int, default=600, help="px of an image")
+    parser.add_argument("--boards", action="store_true", help="against boards")
     given = parser.parse_args()
-    camera = CAMERA.scaled((given.width, given.width * 2 // 3))
-    print(f"{'flight':<34}{'fx off':>9}{'σ × κ':>9}{'z: fx':>7}{'fy':>6}{'cx':>6}{'cy':>6}{'κ²':>7}{'rms px':>8}"
-          f"{'points':>8}  {'verdict':<12}{'CPU s':>6}")  # fmt: skip
-    for seed in range(given.first, given.first + given.sets):
-        for name, plan in FLIGHTS.items():
-            if given.only in name:
-                print(f"{name:<34}{_flown(plan, camera, seed)}", flush=True)
+    size = given.width, given.width * 2 // 3
+    flights = {name: plan for name, plan in FLIGHTS.items() if given.only in name}
+    seeds = range(given.first, given.first + given.sets)
+    z = f"{'z: fx':>8}{'fy':>6}{'cx':>6}{'cy':>6}"
+    if given.boards:
+        name, plan = next(iter(flights.items()))
+        print(f"camera: fx px, board's σ × κ and verdict, that of the flight ({name}), {z}")
+        for seed in seeds:
+            print(_compared(plan, _unit(size, seed), seed), flush=True)
+        return
+    print(
+        f"{'flight':<34}{'fx off':>9}{'σ × κ':>9}{z}{'κ²':>7}{'rms px':>8}{'points':>8}  {'verdict':<12}{'CPU s':>6}"
+    )
+    for seed in seeds:
+        for name, plan in flights.items():
+            print(f"{name:<34}{_flown(plan, CAMERA.scaled(size), seed)}", flush=True)
 
 
 def _flown(plan: Plan, camera: Calibration, seed: int) -> str:
-    truth = np.array([getattr(camera.intrinsics, one) for one in NAMES])
+    begun = _cpu_s()
+    try:
+        result = _by_flight(plan, camera, seed)
+    except CalibrationError as error:
+        return f"  {error}"
+    truth, (found, std), quality = _pinhole(camera), _measured(result), result.calibration.quality
+    assert quality is not None
+    return (
+        f"{found[0] / truth[0] - 1:>+9.3%}{std[0] / truth[0]:>9.3%}  {_scores((found - truth) / std)}"
+        f"{quality.kappa2 or np.nan:>7.1f}{quality.rms_px:>8.2f}{quality.points:>8}  {result.verdict:<12}"
+        f"{_cpu_s() - begun:>6.0f}"
+    )
+
+
+def _compared(plan: Plan, camera: Calibration, seed: int) -> str:
+    by_board, by_flight = _by_board(camera, seed), _by_flight(plan, camera, seed)
+    (a, a_std), (b, b_std) = _measured(by_board), _measured(by_flight)
+    return (
+        f"{camera.intrinsics.fx:>7.1f}  {a_std[0] / a[0]:.3%} {by_board.verdict:<12} {b_std[0] / b[0]:.3%} "
+        f"{by_flight.verdict:<12}  {_scores((b - a) / np.hypot(a_std, b_std))}"
+    )
+
+
+def _by_flight(plan: Plan, camera: Calibration, seed: int) -> CalibrationResult:
     with tempfile.TemporaryDirectory() as folder:
         paths = render_flight(Path(folder) / "flight", plan, camera, seed)
-        begun = _cpu_s()
-        try:
-            result, _ = calibrate_flight_from(paths, FlightRequest(), lambda key: key)
-        except CalibrationError as error:
-            return f"  {error}"
-        spent = _cpu_s() - begun
-    quality, K = result.calibration.quality, result.calibration.intrinsics
-    assert quality is not None
-    std = np.array([quality.std[one] for one in NAMES]) * np.sqrt(quality.inflation)
-    off = np.array([getattr(K, one) for one in NAMES]) - truth
-    z = off / std
-    return (
-        f"{off[0] / truth[0]:>+9.3%}{std[0] / truth[0]:>9.3%}{z[0]:>+7.1f}{''.join(f'{one:>+6.1f}' for one in z[1:])}"
-        f"{quality.kappa2 or np.nan:>7.1f}{quality.rms_px:>8.2f}{quality.points:>8}  {result.verdict:<12}{spent:>6.0f}"
+        return calibrate_flight_from(paths, FlightRequest(), lambda key: key)[0]
+
+
+def _by_board(camera: Calibration, seed: int) -> CalibrationResult:
+    views = []
+    for number, pose in enumerate(poses(BOARD, camera, VIEWS, seed, roll_deg=180.0)):
+        frame = render(BOARD, camera, pose, Settings(), 1000 * seed + number)
+        seen = detect(frame.astype(np.uint8, copy=False), BOARD)
+        if not isinstance(seen, NotFound):
+            views.append(View(name=f"{number}.jpg", ids=seen.ids, image_points=seen.points))
+    size = camera.intrinsics.image_size
+    return estimate(Observations(board=BOARD, image_size=size, views=tuple(views), camera=camera.camera))
+
+
+def _unit(size: tuple[int, int], seed: int) -> Calibration:
+    """Another camera by every seed."""
+    random, (width, height) = np.random.default_rng((seed, 11)), size
+    fx = random.uniform(0.65, 0.95) * width
+    camera = CAMERA.scaled(size)
+    K = replace(
+        camera.intrinsics,
+        fx=fx,
+        fy=fx * random.normal(1.0, 5e-4),
+        cx=width * random.normal(0.5, 0.005),
+        cy=height * random.normal(0.5, 0.005),
     )
+    lens = BrownConrady(
+        k1=random.uniform(-0.2, 0.05),
+        k2=random.uniform(-0.02, 0.06),
+        p1=random.normal(0, 3e-4),
+        p2=random.normal(0, 3e-4),
+        k3=random.uniform(-0.02, 0.01),
+    )
+    return replace(camera, intrinsics=K, distortion=lens)
+
+
+def _pinhole(calibration: Calibration) -> FloatArray:
+    return np.array([getattr(calibration.intrinsics, name) for name in NAMES])
+
+
+def _measured(result: CalibrationResult) -> tuple[FloatArray, FloatArray]:
+    """fx, fy, cx, cy and their σ × κ."""
+    quality = result.calibration.quality
+    assert quality is not None
+    return _pinhole(result.calibration), np.array([quality.std[name] for name in NAMES]) * np.sqrt(
+        quality.inflation
+    )
+
+
+def _scores(z: FloatArray) -> str:
+    return "".join(f"{one:>+6.1f}" for one in z)
 
 
 def _cpu_s() -> float:

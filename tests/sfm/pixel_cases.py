@@ -56,20 +56,20 @@ WRONG: Final = {
 """K's factor; of a crop the pixels' focal length is that much longer than K's for the whole frame at this size."""
 
 
-def scaled_k(factor: float) -> Calibration:
+def scaled_k(factor: float, camera: Calibration = CAMERA) -> Calibration:
     """The camera's K with its focal lengths off by a factor."""
-    K = CAMERA.intrinsics
-    return replace(CAMERA, intrinsics=replace(K, fx=K.fx * factor, fy=K.fy * factor))
+    K = camera.intrinsics
+    return replace(camera, intrinsics=replace(K, fx=K.fx * factor, fy=K.fy * factor))
 
 
-def looked_at(plan: Plan, seed: int) -> Look:
+def looked_at(plan: Plan, seed: int, camera: Calibration = CAMERA) -> Look:
     """A simulated flight as the job looks at a real one, from tracks on."""
-    tracks, scene = fly(plan, seed)
+    tracks, scene = fly(plan, seed, camera)
     images = int(tracks.used.sum())
     try:
         found = adjust(tracks, scene, model=Solvable.BROWN)
         return Look(
-            chosen=images, found=measured(found, trust(found)), pairs=focal_of_pairs(pairs_of(tracks), CAMERA)
+            chosen=images, found=measured(found, trust(found)), pairs=focal_of_pairs(pairs_of(tracks), camera)
         )
     except CalibrationError as error:
         return Look(chosen=images, reason=str(error))
