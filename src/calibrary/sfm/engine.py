@@ -39,7 +39,7 @@ MAX_SIDE = 1600
 """Px: longer side of what features are looked for in. Twice as much costs four times the time and the memory."""
 
 FEATURES = 3000
-"""Of an image at most; those of the largest scale are kept."""
+"""Of an image: octaves are kept from the largest scale on until there are so many, the last of them whole."""
 
 MEMORY_PER_THREAD = 530 * 2**20
 """Bytes, measured, that looking for features in an image of MAX_SIDE takes: its first octave has twice the size."""
@@ -134,7 +134,7 @@ def match(
         start: K that the database's camera begins with; no match depends on it.
         pairs: places in ``images``; None for all pairs.
         max_side: px, longer side of what features are looked for in.
-        features: of an image at most.
+        features: of an image, as :data:`FEATURES`.
         progress: called with (images done, images in all, "features"), then with "pairs".
 
     Raises:
@@ -240,6 +240,8 @@ def _match(
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.max_image_size, extraction.num_threads = max_side, threads
     extraction.sift.max_num_features = features
+    # A second orientation is the same point once more, and its noise would count twice.
+    extraction.sift.max_num_orientations = 1
     for part in _parts(names, 2 * threads, report, "features"):
         pycolmap.extract_features(
             matched.database,
