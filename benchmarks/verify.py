@@ -7,8 +7,8 @@ held against what was found: right, wrong by 3, 5 and 10 per cent, a crop's, a 3
 length. Wanted on well-conditioned flights: a right K contradicted in at most 2 %, one wrong by 3 % in at least 95 %.
 
 With --held-out every flight has a camera, a plan, terrain and noise of its own, none of which a limit was chosen by,
-and nearly as many points as the job adjusts: half of them are 20° to 40° oblique, the others straight down at two heights
-over relief of 6 % to 12 %.
+and nearly as many points as the job adjusts: half of them are 20° to 40° oblique, the others straight down at two
+heights over relief of 6 % to 12 %.
 """
 
 from __future__ import annotations
