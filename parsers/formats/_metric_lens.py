@@ -1,4 +1,4 @@
-"""Coefficients per millimetre as coefficients of normalised coordinates.
+"""Lengths in millimetres: of the sensor, and of coefficients that act on normalised coordinates.
 
 A term c·rⁿ of a correction in mm, with r in mm, is c·fⁿ⁻¹·(r/f)ⁿ of one in units of the focal length f.
 """
@@ -7,9 +7,39 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-__all__ = ["normalised", "per_length"]
+from calibrary.calibration import Calibration
+from calibrary.parsers import text as strict
+from calibrary.parsers.convention import SizeMm
+
+__all__ = ["normalised", "per_length", "sensor_extra", "sensor_mm_of"]
 
 RADIAL_POWERS = (2, 4, 6, 8)
+NOMINAL_WIDTH_MM = 36.0
+"""Assumed where nothing tells the sensor's width: in files whose lengths all count from it, it cancels out."""
+
+
+def sensor_extra(key: str, sensor_mm: SizeMm) -> tuple[str, str]:
+    """The sensor's size as an extra of a calibration that was read."""
+    return key, f"{sensor_mm[0]!r}x{sensor_mm[1]!r}"
+
+
+def sensor_mm_of(calibration: Calibration, key: str) -> SizeMm:
+    """The sensor's size in mm: as read, else from the nominal focal length, else a nominal one.
+
+    Args:
+        calibration: to be written.
+        key: of the extra that :func:`sensor_extra` made.
+    """
+    K = calibration.intrinsics
+    width, height = K.image_size
+    for name, value in calibration.extras:
+        if name == key:
+            sides = [strict.number(side) for side in value.split("x")]
+            if len(sides) == 2 and min(sides) > 0:
+                return sides[0], sides[1]
+    focal_mm = calibration.camera.focal_mm
+    sensor_width = width * focal_mm / K.fx if focal_mm else NOMINAL_WIDTH_MM
+    return sensor_width, sensor_width * height / width
 
 
 def normalised(values: Sequence[float], focal: float, powers: Sequence[int] = RADIAL_POWERS) -> list[float]:

@@ -27,7 +27,7 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
-from calibrary.parsers.formats._one_camera import camera, fisheye, refuse_model, size_of
+from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, camera, fisheye, refuse_model, size_of
 from calibrary.parsers.formats._opencv_lens import smallest_lens
 from calibrary.records import replace
 
@@ -47,7 +47,6 @@ LENSES = {
     "opencv": CONVENTION.coefficients,
     "fisheye": ("k1", "k2", "k3", "k4"),
 }
-ORIGIN_UNKNOWN = "the file does not say how its numbers came about; they were taken as derived"
 MAX_CAMERAS = 1000
 
 

@@ -34,6 +34,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, SizeMm, Unit
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
+from calibrary.parsers.formats._metric_lens import sensor_extra, sensor_mm_of
 from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.records import replace
 
@@ -48,8 +49,6 @@ CONVENTION = Convention(
     remarks=("lengths are relative to the sensor width that the file assumes", "pixels are square"),
 )
 SENSOR = "pix4d_cam/sensor_mm"
-NOMINAL_WIDTH_MM = 36.0
-"""Assumed, as the file's own word is, where nothing tells the sensor's width: it cancels out."""
 
 _FIRST_LINE = re.compile(r"Pix4\w* camera calibration file\b")
 _SENSOR = re.compile(r"sensor width of\s*([\d.eE+-]+)\s*x\s*([\d.eE+-]+)\s*mm")
@@ -83,7 +82,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             distortion=_distortion(values),
             grade=Grade.ADJUSTED,
             provenance=context.provenance(),
-            extras=((SENSOR, f"{sensor[0]!r}x{sensor[1]!r}"),),
+            extras=(sensor_extra(SENSOR, sensor),),
         )
     ]
 
@@ -91,7 +90,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     """The keys in Pix4D's order, in mm of the sensor the camera was read with or of a nominal one."""
     [calibration] = calibrations
-    sensor = _sensor_of(calibration)
+    sensor = sensor_mm_of(calibration, SENSOR)
     width, height = calibration.intrinsics.image_size
     native = CONVENTION.native(calibration.intrinsics, sensor_mm=(sensor[0], sensor[0] * height / width))
     brown = required(calibration.distortion, BrownConrady)
@@ -162,20 +161,6 @@ def _distortion(values: dict[str, float]) -> Distortion:
     if not any(values[name] for name in COEFFICIENTS):
         return NoDistortion()
     return BrownConrady(k1=values["K1"], k2=values["K2"], k3=values["K3"], p1=values["T1"], p2=values["T2"])
-
-
-def _sensor_of(calibration: Calibration) -> SizeMm:
-    """The sensor's size in mm: as read, else from the nominal focal length, else a nominal one."""
-    K = calibration.intrinsics
-    width, height = K.image_size
-    for key, value in calibration.extras:
-        if key == SENSOR:
-            sides = [strict.number(side) for side in value.split("x")]
-            if len(sides) == 2 and min(sides) > 0:
-                return sides[0], sides[1]
-    focal_mm = calibration.camera.focal_mm
-    sensor_width = width * focal_mm / K.fx if focal_mm else NOMINAL_WIDTH_MM
-    return sensor_width, sensor_width * height / width
 
 
 FORMAT = Format(

@@ -1,0 +1,32 @@
+"""K in the Items of a STAC catalogue, by its perspective imagery extension."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from calibrary.calibration import Calibration
+from calibrary.parsers.formats.stac_interior_orientation import FIELD, interior_orientation
+
+__all__ = ["EXTENSION", "with_interior_orientation"]
+
+EXTENSION: Final = "https://stac-extensions.github.io/perspective-imagery/v1.0.0/schema.json"
+
+
+def with_interior_orientation(item: Mapping[str, Any], calibration: Calibration) -> dict[str, Any]:
+    """A copy of an Item or a Collection that states K as ``pers:interior_orientation``; its distortion has no place.
+
+    Args:
+        item: as JSON, such as ``pystac.Item.to_dict()`` gives it.
+        calibration: of the camera that took the image, at the image's size.
+
+    >>> camera = calibrary.read("camera.xml")
+    >>> item = {"type": "Feature", "properties": {"datetime": "2026-05-03T10:00:00Z"}, "assets": {}}
+    >>> with_interior_orientation(item, camera)["properties"]["pers:interior_orientation"]["sensor_array_dimensions"]
+    [5472, 3648]
+    """
+    stated = {FIELD: interior_orientation(calibration)}
+    extensions = list(dict.fromkeys([*item.get("stac_extensions", ()), EXTENSION]))
+    if item.get("type") == "Collection":
+        return {**item, **stated, "stac_extensions": extensions}
+    return {**item, "properties": {**item.get("properties", {}), **stated}, "stac_extensions": extensions}
