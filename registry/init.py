@@ -6,11 +6,10 @@ import re
 import shutil
 from dataclasses import dataclass
 from datetime import date
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
-from calibrary import schemas
+from calibrary import __version__, schemas
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.distortion.described import DOCUMENT, document
@@ -44,6 +43,9 @@ __all__ = [
     "install_driver",
     "scaffold",
 ]
+
+REQUIREMENT: Final = f"=={__version__}"
+"""The version that began this registry: what is good does not change with an unreviewed release."""
 
 FIRST: Final = Note(subject="Create a registry of camera calibrations")
 LAST_NAME: Final = re.compile(r"([\w.-]+?)(?:\.git)?/*\Z")
@@ -356,8 +358,8 @@ def scaffold() -> dict[str, bytes]:
         "README.md": readme.encode(),
         DOCUMENT: document("The models of the entries here, as calibrary describes them.").encode(),
         ".gitattributes": ATTRIBUTES + b"/cameras/**/*.yaml diff=calibrary\n",
-        WORKFLOW: CHECK.format(requirement=_requirement()).encode(),
-        HOOKS: PRE_COMMIT.format(requirement=_requirement()).encode(),
+        WORKFLOW: CHECK.format(requirement=REQUIREMENT).encode(),
+        HOOKS: PRE_COMMIT.format(requirement=REQUIREMENT).encode(),
         OWNERS: CODEOWNERS.format(mark="# ", owner="@your-team").encode(),
         EDITOR: SETTINGS,
         **{f"schema/{name}.schema.json": schemas.text(name) for name in EDITED},
@@ -384,11 +386,3 @@ def example_entry() -> Entry:
             ),
         )
     )
-
-
-def _requirement() -> str:
-    """The version that began this registry: what is good does not change with an unreviewed release."""
-    try:
-        return f"=={version('calibrary')}"
-    except PackageNotFoundError:
-        return ""

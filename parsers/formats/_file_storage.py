@@ -14,8 +14,8 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
+from html import escape
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import escape
 
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -42,6 +42,8 @@ LONGEST_VECTOR = 64
 
 ROOTLESS = 'type_id="opencv-matrix"'
 """What still tells an OpenCV file whose matrices were pasted without the root around them."""
+IN_QUOTES = str.maketrans({'"': "&quot;", "\n": "&#x0a;", "\t": "&#x09;"})
+
 _ROOT = re.compile(rb"<opencv_storage[\s/>]")
 _DECLARATION = re.compile(rb"\A\s*<\?xml[^>]{0,200}\?>")
 _DIRECTIVE = re.compile(r"\A%(?=YAML)")
@@ -239,7 +241,7 @@ def _xml_element(key: str, value: Json, *, of_matrix: bool = False) -> str:
             return f"<{key}>\n    {' '.join(_token(item) for item in value)}</{key}>"
         return f"<{key}>{''.join(_xml_element('_', item) for item in value)}</{key}>"
     if isinstance(value, str):
-        quoted = escape(value, {'"': "&quot;", "\n": "&#x0a;", "\t": "&#x09;"})
+        quoted = escape(value, quote=False).translate(IN_QUOTES)
         return f"<{key}>{quoted}</{key}>" if of_matrix else f'<{key}>"{quoted}"</{key}>'
     return f"<{key}>{_token(value)}</{key}>"
 

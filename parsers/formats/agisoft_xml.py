@@ -34,8 +34,8 @@ formula; Agisoft's forum, topic 6437, "Camera Projection Model with 8 distortion
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from typing import TYPE_CHECKING, ClassVar
-from xml.sax.saxutils import escape
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, ThinPrismFisheye
@@ -338,7 +338,7 @@ def _content(element: _Element) -> str:
 
 def _element(name: str, value: str) -> str:
     """One line of the file; an extra that was XML goes back as it came."""
-    return value if value.startswith("<") else f"<{name}>{escape(value)}</{name}>"
+    return value if value.startswith("<") else f"<{name}>{escape(value, quote=False)}</{name}>"
 
 
 FORMAT = Format(

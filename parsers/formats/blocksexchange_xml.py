@@ -26,8 +26,8 @@ in pixels and in mm) and "CC Orientations" of the Reality Modeling API.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import escape
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
@@ -129,8 +129,12 @@ def _without_lens(group: _Element) -> str:
 def _photogroup(calibration: Calibration, number: int) -> str:
     K, native = calibration.intrinsics, CONVENTION.native(calibration.intrinsics)
     extras = dict(calibration.extras)
-    rows = [f"<Name>{escape(calibration.camera.sub_camera or f'camera {number}')}</Name>"]
-    rows += [f"<{key}>{escape(extras[PREFIX + key])}</{key}>" for key in KEPT if PREFIX + key in extras]
+    rows = [f"<Name>{escape(calibration.camera.sub_camera or f'camera {number}', quote=False)}</Name>"]
+    rows += [
+        f"<{key}>{escape(extras[PREFIX + key], quote=False)}</{key}>"
+        for key in KEPT
+        if PREFIX + key in extras
+    ]
     rows += [
         f"<ImageDimensions><Width>{K.image_size[0]}</Width><Height>{K.image_size[1]}</Height></ImageDimensions>",
         "<CameraModelType>Perspective</CameraModelType>",

@@ -32,8 +32,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from decimal import Context, Decimal
+from html import escape
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import escape
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, Distortion, InverseBrown, NoDistortion, OffCentreBrown
@@ -122,7 +122,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
         ("SzIm", f"{width} {height}"),
     ]
     rows += [(key.removeprefix(PREFIX), value) for key, value in calibration.extras if key.startswith(PREFIX)]
-    body = "".join(f"    <{name}>{escape(value)}</{name}>\n" for name, value in rows)
+    body = "".join(f"    <{name}>{escape(value, quote=False)}</{name}>\n" for name, value in rows)
     body += f"    <CalibDistortion>\n{_model(full, native)}    </CalibDistortion>\n"
     return (
         f'<?xml version="1.0" ?>\n<ExportAPERO>\n  <{CAMERA}>\n{body}  </{CAMERA}>\n</ExportAPERO>\n'

@@ -6,7 +6,7 @@ bounded (:mod:`calibrary.registry.published.pruning`).
 
 from __future__ import annotations
 
-import secrets
+import os
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -129,7 +129,7 @@ def _read(file: Path) -> bytes:
 
 def _write(file: Path, data: bytes) -> None:
     """Write a file whole, or not at all; that it outlives a loss of power takes no waiting, as it is verified again."""
-    temporary = file.with_name(f".{file.name[:40]}.{secrets.token_hex(4)}")
+    temporary = file.with_name(f".{file.name[:40]}.{os.urandom(4).hex()}")
     with suppress(OSError):
         try:
             try:

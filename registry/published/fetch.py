@@ -6,10 +6,10 @@ import atexit
 import time
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 from urllib.parse import urljoin, urlsplit
 
+from calibrary import __version__
 from calibrary.errors import RegistryError
 from calibrary.registry.published.address import is_loopback, reason_against
 
@@ -157,7 +157,7 @@ def _worded(error: Exception) -> str:
 
 @cache
 def _agent() -> str:
-    return f"calibrary/{version('calibrary')}"
+    return f"calibrary/{__version__}"
 
 
 @cache

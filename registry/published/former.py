@@ -10,12 +10,12 @@ import os
 import unicodedata
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from calibrary import __version__
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import Record, from_json
 from calibrary.registry.entry_yaml import parse_entry
@@ -166,7 +166,7 @@ def _state(out: Path) -> _State | None:
 
 
 def _writer() -> str:
-    return f"calibrary {version('calibrary')}, Unicode {unicodedata.unidata_version}"
+    return f"calibrary {__version__}, Unicode {unicodedata.unidata_version}"
 
 
 class _Part(msgspec.Struct):

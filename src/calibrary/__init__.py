@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from calibrary.policy import FLEET, SOURCE, Policy
     from calibrary.validation import Report, Verdict, validate
 
-    __version__: str
+__version__ = "0.1.0"
 
 __all__ = [
     "FLEET",
@@ -76,8 +76,6 @@ if not TYPE_CHECKING:  # a type checker is to see that a name is not there
 
     def __getattr__(name: str) -> object:
         """Import a public name when it is first asked for: ``import calibrary`` alone costs next to nothing."""
-        if name == "__version__":
-            return import_module("importlib.metadata").version("calibrary")
         for module, names in _HOMES.items():
             if name in names:
                 return getattr(import_module(module), name)

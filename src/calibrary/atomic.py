@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import secrets
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -48,7 +47,7 @@ def write_files(files: Mapping[Path, bytes]) -> None:
             _make_folder(path.parent, made)
             if path.is_dir():
                 raise IsADirectoryError(None, "is a directory")
-            temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+            temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
             staged.append((temporary, path))
             _stage(temporary, content)
         with held():

@@ -14,7 +14,8 @@ import calibrary
 from calibrary import Calibration
 from calibrary.api.boards import write_board
 from calibrary.api.cameras import known_cameras
-from calibrary.api.files import convert, formats
+from calibrary.api.conversion import convert
+from calibrary.api.files import formats
 from calibrary.api.files import inspect as inspect_files
 from calibrary.api.pictures import undistort
 

@@ -13,7 +13,8 @@ from calibrary.jobs.diff.fleet import Change
 from calibrary.jobs.diff.kinds import Structural
 from calibrary.jobs.diff.report import diff_report, fleet_diff_report
 from calibrary.jobs.diff.wording import length, percent, pixels
-from calibrary.jobs.exchange.argument import Reading, read_arguments
+from calibrary.jobs.exchange.argument import read_arguments
+from calibrary.jobs.exchange.reading import Reading
 from calibrary.policy import FLEET
 from calibrary.progress import Progress, labelled
 from calibrary.records import Json, to_json

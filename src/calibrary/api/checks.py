@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.jobs.check import run as job
-from calibrary.jobs.exchange.argument import Reading
+from calibrary.jobs.exchange.reading import Reading
 from calibrary.jobs.extract.beside import CheckedFile
 from calibrary.jobs.extract.extraction import CameraReport
 from calibrary.policy import FLEET

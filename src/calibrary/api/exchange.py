@@ -11,11 +11,11 @@ from calibrary.jobs.audit.answers import named
 from calibrary.jobs.audit.report import report_of as audit_report
 from calibrary.jobs.audit.run import LEVELS, Audit, Request, audit
 from calibrary.jobs.exchange.add import AddRequest, Stated
-from calibrary.jobs.exchange.argument import Reading
 from calibrary.jobs.exchange.export import Export, check_target, export
 from calibrary.jobs.exchange.export import report_of as export_report
 from calibrary.jobs.exchange.import_ import Import, write_import
 from calibrary.jobs.exchange.import_ import report_of as import_report
+from calibrary.jobs.exchange.reading import Reading
 from calibrary.progress import Progress
 from calibrary.records import Json, to_json
 from calibrary.registry.git.writing import Written

@@ -4,44 +4,34 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
 from msgspec.structs import asdict
 
 from calibrary import parsers
-from calibrary.calibration import Calibration, Grade, ImageSize
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.interop.colmap import COLMAP_LENSES
 from calibrary.interop.opencv import OPENCV_LENSES
-from calibrary.jobs.convert.database import DATABASE, Into, write_into_database
-from calibrary.jobs.convert.report import ConvertFilesReport, ConvertReport
-from calibrary.jobs.convert.run import Converted, ConvertRequest, convert_files
-from calibrary.jobs.exchange.argument import Reading, choose
+from calibrary.jobs.exchange.reading import Reading, choose
 from calibrary.jobs.inspect.report import InspectFilesReport, InspectReport
 from calibrary.jobs.inspect.run import Inspected, inspect_files
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
-from calibrary.parsers.format import Capacity, Format, WriteVerdict
+from calibrary.parsers.format import Capacity, Format
 from calibrary.parsers.imagery.reader import begins_as_image
 from calibrary.parsers.images import decode_image
 from calibrary.parsers.listing import listing as format_listing
-from calibrary.parsers.plausible import refuse_implausible
 from calibrary.progress import Progress
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
 
 __all__ = [
     "MAX_BYTES",
-    "Conversion",
-    "Converted",
     "Reading",
     "Source",
-    "conversion_report",
-    "convert",
-    "convert_all",
     "format_listing",
     "formats",
     "inspect",
@@ -232,144 +222,6 @@ def refit(
     if fitted.distortion == camera.distortion or fitted.quality is None:
         return fitted
     return replace(fitted, quality=_of_k_alone(fitted.quality))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Conversion:
-    """A file that was written from another.
-
-    Attributes:
-        output: the file.
-        format: its format's name.
-        verdict: how exactly it holds the calibration.
-        priors: the grades of those whose K was not measured.
-        into: the cameras that were changed, where the file was there and has others.
-        backup: the file that puts back what was there.
-    """
-
-    output: Path
-    format: str
-    verdict: WriteVerdict
-    priors: tuple[Grade, ...] = ()
-    into: tuple[int, ...] = ()
-    backup: Path | None = None
-
-    def report(self) -> ConvertReport:
-        """For machines (schemas/convert-1.schema.json)."""
-        return ConvertReport(
-            output=self.output.name,
-            format=self.format,
-            verdict=self.verdict.outcome,
-            rms_px=self.verdict.rms_px,
-            max_px=self.verdict.max_px,
-            radius_px=self.verdict.radius_px,
-            dropped=self.verdict.dropped,
-            priors=self.priors,
-            into=self.into,
-            backup=self.backup.name if self.backup is not None else None,
-        )
-
-
-def convert(
-    source: str | Path,
-    output: str | Path,
-    *,
-    to: str | None = None,
-    reading: Reading | None = None,
-    max_error_px: float | None = None,
-    allow_prior: bool = False,
-    force: bool = False,
-    into: Into = None,
-) -> Conversion:
-    """Write the calibrations of a file in another program's format, or into the cameras of a COLMAP database.
-
-    Args:
-        source: a file of any format, or an image.
-        output: the file to write.
-        to: its format; the one that is written under such a name when not given.
-        reading: answers to what the source leaves open, and which camera of several; all of them when it says none.
-        max_error_px: as of :func:`write`.
-        allow_prior: as of :func:`write`.
-        force: whether a K that is that of no camera is written.
-        into: numbers of the cameras of a COLMAP database, "all", or None for those that it can only be.
-
-    Raises:
-        InputError: the source cannot be read, its K is that of no camera, the name fits no format or several, or the
-            output cannot be written, or is a database in which it is not clear which cameras are meant.
-        UnsupportedModelError: the format does not hold the calibration.
-
-    >>> from calibrary.api.files import convert
-    >>> convert("camera.xml", "camera.yaml", to="opencv_storage").verdict.outcome
-    <Fidelity.EXACT: 'exact'>
-    """
-    reading, output = reading or Reading(), Path(output)
-    cameras = reading.read(Path(source))
-    if reading.camera is not None:
-        cameras = [choose(cameras, reading.camera, source=Path(source).name)]
-    if not force:
-        refuse_implausible(cameras, Path(source).name)
-    priors = tuple(item.grade for item in cameras if not item.grade.is_metric)
-    if to == DATABASE or (to is None and output.suffix.lower() == ".db"):
-        verdict, change, backup = write_into_database(
-            cameras, output, into=into, max_error_px=max_error_px, allow_prior=allow_prior
-        )
-        changed = tuple(row[0] for row in change.after)
-        return Conversion(output, DATABASE, verdict, priors, changed, backup)
-    if into is not None:
-        raise InputError(
-            "--into is about the cameras of a COLMAP database, which this is not", source=output.name
-        )
-    target = to or parsers.format_by_suffix(output, flag="--to").name
-    verdict = parsers.write(cameras, output, target, max_error_px=max_error_px, allow_prior=allow_prior)
-    return Conversion(output, target, verdict, priors)
-
-
-def convert_all(
-    sources: Sequence[str | Path],
-    folder: str | Path,
-    *,
-    to: str,
-    reading: Reading | None = None,
-    max_error_px: float | None = None,
-    allow_prior: bool = False,
-    force: bool = False,
-    progress: Progress | None = None,
-) -> tuple[Converted, ...]:
-    """Write the calibrations of many files in one format, each into a file of its own.
-
-    Args:
-        sources: files, folders with all below them, and patterns such as ``rigs/*.yaml``.
-        folder: where the files are written; it is made.
-        to: their format.
-        reading: as of :func:`convert`.
-        max_error_px: as of :func:`write`.
-        allow_prior: as of :func:`write`.
-        force: as of :func:`convert`.
-        progress: called with (files done, files in all, "files").
-
-    Returns:
-        What came of each; one that could not be converted says why.
-
-    Raises:
-        InputError: there is no such format or no such file, or the folder cannot be made.
-    """
-    return convert_files(
-        ConvertRequest(
-            sources=[Path(one) for one in sources],
-            folder=Path(folder),
-            format=to,
-            reading=reading or Reading(),
-            max_error_px=max_error_px,
-            allow_prior=allow_prior,
-            force=force,
-        ),
-        progress,
-    )
-
-
-def conversion_report(files: Sequence[Converted]) -> ConvertFilesReport:
-    """What came of many files, for machines (schemas/convert-files-1.schema.json)."""
-    return ConvertFilesReport(files=tuple(one.report() for one in files))
 
 
 def inspect(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from calibrary.extras import CALIBRATE, require
-from calibrary.jobs.exchange.argument import Reading, choose
+from calibrary.jobs.exchange.reading import Reading, choose
 from calibrary.jobs.undistort.run import ALPHAS, AUTO, Size, Undistortion, UndistortRequest
 from calibrary.jobs.undistort.run import undistort as run
 from calibrary.progress import Progress

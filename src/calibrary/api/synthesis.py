@@ -12,7 +12,7 @@ from calibrary.calib.synthesis.cameras import example_camera, head, unit_of
 from calibrary.calib.synthesis.files import check_empty, write_frames
 from calibrary.calibration import Calibration
 from calibrary.extras import CALIBRATE, require
-from calibrary.jobs.exchange.argument import Reading, choose
+from calibrary.jobs.exchange.reading import Reading, choose
 from calibrary.known_camera import KnownCamera
 from calibrary.progress import Progress
 

@@ -12,7 +12,7 @@ from calibrary.cli.progress import Bar
 from calibrary.cli.reading import add_reading_flags, reading_of
 
 if TYPE_CHECKING:
-    from calibrary.api.files import Converted
+    from calibrary.api.conversion import Converted
 
 __all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
 
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _one(arguments: argparse.Namespace) -> int:
-    from calibrary.api.files import convert
+    from calibrary.api.conversion import convert
     from calibrary.cli.console import out, plain
 
     done = convert(
@@ -109,7 +109,7 @@ def _one(arguments: argparse.Namespace) -> int:
 
 
 def _many(arguments: argparse.Namespace) -> int:
-    from calibrary.api.files import conversion_report, convert_all
+    from calibrary.api.conversion import conversion_report, convert_all
     from calibrary.cli.console import note
     from calibrary.errors import InputError
 

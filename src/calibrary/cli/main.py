@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from calibrary import __version__
 from calibrary.cli.commands import Command, add_commands
 from calibrary.cli.parser import Parser
 from calibrary.cli.signals import exit_code
@@ -208,7 +209,9 @@ def build_parser() -> Parser:
         usage="calibrary COMMAND …",
         description="The library of a fleet's camera calibrations: derives, validates and keeps K.",
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    parser.add_argument(
+        "--version", action="version", version=f"calibrary {__version__}", help="print the version and exit"
+    )
     # The epilog lists the commands by group; argparse would list them a second time, without the groups.
     every = [command for _, commands in GROUPS for command in commands]
     add_commands(parser, every, prog="calibrary", help=argparse.SUPPRESS)
@@ -236,13 +239,3 @@ def leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]
     yield from getattr(parser, "words", {}).values()
     if not below:
         yield parser
-
-
-class _Version(argparse.Action):
-    """Looks the version up only when it is asked for."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
-        from importlib.metadata import version
-
-        sys.stdout.write(f"calibrary {version('calibrary')}\n")
-        parser.exit()

@@ -11,7 +11,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, UnknownFormatError
 from calibrary.jobs.convert.report import ConvertedFile
-from calibrary.jobs.exchange.argument import Reading, choose
+from calibrary.jobs.exchange.reading import Reading, choose
 from calibrary.jobs.images.folders import find_files
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Format, WriteVerdict

@@ -14,7 +14,8 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
 from calibrary.errors import InputError
 from calibrary.evidence.identity import firmware
-from calibrary.jobs.exchange.argument import Reading, choose, entry_file
+from calibrary.jobs.exchange.argument import entry_file
+from calibrary.jobs.exchange.reading import Reading, choose
 from calibrary.known_camera import hash_serial, is_serial_hash
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.plausible import refuse_implausible

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from typing import Final
 
+from calibrary import __version__
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.catalogue import load_catalogue
 from calibrary.known_camera import KnownCamera, Projection
@@ -137,7 +137,7 @@ def _entry(
                 source=SOURCE,
                 tag=f"{camera.make} {camera.title}",
                 assumptions=ASSUMED,
-                tool=f"calibrary {version('calibrary')}",
+                tool=f"calibrary {__version__}",
             ),
             notes=tuple(_notes(camera)),
         ),

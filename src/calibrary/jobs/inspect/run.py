@@ -9,7 +9,7 @@ from pathlib import Path
 from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, MissingSizeError
-from calibrary.jobs.exchange.argument import Reading
+from calibrary.jobs.exchange.reading import Reading
 from calibrary.jobs.images.folders import find_files
 from calibrary.jobs.inspect.report import InspectedFile
 from calibrary.parsers.discovery import format_named
