@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.catalogue import load_catalogue
+from calibrary.catalogue import load_catalogue, search_catalogue
 from calibrary.errors import InputError, ParseError
 from calibrary.known_camera import SUB_CAMERAS
 from calibrary.schemas import load
@@ -93,3 +93,17 @@ def test_what_no_single_field_says_is_refused_too(tmp_path: Path, member: str, s
     (tmp_path / "acme.yaml").write_text(f"{OWN}    {member}\n")
     with pytest.raises(ParseError, match=said):
         load_catalogue(tmp_path / "acme.yaml")
+
+
+def test_a_search_finds_what_reading_every_file_finds() -> None:
+    catalogue = load_catalogue()
+    words = {
+        word
+        for camera in list(catalogue)[::16]
+        for word in (*camera.title.split(), *camera.models, camera.make)
+    }
+    assert len(words) > 20
+    for word in words:
+        assert search_catalogue(word) == catalogue.search(word), word
+    assert search_catalogue("") == list(catalogue)
+    assert search_catalogue("dji no-such-camera") == []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from calibrary.catalogue import CatalogueListing, load_catalogue
+from calibrary.catalogue import CatalogueListing, search_catalogue
 from calibrary.errors import InputError
 from calibrary.known_camera import KnownCamera
 
@@ -16,8 +16,7 @@ def known_cameras(word: str = "") -> list[KnownCamera]:
     >>> [camera.title for camera in known_cameras("FC6310R")]
     ['Phantom 4 RTK']
     """
-    catalogue = load_catalogue()
-    return list(catalogue.search(word) if word else catalogue)
+    return search_catalogue(word)
 
 
 def the_known_camera(name: str) -> KnownCamera:

@@ -21,8 +21,6 @@ from calibrary.jobs.inspect.run import Inspected, inspect_files
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt
 from calibrary.parsers.format import Capacity, Format
-from calibrary.parsers.imagery.reader import begins_as_image
-from calibrary.parsers.images import decode_image
 from calibrary.parsers.listing import listing as format_listing
 from calibrary.progress import Progress
 from calibrary.quality import Covariance, Quality
@@ -128,8 +126,12 @@ def read_all(
             max_bytes=max_bytes,
         )
     data = source if isinstance(source, bytes) else _content(source, max_bytes)
-    if format is None and begins_as_image(data):
-        return decode_image(data, _name(source))
+    if format is None:
+        from calibrary.parsers.imagery.reader import begins_as_image
+        from calibrary.parsers.images import decode_image
+
+        if begins_as_image(data):
+            return decode_image(data, _name(source))
     return parsers.decode(
         data,
         name=_name(source),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
@@ -14,7 +14,7 @@ from calibrary.known_camera import KnownCamera, Name, Text
 from calibrary.records import Json, Meta, Record, from_json, to_json
 from calibrary.strictyaml import line_of, load_yaml
 
-__all__ = ["CatalogueListing", "Maker", "load_catalogue"]
+__all__ = ["CatalogueListing", "Maker", "load_catalogue", "search_catalogue"]
 
 LARGEST_FILE: Final = 1 << 22
 
@@ -92,11 +92,27 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
     return Catalogue(camera for one in sources for camera in _cameras(_content(one), one.name))
 
 
+def search_catalogue(text: str) -> list[KnownCamera]:
+    """What :meth:`Catalogue.search` finds in the shipped catalogue; only files that contain every word are parsed."""
+    words = text.casefold().split()
+    named = {
+        name: data
+        for name, data in _shipped_files()
+        if all(word in data.decode().casefold() for word in words)
+    }
+    return Catalogue(camera for name, data in named.items() for camera in _cameras(data, name)).search(text)
+
+
 @cache
 def _shipped() -> Catalogue:
-    makers = {item.name: item for item in (files("calibrary.registry") / "catalogue").iterdir()}
-    names = sorted(name for name in makers if name.endswith(".yaml"))
-    return Catalogue(camera for name in names for camera in _cameras(makers[name].read_bytes(), name))
+    return Catalogue(camera for name, data in _shipped_files() for camera in _cameras(data, name))
+
+
+def _shipped_files() -> Iterator[tuple[str, bytes]]:
+    folder = files("calibrary.registry") / "catalogue"
+    makers = {item.name: item for item in folder.iterdir() if item.name.endswith(".yaml")}
+    for name in sorted(makers):
+        yield name, makers[name].read_bytes()
 
 
 def _content(path: Path) -> bytes:

@@ -13,7 +13,6 @@ from calibrary.jobs.exchange.reading import Reading
 from calibrary.jobs.images.folders import find_files
 from calibrary.jobs.inspect.report import InspectedFile
 from calibrary.parsers.discovery import format_named
-from calibrary.parsers.images import image_evidence
 from calibrary.parsers.plausible import why_implausible
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import Progress
@@ -118,6 +117,8 @@ def _read(path: Path, reading: Reading) -> Inspected:
 def _described(path: Path, reading: Reading) -> Inspected:
     """What the file is and how it counts."""
     if reading.format is None and parsers.is_image_file(path):
+        from calibrary.parsers.images import image_evidence  # noqa: PLC0415  which calibration files do not need
+
         evidence = image_evidence(path)
         warnings = [f"{dropped.tag} is not believed: {dropped.reason}" for dropped in evidence.dropped]
         warnings += [f"{c.other.tag} disagrees by {c.difference:+.1%}: {c.cause}" for c in evidence.conflicts]
