@@ -13,6 +13,7 @@ from calibrary.calib.board import Board
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError
 from calibrary.provenance import SourceFile
+from calibrary.records import force_setattr
 
 __all__ = ["ControlPoints", "Days", "Observations", "View"]
 
@@ -43,7 +44,7 @@ class ControlPoints:
             raise InputError(
                 f"control points of shape {points.shape}: expected (N, 3) finite coordinates in mm"
             )
-        object.__setattr__(self, "points", points)
+        force_setattr(self, "points", points)
 
     def __str__(self) -> str:
         return f"{len(self.points)} {self.name}"
