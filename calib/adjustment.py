@@ -8,10 +8,10 @@ Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Generic
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.network import LensT, Linear, Network, State, linearise, turned
@@ -33,8 +33,7 @@ FIRST_DAMPING = 1e-4
 LARGEST_DAMPING = 1e8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reduced:
+class Reduced(Struct, frozen=True, kw_only=True, eq=False):
     """The normal equations with the poses eliminated.
 
     Attributes:
@@ -58,8 +57,7 @@ class Reduced:
         return self.from_poses + float(self.right @ scaled_solve(self.matrix, self.right))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Adjusted(Generic[LensT]):
+class Adjusted(Struct, Generic[LensT], frozen=True, kw_only=True, eq=False):
     """Where a search ended.
 
     Attributes:
@@ -188,8 +186,7 @@ def scaled_solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(solution / scale)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Step:
+class _Step(Struct, frozen=True, kw_only=True, eq=False):
     """A move: of the globals (g,), of the poses (V, 6), and the px² it promises to gain."""
 
     of_globals: FloatArray

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.arrays import BoolArray, FloatArray
@@ -21,8 +21,7 @@ RIM_POINTS = 40
 """Along each side; between two of them a lens bends the rim by less than a pixel."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cells:
+class Cells(Struct, frozen=True, kw_only=True, eq=False):
     """Dark and white rectangles between lines that run across and down the whole board.
 
     Attributes:
@@ -82,8 +81,7 @@ class Cells:
         return np.asarray(upper + b * (lower - upper))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Discs:
+class Discs(Struct, frozen=True, kw_only=True, eq=False):
     """Dark discs, one on every point.
 
     Attributes:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted
@@ -57,8 +57,7 @@ _PROGRAMS: Final = {"calibrary": "calibrary", "opencv": "OpenCV", "pycolmap": "p
 _MODULES: Final = {"cv2": "opencv"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Joint:
+class Joint(Struct, frozen=True, kw_only=True, eq=False):
     """What a camera's uncertainty is when it was solved together with other cameras, or with the points of a scene.
 
     Attributes:
@@ -70,8 +69,7 @@ class Joint:
     halves: SplitHalf | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Solved:
+class Solved(Struct, frozen=True, kw_only=True, eq=False):
     """A camera that was found, and not yet judged.
 
     Attributes:

@@ -12,10 +12,10 @@ imperfect planar target", 2011; there all three coordinates, here the one that a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust
@@ -54,8 +54,7 @@ class Stretch(Record):
         return self.value / self.std if self.std > 0 else 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BoardShape:
+class BoardShape(Struct, frozen=True, kw_only=True, eq=False):
     """What letting every point of the board leave its plane changes.
 
     Attributes:

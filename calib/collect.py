@@ -9,9 +9,10 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+
+from msgspec import Struct, field
 
 from calibrary.calib.board import Board, Pattern
 from calibrary.calib.board_size import find_board_size
@@ -36,8 +37,7 @@ FRAMES_TRIED = 8
 """With other board sizes, to say what the frames show instead."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NamedRemark:
+class NamedRemark(Struct, frozen=True, kw_only=True):
     """A remark on one frame.
 
     Attributes:
@@ -52,8 +52,7 @@ class NamedRemark:
         return f"{self.name}: {self.remark.text}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Collected:
+class Collected(Struct, frozen=True, kw_only=True, eq=False):
     """What a set of frames yields.
 
     Attributes:
@@ -71,8 +70,7 @@ class Collected:
     files: Mapping[str, Path] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Looked:
+class Looked(Struct, frozen=True, kw_only=True, eq=False):
     """What one frame yielded: a view, or a remark that rejects it."""
 
     name: str

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Final
 
 import numpy as np
+from msgspec import Struct, field
 
 from calibrary.calib.board import Board
 from calibrary.calib.observations import View
@@ -40,16 +40,14 @@ NEEDED: Final = ("image", "x", "y")
 GZIP: Final = b"\x1f\x8b"
 
 
-@dataclass(slots=True)
-class _Frame:
+class _Frame(Struct):
     """The lines of one frame."""
 
     corners: dict[int, tuple[float, float]] = field(default_factory=dict)
     lines: int = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CornersTable:
+class CornersTable(Struct, frozen=True, kw_only=True, eq=False):
     """What a table holds.
 
     Attributes:

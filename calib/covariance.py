@@ -9,10 +9,10 @@ shutter or a poor model add to it only :mod:`calibrary.calib.variance_factor` sh
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, reduce
@@ -35,8 +35,7 @@ MEANINGLESS: Final = 1e-100
 """A parameter of less influence than this on all corners together has none."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Identifiability:
+class Identifiability(Struct, frozen=True, kw_only=True):
     """What the views say least about.
 
     Attributes:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 
@@ -34,8 +35,7 @@ class Reason(StrEnum):
     NOT_PLACED = "not-placed"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Remark:
+class Remark(Struct, frozen=True, kw_only=True):
     """Something a person should know of one frame.
 
     Attributes:
@@ -49,8 +49,7 @@ class Remark:
     rejects: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
+class Found(Struct, frozen=True, kw_only=True, eq=False):
     """The board's points as seen in one image.
 
     Attributes:
@@ -68,8 +67,7 @@ class Found:
     remarks: tuple[Remark, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NotFound:
+class NotFound(Struct, frozen=True, kw_only=True):
     """No board, and why.
 
     Attributes:

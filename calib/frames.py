@@ -11,11 +11,11 @@ import mmap
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.calib.image_head import ImageHead, check_complete, read_head
@@ -46,8 +46,7 @@ MOSAIC_CONTRAST = 0.05
 """Share of the mean level by which the colours of a mosaic must differ to be told from a gray frame."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+class Frame(Struct, frozen=True, kw_only=True, eq=False):
     """One image as detection wants it.
 
     Attributes:
@@ -66,8 +65,7 @@ class Frame:
         return self.gray.shape[1], self.gray.shape[0]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
+class Setting(Struct, frozen=True, kw_only=True):
     """What must not change between the frames of one calibration.
 
     Attributes:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted
@@ -14,8 +14,7 @@ from calibrary.calib.network import LensT
 __all__ = ["Freed", "freed"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Freed:
+class Freed(Struct, frozen=True, kw_only=True, eq=False):
     """Where the minimum would be, to first order.
 
     Attributes:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted
@@ -28,8 +28,7 @@ SAME_PLACE: Final = 1e-3
 """Two views whose corners lie on average this fraction of the frame's width apart, or a pixel, show one pose."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Coverage:
+class Coverage(Struct, frozen=True, kw_only=True, eq=False):
     """Where corners were seen.
 
     Attributes:
@@ -48,8 +47,7 @@ class Coverage:
         return float(self.cells.mean())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Geometry:
+class Geometry(Struct, frozen=True, kw_only=True, eq=False):
     """How the board was held.
 
     Attributes:

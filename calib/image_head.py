@@ -12,8 +12,9 @@ from __future__ import annotations
 import mmap
 import re
 import struct
-from dataclasses import dataclass
 from typing import Final, TypeAlias
+
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError, UnknownFormatError
@@ -32,8 +33,7 @@ MOST_ENTRIES: Final = 4096
 """Of one TIFF directory; real ones have below a hundred."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImageHead:
+class ImageHead(Struct, frozen=True, kw_only=True):
     """How an image file keeps its pixels.
 
     Attributes:

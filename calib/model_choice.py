@@ -13,10 +13,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust, reduce
@@ -84,8 +84,7 @@ class Candidate(Record):
     refused: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WarpTest:
+class WarpTest(Struct, frozen=True, kw_only=True):
     """Whether the board's warp was kept.
 
     Attributes:

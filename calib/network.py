@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, Protocol
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.arrays import BoolArray, FloatArray
@@ -53,8 +53,7 @@ class Lens(Protocol):
 LensT = TypeVar("LensT", bound=Lens, default=Solvable)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Network:
+class Network(Struct, frozen=True, kw_only=True, eq=False):
     """V views of at most M corners each; views with fewer are filled up with corners that count for nothing.
 
     Attributes:
@@ -135,8 +134,7 @@ def _bend(board: Board | ControlPoints) -> FloatArray:
     return np.asarray(1.0 - ((points[:, :2] - (low + high) / 2) / half) ** 2)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class State(Generic[LensT]):
+class State(Struct, Generic[LensT], frozen=True, kw_only=True, eq=False):
     """What is solved for.
 
     Attributes:
@@ -158,8 +156,7 @@ class State(Generic[LensT]):
         return replace(self, rotations=self.rotations[rows], translations=self.translations[rows])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Linear:
+class Linear(Struct, frozen=True, kw_only=True, eq=False):
     """The network around a state; rows of corners that do not count are zero.
 
     Attributes:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import date
 from typing import TypeAlias
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.board import Board
@@ -21,8 +21,7 @@ Days: TypeAlias = tuple[date, date]
 """The first and the last of several days."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ControlPoints:
+class ControlPoints(Struct, frozen=True, kw_only=True, eq=False):
     """Points whose place in space is known: surveyed ground control, or the cloud of a reconstruction.
 
     Attributes:
@@ -50,8 +49,7 @@ class ControlPoints:
         return f"{len(self.points)} {self.name}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class View:
+class View(Struct, frozen=True, kw_only=True, eq=False):
     """The board in one frame.
 
     Attributes:
@@ -71,8 +69,7 @@ class View:
     spacing_px: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Observations:
+class Observations(Struct, frozen=True, kw_only=True, eq=False):
     """All views of one board by one camera at one focus.
 
     Attributes:

@@ -14,11 +14,11 @@ import warnings
 import zlib
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.calib.opencv_state import quiet
@@ -67,8 +67,7 @@ class Kind(StrEnum):
     TIFF = "tif"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
+class Picture(Struct, frozen=True, kw_only=True):
     """A decoded picture.
 
     Attributes:

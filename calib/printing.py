@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, TypeAlias
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.calib.artwork import Cells, Discs, artwork
 from calibrary.calib.board import Board, Pattern
@@ -50,8 +50,7 @@ RULER_MM = 100.0
 TEXT_MM = 3.2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Page:
+class Page(Struct, frozen=True, kw_only=True):
     """Where everything stands on the paper.
 
     Attributes:

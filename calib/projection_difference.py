@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import ArrayLike
 
 from calibrary.arrays import BoolArray, FloatArray
@@ -60,8 +60,7 @@ SETTLED_RAD: Final = 1e-10
 FEWEST_PIXELS: Final = 6
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ProjectionDifference:
+class ProjectionDifference(Struct, frozen=True, kw_only=True, eq=False):
     """Two calibrations compared over the frame.
 
     Attributes:
@@ -111,8 +110,7 @@ class ProjectionDifference:
         return math.degrees(float(np.linalg.norm(self.rotation_rad)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Uncertainty:
+class Uncertainty(Struct, frozen=True, kw_only=True, eq=False):
     """What a calibration's covariance means in pixels, directions at infinity, the camera free to turn.
 
     Attributes:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust
@@ -21,8 +21,7 @@ RAYLEIGH_MEDIAN: Final = 1.1774
 """Median length of a two-dimensional error of unit standard deviation by coordinate."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gate:
+class Gate(Struct, frozen=True, kw_only=True):
     """How far out is out.
 
     Attributes:

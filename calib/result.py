@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.lens_models import Solvable
@@ -40,8 +41,7 @@ class Dismissal(Record):
     message: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ViewResult:
+class ViewResult(Struct, frozen=True, kw_only=True, eq=False):
     """One view, whether it counts or not.
 
     Attributes:
@@ -99,8 +99,7 @@ class Flown(Record):
     chosen: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CalibrationResult:
+class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
     """A calibration with all that speaks for and against it.
 
     Attributes:

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.geometry import duplicates
@@ -50,8 +50,7 @@ POOR_START_PX: Final = 2.0
 """A perspective start that misses by more than this may be no perspective camera at all: a fisheye is tried."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Solution:
+class Solution(Struct, frozen=True, kw_only=True, eq=False):
     """The camera that was found, and what was tried on the way.
 
     Attributes:

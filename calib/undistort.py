@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, TypeAlias
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
@@ -65,8 +65,7 @@ class Interpolation(StrEnum):
     LANCZOS = "lanczos"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class Plan(Struct, frozen=True, kw_only=True):
     """The camera that an undistorted picture is of.
 
     Attributes:
@@ -208,8 +207,7 @@ class Undistorter:
             self._cache = made
 
 
-@dataclass(frozen=True, slots=True)
-class _Map:
+class _Map(Struct, frozen=True):
     """Some rows of a map."""
 
     rows: slice

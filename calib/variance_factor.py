@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.adjustment import Adjusted, reduce
@@ -39,8 +39,7 @@ FEWEST_VIEWS: Final = 6
 """In all: a half of fewer than three views of a plane hardly determines a camera."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SplitHalf:
+class SplitHalf(Struct, frozen=True, kw_only=True, eq=False):
     """What the halves said.
 
     Attributes:
@@ -122,8 +121,7 @@ def chi_square(difference: FloatArray, covariance: FloatArray) -> float:
         raise CalibrationError("the covariance of the difference is singular") from None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _View:
+class _View(Struct, frozen=True, kw_only=True, eq=False):
     """One view's normal equations around the solution of all, its own pose eliminated.
 
     Attributes:

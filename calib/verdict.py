@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, Self
+
+from msgspec import Struct
 
 from calibrary.calib.board_shape import BoardShape, Stretch
 from calibrary.calib.geometry import Geometry
@@ -83,8 +84,7 @@ class Limits(Record):
 LIMITS: Final = Limits()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
+class Evidence(Struct, frozen=True, kw_only=True):
     """What a verdict is judged by.
 
     Attributes:

@@ -14,9 +14,10 @@ is and how to add one.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
+
+from msgspec import Struct
 
 from calibrary.atomic import write_files
 from calibrary.calibration import Calibration, ImageSize
@@ -293,8 +294,7 @@ def encode(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _File:
+class _File(Struct, frozen=True):
     """A calibration file in memory, to be read at one image size or another."""
 
     content: Content

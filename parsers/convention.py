@@ -8,9 +8,10 @@ else.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Self, TypeAlias
+
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.conventions import Origin, canonical_from_file, file_from_canonical
@@ -56,8 +57,7 @@ class Tangential(Enum):
     NONE = "no tangential terms"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Native:
+class Native(Struct, frozen=True, kw_only=True):
     """K's numbers as a format counts them, in its own unit, origin and direction of y."""
 
     fx: float
@@ -93,8 +93,7 @@ class Native:
         raise ParseError(f"this is not a camera matrix: {expected}", place=place, source=source)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Convention:
+class Convention(Struct, frozen=True, kw_only=True):
     """How a format counts.
 
     Attributes:

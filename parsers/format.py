@@ -41,11 +41,12 @@ Third parties put the same record under the entry-point group ``calibrary.format
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
+
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, ImageSize, Provenance
 from calibrary.distortion import Distortion
@@ -81,8 +82,7 @@ class Sure(IntEnum):
     MAGIC = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Sniff:
+class Sniff(Struct, frozen=True):
     """A format's claim to a file.
 
     Attributes:
@@ -94,8 +94,7 @@ class Sniff:
     reason: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Option:
+class Option(Struct, frozen=True, kw_only=True):
     """Something about a file that only its owner knows.
 
     Attributes:
@@ -114,8 +113,7 @@ def no_companion(_name: str) -> bytes | None:
     return None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReadContext:
+class ReadContext(Struct, frozen=True, kw_only=True):
     """What a reader is told besides the bytes.
 
     Attributes:
@@ -209,8 +207,7 @@ class ReadContext:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WriteContext:
+class WriteContext(Struct, frozen=True, kw_only=True):
     """What a writer is told besides the calibrations.
 
     Attributes:
@@ -220,8 +217,7 @@ class WriteContext:
     name: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Capacity:
+class Capacity(Struct, frozen=True, kw_only=True):
     """What a file of the format can hold and the programs that read it will honour.
 
     Attributes:
@@ -248,8 +244,7 @@ ReadInPlace: TypeAlias = Callable[[Path, ReadContext], Sequence[Calibration]]
 Write: TypeAlias = Callable[[Sequence[Calibration], WriteContext], bytes]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Format:
+class Format(Struct, frozen=True, kw_only=True):
     """One file format, whole: who writes it, how it counts, how it is recognised, read and written.
 
     Attributes:
@@ -313,8 +308,7 @@ class Fidelity(StrEnum):
     REFITTED = "refitted"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class Fit(Struct, frozen=True, kw_only=True):
     """How much of one camera's projection survived, measured over its image.
 
     Attributes:
@@ -334,8 +328,7 @@ class Fit:
     covered: float = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WriteVerdict:
+class WriteVerdict(Struct, frozen=True, kw_only=True):
     """How faithfully a written file represents the calibrations.
 
     Attributes:

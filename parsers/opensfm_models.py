@@ -13,8 +13,9 @@ Sources: OpenSfM, ``opensfm/io.py``, ``features.py`` and ``camera_distortions_fu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, ImageSize, Intrinsics
 from calibrary.conventions import Origin
@@ -26,8 +27,7 @@ from calibrary.parsers.convention import Convention, Native, Unit
 __all__ = ["CONVENTION", "PROJECTIONS", "ProjectionType", "calibrated", "opensfm_camera", "projection_named"]
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectionType:
+class ProjectionType(Struct, frozen=True):
     """One of OpenSfM's projection types that has a K.
 
     Attributes:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.dates import iso_date
@@ -29,8 +30,7 @@ from calibrary.records import replace
 __all__ = ["Identity", "identified", "identified_by_head", "read_content", "read_in_place"]
 
 
-@dataclass(frozen=True, slots=True)
-class Identity:
+class Identity(Struct, frozen=True):
     """What a file is and why we think so.
 
     Attributes:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal
+
+from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
@@ -84,8 +85,7 @@ class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"
     unsigned: tuple[str, ...] | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Checked:
+class Checked(Struct, frozen=True, kw_only=True):
     """What a check came to.
 
     Attributes:

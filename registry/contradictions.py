@@ -8,9 +8,10 @@ in millimetres, or a slip of the pen: an error, which a person can override with
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics, same_aspect
 from calibrary.catalogue import Catalogue, load_catalogue
@@ -54,8 +55,7 @@ WHOLE: Final = 0.01
 PHOTO: Final = (4 / 3, 3 / 2)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Range:
+class _Range(Struct, frozen=True, kw_only=True):
     """What fx may be, px; more than one number where it is not known which part of the sensor the frame shows."""
 
     low: float

@@ -8,10 +8,11 @@ Nothing of K is changed here.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import date
 from difflib import get_close_matches
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.errors import AmbiguousCameraError, InputError, RegistryError
 from calibrary.records import replace
@@ -35,8 +36,7 @@ EDITABLE: Final[Mapping[str, tuple[str, ...]]] = {
 Edit = Callable[[Entry], Entry]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Assignment:
+class Assignment(Struct, frozen=True, kw_only=True):
     """What is to be set.
 
     Attributes:

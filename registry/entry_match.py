@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from datetime import date
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Provenance, SourceFile, same_aspect
 from calibrary.errors import InputError
@@ -27,8 +28,7 @@ ONLY_PROPOSED: Final = "it is only a proposal, which nothing uses before it is a
 Rank = tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EntryMatch:
+class EntryMatch(Struct, frozen=True, kw_only=True):
     """An entry that fits a camera.
 
     Attributes:

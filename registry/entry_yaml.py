@@ -11,9 +11,10 @@ import math
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Final, cast
+
+from msgspec import Struct
 
 from calibrary.errors import InputError, ParseError
 from calibrary.records import Json, from_json, to_json
@@ -51,8 +52,7 @@ LEGEND: Final = """\
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
+class Layout(Struct, frozen=True, kw_only=True):
     """How the lines of a document depart from one value a line and nothing for what it does not say.
 
     Attributes:

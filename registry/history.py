@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
 from typing import Any, Final
 
-from msgspec import field
+from msgspec import Struct, field
 
 from calibrary.calibration import Grade
 from calibrary.errors import RegistryError, UnknownCameraError
@@ -47,8 +46,7 @@ __all__ = [
 DIGEST: Final = re.compile(rb"^digest: (.+?)\s*$", re.MULTILINE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EntryRevision:
+class EntryRevision(Struct, frozen=True, kw_only=True):
     """One commit that changed an entry.
 
     Attributes:
@@ -90,8 +88,7 @@ class EntryRevision:
         return {name: float(getattr(other, name) - getattr(one, name)) for name in PARAMETERS}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FieldOrigin:
+class FieldOrigin(Struct, frozen=True, kw_only=True):
     """One field of an entry and the commit that last changed it."""
 
     field: str

@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -19,6 +18,7 @@ from types import MappingProxyType
 from typing import Final, TypeVar
 
 import msgspec
+from msgspec import Struct
 from platformdirs import user_cache_path
 
 from calibrary.errors import InputError
@@ -76,8 +76,7 @@ def claimed_folder(name: str) -> str:
     return folder_of(make, model)
 
 
-@dataclass(frozen=True, slots=True)
-class _Overlay:
+class _Overlay(Struct, frozen=True):
     """What differs between the commit that the file is at and the one that is asked for."""
 
     files: Mapping[str, str | None]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 import shutil
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary import __version__, schemas
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality
@@ -51,8 +52,7 @@ FIRST: Final = Note(subject="Create a registry of camera calibrations")
 LAST_NAME: Final = re.compile(r"([\w.-]+?)(?:\.git)?/*\Z")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Initialised:
+class Initialised(Struct, frozen=True, kw_only=True):
     """A registry that was made.
 
     Attributes:

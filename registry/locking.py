@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, NoReturn
 
-from msgspec import field
+from msgspec import Struct, field
 
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.records import Meta, Record, from_json, replace, to_json
@@ -49,8 +48,7 @@ __all__ = [
 MOST_LISTED = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Locked:
+class Locked(Struct, frozen=True, kw_only=True):
     """What answers under a lock.
 
     Attributes:
@@ -218,8 +216,7 @@ class Lock(Record, tag_field="schema", tag="calibrary/lock-1"):
         require_declared(self)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Drift:
+class Drift(Struct, frozen=True, kw_only=True):
     """A pinned entry that has changed."""
 
     path: str

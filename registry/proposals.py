@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Provenance
 from calibrary.errors import InputError, RegistryError
@@ -48,8 +49,7 @@ BY_FLAGS: Final = ("tool", "date", "operator", "firmware", "focus")
 """What a flag can say of a calibration that its file does not."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Proposal:
+class Proposal(Struct, frozen=True, kw_only=True):
     """One entry as it would be written.
 
     Attributes:
@@ -92,8 +92,7 @@ class Proposal:
         return (Change(path=self.path, data=self.data, base=self.base), *gone)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Proposals:
+class Proposals(Struct, frozen=True, kw_only=True):
     """Entries that are proposed together, and what the check says of them.
 
     Attributes:
@@ -435,8 +434,7 @@ def _approved_at_once(entry: Entry, here: CurrentFiles, reason: str | None, warn
     return proposal_of(approved, before, here.oid, warnings, replaced=gone)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CurrentFiles:
+class CurrentFiles(Struct, frozen=True, kw_only=True):
     """What a registry has of one camera: what is in use, and what is proposed beside it.
 
     Attributes:

@@ -15,11 +15,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
 from operator import ge, gt, le, lt
 from typing import Any, Final
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.registry.entry import Status
@@ -62,8 +63,7 @@ _PART = re.compile(r"""(?:"[^"]*"|'[^']*'|[^,"'])+""")
 _ORDERED: Final[Mapping[str, Callable[[Any, Any], bool]]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
+class Condition(Struct, frozen=True, kw_only=True):
     """One condition.
 
     Attributes:
@@ -145,8 +145,7 @@ def _unquoted(text: str) -> str:
     return re.sub(r"""["']""", "", text)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Selection:
+class Selection(Struct, frozen=True, kw_only=True, dict=True):
     """Entries, chosen and sorted.
 
     Attributes:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import date
 from typing import Final, TypeAlias
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import AmbiguousEntryError, InputError, RegistryError
@@ -58,8 +59,7 @@ class RejectedEntry(Record):
     reason: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Resolution:
+class Resolution(Struct, frozen=True, kw_only=True):
     """The entry that is used for a camera.
 
     Attributes:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import date
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
+
+from msgspec import Struct
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
@@ -47,8 +48,7 @@ from calibrary.registry.writing import parsed
 __all__ = ["Snapshot", "used_before"]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Snapshot:
+class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
     """A registry's entries at one state, which never changes; files are read when they are asked for.
 
     Attributes:

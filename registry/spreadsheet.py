@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 
@@ -19,8 +20,7 @@ ESCAPED: Final = (*FORMULA, "'")
 DELIMITERS: Final = (",", ";", "\t")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sheet:
+class Sheet(Struct, frozen=True, kw_only=True):
     """A table as it was read.
 
     Attributes:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Annotated, Any
+
+from msgspec import Struct
 
 from calibrary.errors import RegistryError
 from calibrary.records import Json, Meta, Record
@@ -16,8 +17,7 @@ from calibrary.registry.resolution import is_keyed
 __all__ = ["EntryListing", "ListedEntry", "StoredEntry", "in_its_place"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredEntry:
+class StoredEntry(Struct, frozen=True, kw_only=True):
     """An entry as it is stored at one state of a registry.
 
     Attributes:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Final
 
-from msgspec import field
+from msgspec import Struct, field
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import Meta, Record
@@ -37,8 +36,7 @@ __all__ = [
 DEFAULT: Final = "origin"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class Choice(Struct, frozen=True, kw_only=True):
     """Which side is right where both changed an entry.
 
     Attributes:

@@ -7,8 +7,9 @@ the time of the export, so that a change of a colleague since then is seen, cell
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import Record
@@ -61,8 +62,7 @@ class RowProblem(Record):
     message: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnitsImport:
+class UnitsImport(Struct, frozen=True, kw_only=True):
     """What a table changes.
 
     Attributes:

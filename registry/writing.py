@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.registry.entry import Entry
@@ -24,8 +25,7 @@ SOURCE_FILE: Final = "Source-File"
 SOURCE_SHA256: Final = "Source-Sha256"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Note:
+class Note(Struct, frozen=True, kw_only=True):
     """What the history says of a change.
 
     Attributes:

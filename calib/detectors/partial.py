@@ -10,10 +10,10 @@ how many corners there are along each side.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.calib.board import Board
 from calibrary.calib.detectors.growing import grown
@@ -34,8 +34,7 @@ SPARSE = 0.5
 """Share of a line's corners; an outer one with fewer than that, on a lattice too large for the board, is its rim."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Placement:
+class _Placement(Struct, frozen=True, kw_only=True, eq=False):
     """A way in which a piece may lie on the board: turned, and its first corner in this row and column."""
 
     lattice: Lattice

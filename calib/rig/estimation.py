@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted
@@ -36,8 +36,7 @@ from calibrary.validation import Finding
 __all__ = ["RigResult", "ShotResult", "estimate_rig"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShotResult:
+class ShotResult(Struct, frozen=True, kw_only=True):
     """One shot.
 
     Attributes:
@@ -53,8 +52,7 @@ class ShotResult:
     apart: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RigResult:
+class RigResult(Struct, frozen=True, kw_only=True, eq=False):
     """A rig with all that speaks for and against it.
 
     Attributes:

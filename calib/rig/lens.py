@@ -8,9 +8,9 @@ by the noise of their camera, for a thermal camera's corners are ten times as no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.lens_models import Projected, Solvable
@@ -22,8 +22,7 @@ PLACE = ("rx", "ry", "rz", "tx", "ty", "tz")
 """Of a camera in the rig: axis times angle in rad, and mm; x_camera = R x_reference + t."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Place:
+class Place(Struct, frozen=True, kw_only=True, eq=False):
     """Where a camera is: x_camera = R x_reference + t.
 
     Attributes:
@@ -58,8 +57,7 @@ class Place:
         return np.concatenate([rotation_vector(self.rotation), self.translation])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigLens:
+class RigLens(Struct, frozen=True, kw_only=True):
     """The lenses of a rig, the reference camera's first.
 
     Attributes:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, IntArray
 from calibrary.calib.network import Network
@@ -16,8 +16,7 @@ from calibrary.records import replace
 __all__ = ["RigObservations", "rig_network"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RigObservations:
+class RigObservations(Struct, frozen=True, kw_only=True, eq=False):
     """All views of one board by the cameras of a rig.
 
     Attributes:

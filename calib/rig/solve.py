@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import Adjusted, adjust
@@ -33,8 +33,7 @@ MOST_SHOTS: Final = 0.3
 SAME_NOISE: Final = 0.05
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RigSolution:
+class RigSolution(Struct, frozen=True, kw_only=True, eq=False):
     """The rig that was found.
 
     Attributes:

@@ -10,11 +10,11 @@ Where none fits, the shots are paired otherwise: one frame later, in reverse, mi
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.calib.board import Board, Pattern
@@ -45,8 +45,7 @@ class Mispairing(StrEnum):
     MIRRORED = "mirrored-camera"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Eye:
+class Eye(Struct, frozen=True, kw_only=True, eq=False):
     """One camera as it was solved alone.
 
     Attributes:
@@ -79,8 +78,7 @@ def eye_of(solution: Solution, views: Sequence[View]) -> Eye:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Link:
+class Link(Struct, frozen=True, kw_only=True, eq=False):
     """Two cameras that saw the board in the same shots.
 
     Attributes:

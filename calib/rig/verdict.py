@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calib.rig.causes import RigCause, RigTrouble
 from calibrary.calib.rig.start import Mispairing
@@ -42,8 +43,7 @@ RIG_LIMITS: Final = RigLimits()
 LEVEL: Final = 1e-4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mispaired:
+class Mispaired(Struct, frozen=True, kw_only=True):
     """Frames that were paired wrongly.
 
     Attributes:
@@ -60,8 +60,7 @@ class Mispaired:
     miss_px: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigEvidence:
+class RigEvidence(Struct, frozen=True, kw_only=True):
     """What a rig is judged by; what was not solved is None.
 
     Attributes:

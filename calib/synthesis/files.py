@@ -7,12 +7,12 @@ import json
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from msgspec import to_builtins
 
 from calibrary.calib.board import Board
 from calibrary.calib.synthesis.observe import Truth
@@ -111,7 +111,7 @@ def _document(truth: Truth, seed: int, frames: list[Json]) -> str:
         "tool": f"calibrary {version('calibrary')}",
         "seed": seed,
         "board": _board(truth.board),
-        "settings": asdict(truth.settings),
+        "settings": to_builtins(truth.settings),
         "calibration": to_json(truth.calibration),
         "frames": frames,
     }

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
@@ -18,8 +18,7 @@ from calibrary.records import replace
 __all__ = ["Truth", "observe"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Truth:
+class Truth(Struct, frozen=True, kw_only=True, eq=False):
     """What lies behind a set of frames.
 
     Attributes:

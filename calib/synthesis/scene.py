@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
@@ -33,8 +33,7 @@ REACH = 2.0
 """How far around a pixel, in its widths, must be of one tone for it to be taken as of one tone."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Plane:
+class _Plane(Struct, frozen=True, kw_only=True):
     """The printed sheet under one pose: from directions to mm on the sheet."""
 
     board: Board

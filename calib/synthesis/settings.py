@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from calibrary.calib.synthesis.sheet import Sheet, Shutter
 from calibrary.errors import InputError
@@ -11,8 +12,7 @@ from calibrary.errors import InputError
 __all__ = ["Settings"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class Settings(Struct, frozen=True, kw_only=True):
     """Light, lens, sensor and file; the defaults are a good camera in good light.
 
     Attributes:

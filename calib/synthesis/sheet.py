@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
@@ -20,8 +20,7 @@ ROW_ROUNDS = 12
 """A corner's row decides when it is exposed, and when it is exposed decides its row; each round gains two digits."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pose:
+class Pose(Struct, frozen=True, kw_only=True):
     """How a board lies before the camera: x_camera = R x_board + t.
 
     Attributes:
@@ -42,8 +41,7 @@ class Pose:
         return np.asarray(points_mm @ self.matrix.T + np.array(self.translation_mm))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sheet:
+class Sheet(Struct, frozen=True, kw_only=True):
     """How a board departs from the plane and the lengths that it is taken for.
 
     Attributes:
@@ -80,8 +78,7 @@ class Sheet:
         return (across * sx / 2, across * sx / 2), (down * sy / 2, down * sy / 2)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shutter:
+class Shutter(Struct, frozen=True, kw_only=True):
     """A shutter that reads row after row while the camera turns.
 
     Attributes:

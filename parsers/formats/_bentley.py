@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
@@ -31,8 +32,7 @@ AGREEMENT = 1e-4
 SQUARE_PIXELS = "AspectRatio was read as fy / fx, which Bentley does not say"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PerspectiveCamera:
+class PerspectiveCamera(Struct, frozen=True, kw_only=True):
     """What the elements say: K, the lens (None where none is stated), and what was assumed."""
 
     intrinsics: Intrinsics

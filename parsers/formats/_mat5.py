@@ -12,9 +12,9 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.errors import ParseError
 from calibrary.records import Json
@@ -42,8 +42,7 @@ KINDS = {
 TEXTS = {16: "utf-8", 17: "utf-16", 18: "utf-32"}
 
 
-@dataclass(frozen=True, slots=True)
-class Variables:
+class Variables(Struct, frozen=True):
     """What a file holds.
 
     Attributes:

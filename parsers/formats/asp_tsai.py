@@ -32,9 +32,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import (
@@ -82,8 +82,7 @@ _VECTOR = re.compile(r"(Radial|Tangen\w*)\s+Coeff\s*:\s*Vector\d*\s*\(([^()]*)\)
 _ALPHA = re.compile(r"Alpha\s*:\s*(\S+)", re.IGNORECASE)
 
 
-@dataclass(slots=True)
-class _Rows:
+class _Rows(Struct):
     """A file taken apart."""
 
     values: dict[str, tuple[float, ...]] = field(default_factory=dict)

@@ -33,7 +33,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Quality
 from calibrary.distortion import Australis, Distortion, NoDistortion
@@ -73,8 +74,7 @@ _SIDE = re.compile(r"([HV])\s+(\S+)\s+(\S+)")
 _FACT = re.compile(r"(Number of Points|Number of Images|RMS of Image coords)\s*:\s*(\S+)")
 
 
-@dataclass(slots=True)
-class _Camera:
+class _Camera(Struct):
     """One camera's table: values and final standard errors by parameter, and pixels by axis."""
 
     name: str

@@ -29,7 +29,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import NoDistortion
@@ -69,8 +70,7 @@ NOTE = (
 _ROW = re.compile(r"\$(\w{1,60})\s*:\s*(.*)")
 
 
-@dataclass(slots=True)
-class _Rows:
+class _Rows(Struct):
     """What stands under each key of a block, lines joined."""
 
     place: str

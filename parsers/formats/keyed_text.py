@@ -26,7 +26,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from calibrary.calibration import (
     ASPECT_TOLERANCE,
@@ -142,8 +143,7 @@ _LENS_TERM = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class _Entry:
+class _Entry(Struct, frozen=True):
     """One known line: its key as written, its text, its numbers, and their unit if one is stated."""
 
     key: str
@@ -152,8 +152,7 @@ class _Entry:
     unit: str | None = None
 
 
-@dataclass(slots=True)
-class _Sheet:
+class _Sheet(Struct):
     """A sheet taken apart: the entries by meaning, and the lines whose key is not known."""
 
     entries: dict[str, _Entry] = field(default_factory=dict)

@@ -29,9 +29,10 @@ from __future__ import annotations
 
 from collections import Counter
 from copy import deepcopy
-from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
@@ -100,8 +101,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     return [replace(item, notes=(*item.notes, *left_out)) for item in found]
 
 
-@dataclass(frozen=True, slots=True)
-class _Sensor:
+class _Sensor(Struct, frozen=True):
     """One <sensor>.
 
     Attributes:

@@ -25,9 +25,9 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
@@ -61,8 +61,7 @@ FIXED_NOTE = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class _Heading:
+class _Heading(Struct, frozen=True):
     """What the first line says of all images."""
 
     rotation: int

@@ -20,7 +20,8 @@ Sources: OpenMVG, ``src/openMVG/cameras`` and its documentation, "SfM data forma
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
@@ -51,8 +52,7 @@ PLAIN = 0x40000000
 MAX_CAMERAS = 1_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class _Class:
+class _Class(Struct, frozen=True):
     """One of OpenMVG's cameras: where its coefficients stand, how many, and what they are here."""
 
     key: str | None

@@ -18,7 +18,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, FisheyePolynomial, NoDistortion
@@ -39,8 +40,7 @@ KNOWN = frozenset({"internals"})
 PREFIX = "opf_calibrated_cameras/"
 
 
-@dataclass(frozen=True, slots=True)
-class _Input:
+class _Input(Struct, frozen=True):
     """What a project's input cameras say of its sensors, by id."""
 
     sizes: Mapping[int, ImageSize]

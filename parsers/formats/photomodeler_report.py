@@ -28,7 +28,8 @@ Sources: PhotoModeler help, "Project status report" and "Lens distortion formula
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.errors import ParseError
@@ -60,8 +61,7 @@ _VERSION = re.compile(r"Version\s*:\s*(PhotoModeler\b.{0,80})")
 _ORIENTED = re.compile(r"Number Oriented\s*:\s*(\S+)")
 
 
-@dataclass(slots=True)
-class _Camera:
+class _Camera(Struct):
     """One camera's values and deviations by parameter."""
 
     name: str
@@ -70,8 +70,7 @@ class _Camera:
     deviations: dict[str, float] = field(default_factory=dict)
 
 
-@dataclass(slots=True)
-class _Report:
+class _Report(Struct):
     """What is taken from a report."""
 
     cameras: list[_Camera] = field(default_factory=list)

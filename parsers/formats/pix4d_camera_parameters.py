@@ -20,8 +20,9 @@ Source: Pix4D support, "How are the internal and external camera parameters defi
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
@@ -58,8 +59,7 @@ CONVENTION = Convention(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class _Camera:
+class _Camera(Struct, frozen=True):
     """What an image's ten lines say of its camera."""
 
     size: ImageSize

@@ -29,7 +29,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
@@ -60,8 +61,7 @@ PREFIX = "ros_camera_info/"
 MAX_BYTES = 256 * 1024
 
 
-@dataclass(frozen=True, slots=True)
-class Spelling:
+class Spelling(Struct, frozen=True):
     """What a file and the two generations of messages call the same things."""
 
     width: str

@@ -37,7 +37,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
@@ -75,8 +76,7 @@ _PRINTED = re.compile(r"\s*(?:\(?['\"]?(?:self\.)?[DKRPT] ?=|None\s*$|(?:Left|Ri
 _SECTION = re.compile(r"\[\s*([^\[\]]*?)\s*\]")
 
 
-@dataclass(frozen=True, slots=True)
-class Section:
+class Section(Struct, frozen=True):
     """One camera's blocks of numbers by their labels, and its name."""
 
     name: str

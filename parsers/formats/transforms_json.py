@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
@@ -56,8 +57,7 @@ KNOWN = frozenset({*NUMBERS, "camera_model", "is_fisheye", "frames"})
 AGREEMENT = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
-class _Images:
+class _Images(Struct, frozen=True):
     """A camera's numbers, and the names of the images that it took."""
 
     numbers: dict[str, float]

@@ -24,7 +24,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
 from calibrary.distortion import Distortion, KannalaBrandt
@@ -63,8 +64,7 @@ _SECTION = re.compile(r"\[([^\]]*)\]")
 _CAMERA = re.compile(r"(LEFT|RIGHT)_CAM_(\w+)", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True)
-class Section:
+class Section(Struct, frozen=True):
     """One section: its name as it is written, and its values by key."""
 
     name: str

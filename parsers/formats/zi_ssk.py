@@ -26,7 +26,8 @@ Source: files that Pix4D exported.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import NoDistortion
@@ -66,8 +67,7 @@ LENS_LEFT = (
 _ROW = re.compile(r"(\w{1,60})\s*:\s*(.*)")
 
 
-@dataclass(slots=True)
-class _Camera:
+class _Camera(Struct):
     """One block."""
 
     name: str

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
+
+from msgspec import Struct
 
 from calibrary.evidence.metadata import TagFault
 from calibrary.parsers.imagery.source import Block
@@ -45,8 +46,7 @@ TYPE_SIZES = {
 _INTEGER_CODES = {1: "B", 3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """One tag of a directory: its TIFF type, how many values it claims, and the value or where it is."""
 
     kind: int
@@ -54,8 +54,7 @@ class Entry:
     inline: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Directory:
+class Directory(Struct, frozen=True):
     """The entries asked for, and where the next directory of the chain is (0 at the end).
 
     Attributes:

@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from msgspec import Struct
+
 from calibrary.calibration import ImageSize
 from calibrary.errors import BadRationalError
 from calibrary.evidence.metadata import FocalPlaneUnit, TagFault
@@ -89,8 +91,7 @@ def _text(values: ExifValues, tag: int) -> str | None:
     return clean_text(value) if isinstance(value, str | bytes) else None
 
 
-@dataclass(frozen=True, slots=True)
-class _Numbers:
+class _Numbers(Struct, frozen=True):
     """Numbers out of ``values``; those that are none go to ``faults``."""
 
     values: ExifValues

@@ -9,7 +9,8 @@ tag.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.errors import ParseError
 from calibrary.evidence.metadata import TagFault
@@ -26,8 +27,7 @@ _TEXTS = {f"{_PREFIX}{name}": tag for tag, name in TAG_NAMES.items() if tag in T
 _VALUE = re.compile(r"[^\s()]{1,40}")
 
 
-@dataclass(frozen=True, slots=True)
-class GdalMetadata:
+class GdalMetadata(Struct, frozen=True):
     """What was found: EXIF values with their tags' numbers, XMP packets, faults."""
 
     values: tuple[tuple[int, object], ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize
 from calibrary.evidence.metadata import TagFault
@@ -18,8 +18,7 @@ MAX_SIDE = 1 << 24
 """px; sixteen million columns are a broken header, not an image."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Head:
+class Head(Struct, frozen=True, kw_only=True):
     """The undigested parts of one image's head.
 
     Attributes:

@@ -8,7 +8,8 @@ ISO/IEC 23008-12 on ISO/IEC 14496-12: ``pitm`` names the primary item, ``iprp`` 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize
 from calibrary.evidence.metadata import TagFault
@@ -28,8 +29,7 @@ MAX_EXIF_BYTES = 1024 * 1024
 """Only of an EXIF item in several pieces, which have to be put together first."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Box:
+class _Box(Struct, frozen=True):
     kind: bytes
     body: bytes
 
@@ -38,8 +38,7 @@ class _Box:
         return self.body[0] if self.body else 0
 
 
-@dataclass(frozen=True, slots=True)
-class _Location:
+class _Location(Struct, frozen=True):
     """Where an item lies: extents of (offset, length), in the file or in the ``idat`` box."""
 
     in_idat: bool

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from dataclasses import dataclass, field
 from typing import NamedTuple
+
+from msgspec import Struct, field
 
 from calibrary.calibration import ImageSize
 from calibrary.evidence.metadata import TagFault
@@ -49,8 +50,7 @@ class _Extension(NamedTuple):
     length: int
 
 
-@dataclass(slots=True)
-class _Found:
+class _Found(Struct):
     """What the walk has come across."""
 
     size: ImageSize | None = None

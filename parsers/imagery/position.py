@@ -11,8 +11,9 @@ import os
 import re
 import struct
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import TagFault
@@ -34,8 +35,7 @@ LEAST_STD_M: Final = 0.02
 """An RTK receiver states its antenna's; the camera hangs below it, and turns."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fix:
+class Fix(Struct, frozen=True, kw_only=True):
     """A position.
 
     Attributes:

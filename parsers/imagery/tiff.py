@@ -8,7 +8,8 @@ and tiles are never touched. A DNG's size is that of the raw image, before Defau
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
@@ -50,8 +51,7 @@ _PLAIN_TIFF_TAGS = frozenset({ExifTag.ORIENTATION, ExifTag.SOFTWARE})
 """Every scanner program writes these; they make no EXIF."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TiffHead:
+class TiffHead(Struct, frozen=True, kw_only=True):
     """A TIFF's head, and the EXIF fields, which lie in its own directories."""
 
     head: Head

@@ -7,9 +7,10 @@ for single cameras where there is one.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.parsers.content import Content
@@ -19,8 +20,7 @@ from calibrary.rig import Rig
 __all__ = ["RIG_FORMATS", "RigFormat", "encode_rig", "format_of_name", "read_rig"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigFormat:
+class RigFormat(Struct, frozen=True, kw_only=True):
     """A kind of file.
 
     Attributes:

@@ -15,9 +15,10 @@ import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git import worktree
@@ -183,8 +184,7 @@ def is_signing(repo: Repository) -> bool:
 DROPPED = str.maketrans("", "", "<>\n\r\0")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Person:
+class Person(Struct, frozen=True, kw_only=True):
     """Who answers for a commit."""
 
     name: str
@@ -196,8 +196,7 @@ class Person:
         return f"{name or email} <{email}> {int(moment.timestamp())} {moment:%z}".encode()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class File:
+class File(Struct, frozen=True, kw_only=True):
     """One file of a commit.
 
     Attributes:
@@ -208,8 +207,7 @@ class File:
     data: bytes | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class Step(Struct, frozen=True, kw_only=True):
     """One commit of a stream.
 
     Attributes:

@@ -12,8 +12,9 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.errors import RegistryError
 
@@ -87,8 +88,7 @@ PARTIAL = re.compile(r"extensions\.partialclone\Z|remote\..+\.(promisor|partialc
 """By these git fetches what a clone lacks while it is read, from wherever the repository says."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
+class Setting(Struct, frozen=True, kw_only=True):
     """One line of git's configuration.
 
     Attributes:

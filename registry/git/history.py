@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
+
+from msgspec import Struct
 
 from calibrary.errors import RegistryError
 from calibrary.registry.git.commits import Person, subject_of, trailers_of
@@ -52,8 +53,7 @@ LOG = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Revision:
+class Revision(Struct, frozen=True, kw_only=True):
     """One commit that changed a file.
 
     Attributes:
@@ -83,8 +83,7 @@ class Revision:
         return trailers_of(self.message)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChangedFile:
+class ChangedFile(Struct, frozen=True, kw_only=True):
     """One file that differs between two commits; an id is ``None`` where it is not there."""
 
     path: str
@@ -230,22 +229,19 @@ DATE = re.compile(r"\d{4}-\d{2}-\d{2}(?P<time>[T ]\d{2}:\d{2}(:\d{2})?(Z|[+-]\d{
 NAME = re.compile(r"[\w./~^@{}+-]+\Z")
 
 
-@dataclass(frozen=True, slots=True)
-class Named:
+class Named(Struct, frozen=True):
     """A commit, tag or branch."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class OnDate:
+class OnDate(Struct, frozen=True):
     """The state at a moment, in UTC."""
 
     moment: datetime
 
 
-@dataclass(frozen=True, slots=True)
-class Firmware:
+class Firmware(Struct, frozen=True):
     """The newest revision of an entry that was made for a firmware."""
 
     version: str

@@ -7,10 +7,9 @@ import os
 import re
 import subprocess
 import weakref
-from dataclasses import dataclass
 from typing import IO, Annotated, Final, TypeAlias, cast
 
-from msgspec import Meta
+from msgspec import Meta, Struct
 
 from calibrary.errors import RegistryError
 
@@ -22,8 +21,7 @@ LARGEST_FILE: Final = 1 << 20
 """Bytes; an entry with a full covariance takes some four thousand."""
 
 
-@dataclass(frozen=True, slots=True)
-class Blob:
+class Blob(Struct, frozen=True):
     """A file's content as it was stored.
 
     Attributes:

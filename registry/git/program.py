@@ -7,10 +7,11 @@ import re
 import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
+
+from msgspec import Struct
 
 from calibrary.errors import RegistryError
 
@@ -22,8 +23,7 @@ __all__ = ["Output", "git_in", "git_version", "run_git", "started"]
 OLDEST_GIT = (2, 24)
 
 
-@dataclass(frozen=True, slots=True)
-class Output:
+class Output(Struct, frozen=True):
     """What a command of git gave back."""
 
     code: int

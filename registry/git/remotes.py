@@ -11,9 +11,10 @@ import re
 import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.errors import ConflictError, RegistryError
 from calibrary.progress import log
@@ -61,8 +62,7 @@ LONGEST_ANSWER = 2000
 SIDES = ("--upload-pack=git-upload-pack", "--no-recurse-submodules", "--no-auto-gc")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pulled:
+class Pulled(Struct, frozen=True, kw_only=True):
     """What a pull came to.
 
     Attributes:

@@ -13,11 +13,12 @@ import os
 import socket
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from enum import Enum
 from functools import partial
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.errors import RegistryError
 from calibrary.progress import log
@@ -47,8 +48,7 @@ ANY: Final = Base.ANY
 """For files that calibrary generates and that are not edited. Never for an entry."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class Change(Struct, frozen=True, kw_only=True):
     """The change to one file.
 
     Attributes:
@@ -61,8 +61,7 @@ class Change:
     base: str | Base | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
+class Written(Struct, frozen=True, kw_only=True):
     """What a write came to.
 
     Attributes:

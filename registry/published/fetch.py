@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import atexit
 import time
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Final
 from urllib.parse import urljoin, urlsplit
+
+from msgspec import Struct
 
 from calibrary import __version__
 from calibrary.errors import RegistryError
@@ -46,8 +47,7 @@ class FetchError(RegistryError):
         self.status = status
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fetched:
+class Fetched(Struct, frozen=True, kw_only=True):
     """What a server answered.
 
     Attributes:

@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 import unicodedata
 from collections.abc import Iterator, Mapping, Set
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import msgspec
+from msgspec import Struct, field
 
 from calibrary import __version__
 from calibrary.errors import InputError, RegistryError
@@ -55,8 +55,7 @@ class _State(Record, tag_field="schema", tag="calibrary/publishing-1"):
     root: Sha256
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Listed:
+class _Listed(Struct, frozen=True, kw_only=True):
     """An entry that is published.
 
     Attributes:
@@ -70,8 +69,7 @@ class _Listed:
     is_dated: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FormerPublication:
+class FormerPublication(Struct, frozen=True, kw_only=True):
     """A publication whose every file was verified.
 
     Attributes:
@@ -194,8 +192,7 @@ _PART: Final = msgspec.json.Decoder(_Part)
 _CAMERA: Final = msgspec.json.Decoder(_Camera)
 
 
-@dataclass(frozen=True, slots=True)
-class _Reading:
+class _Reading(Struct, frozen=True):
     """All files below a root, each with the digest that it should have.
 
     Attributes:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct, field
 
 from calibrary.atomic import check_folder
 from calibrary.errors import InputError
@@ -39,8 +40,7 @@ OURS: Final = b'{"schema":"calibrary/'
 WAIT_S: Final = 60.0
 
 
-@dataclass(slots=True, kw_only=True)
-class Output:
+class Output(Struct, kw_only=True):
     """The folder that is written into, and what belongs there.
 
     Attributes:

@@ -9,11 +9,11 @@ import os
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import msgspec
+from msgspec import Struct
 
 from calibrary.errors import CalibraryError
 from calibrary.records import from_json
@@ -35,8 +35,7 @@ OFTEN: Final = 16
 """A process looks again when it has written this part of the bound."""
 
 
-@dataclass(frozen=True, slots=True)
-class _File:
+class _File(Struct, frozen=True):
     path: Path
     size: int
     time_s: float

@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from datetime import date
 from functools import cache, partial
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
@@ -39,8 +40,7 @@ WORTH_A_POOL: Final = 2000
 """Entries from which starting workers costs less than it saves."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class Row(Struct, frozen=True, kw_only=True):
     """What an entry adds to the camera files.
 
     Attributes:

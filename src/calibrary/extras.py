@@ -8,19 +8,19 @@ is none.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as version_of
 from importlib.util import find_spec
+
+from msgspec import Struct
 
 from calibrary.errors import MissingExtraError
 
 __all__ = ["CALIBRATE", "LIBRARIES", "PAGES", "SFM", "TABLES", "Library", "missing", "require"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Library:
+class Library(Struct, frozen=True, kw_only=True):
     """A library of an extra.
 
     Attributes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Any, Final, TypeAlias
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.records import Json, Meta, Record
@@ -122,8 +123,7 @@ Band: TypeAlias = Annotated[str, Meta(extra_json_schema={"enum": sorted(BANDS | 
 Once = Meta(extra_json_schema={"uniqueItems": True})
 
 
-@dataclass(frozen=True, slots=True)
-class SensorWidth:
+class SensorWidth(Struct, frozen=True):
     """Width of a camera's sensor as public databases list it by name: evidence, never a K by itself.
 
     Attributes:

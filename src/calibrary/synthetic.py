@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
+from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from calibrary.errors import InputError
@@ -42,8 +42,7 @@ NAMESPACES: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Position:
+class Position(Struct, frozen=True, kw_only=True):
     """Where a camera was: degrees north and east, metres above the ellipsoid."""
 
     latitude_deg: float
@@ -51,8 +50,7 @@ class Position:
     altitude_m: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Head:
+class Head(Struct, frozen=True, kw_only=True):
     """What stands before an image's pixels.
 
     Attributes:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
+
+from msgspec import Struct
 
 from calibrary.api.fleet import Fleet
 from calibrary.api.stated import CameraLike, overlay
@@ -45,8 +46,7 @@ Frames: TypeAlias = str | Path | Sequence[str | Path]
 _ORIGINS: Final = {"corner": Origin.CORNER, "centre": Origin.PIXEL_CENTRE}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CalibrateResult:
+class CalibrateResult(Struct, frozen=True, eq=False):
     """What frames of a board say of their camera.
 
     Attributes:

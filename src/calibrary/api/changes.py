@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from calibrary.api.files import Source, read
 from calibrary.api.limits import PolicyLike, policy_of
@@ -34,8 +34,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CompareResult:
+class CompareResult(Struct, frozen=True, eq=False):
     """What lies between two calibrations.
 
     Attributes:
@@ -98,8 +97,7 @@ class CompareResult:
         return to_json(diff_report(self.comparison, labels or self.labels, altitude_m))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FleetChanges:
+class FleetChanges(Struct, frozen=True, eq=False):
     """What became of the entries of a registry.
 
     Attributes:

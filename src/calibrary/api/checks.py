@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
+
+from msgspec import Struct
 
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.jobs.check import run as job
@@ -21,8 +22,7 @@ __all__ = ["CheckResult", "check"]
 PathLike: TypeAlias = str | Path
 
 
-@dataclass(frozen=True, slots=True)
-class CheckResult:
+class CheckResult(Struct, frozen=True):
     """A verdict on each calibration file.
 
     Attributes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.api.files import Reading, write
 from calibrary.api.stated import CameraLike, overlay
@@ -22,8 +23,7 @@ from calibrary.registry.entry import Entry
 __all__ = ["CombineResult", "combine_calibrations"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CombineResult:
+class CombineResult(Struct, frozen=True, eq=False):
     """What several calibrations say of their camera together.
 
     Attributes:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calibration import Grade
@@ -20,8 +21,7 @@ from calibrary.progress import Progress
 __all__ = ["Conversion", "Converted", "conversion_report", "convert", "convert_all"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Conversion:
+class Conversion(Struct, frozen=True, eq=False):
     """A file that was written from another.
 
     Attributes:

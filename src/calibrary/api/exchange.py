@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.jobs.audit.answers import named
 from calibrary.jobs.audit.report import report_of as audit_report
@@ -37,8 +38,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class AuditResult:
+class AuditResult(Struct, frozen=True, eq=False):
     """What recent flights say of a registry.
 
     Attributes:
@@ -69,8 +69,7 @@ class AuditResult:
         return to_json(audit_report(self.audit))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ExportResult:
+class ExportResult(Struct, frozen=True, eq=False):
     """What was exported, of which commit."""
 
     export: Export
@@ -81,8 +80,7 @@ class ExportResult:
         return to_json(export_report(self.export, self.commit))
 
 
-@dataclass(slots=True, eq=False)
-class ImportResult:
+class ImportResult(Struct, eq=False):
     """Calibrations as they would be written; nothing is before :meth:`write`."""
 
     registry: Registry

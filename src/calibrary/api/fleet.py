@@ -36,7 +36,7 @@ COMMIT: Final = re.compile("[0-9a-f]{7,40}")
 __all__ = ["Fleet", "FleetAnswer", "create_registry", "firmware_range", "open_registry", "validity"]
 
 
-class Fleet(FleetView):
+class Fleet(FleetView, frozen=True, eq=False):
     """A registry; a change of it is proposed, can be looked at, and is then written as one commit."""
 
     @cached_property

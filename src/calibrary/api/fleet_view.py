@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
+
+from msgspec import Struct
 
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.api.registry_results import Blame, CheckResult, EntryListing, FleetAnswer, History, ShownEntry
@@ -38,8 +39,7 @@ if TYPE_CHECKING:
 __all__ = ["FleetView"]
 
 
-@dataclass(frozen=True, eq=False)
-class FleetView:
+class FleetView(Struct, frozen=True, eq=False, dict=True):
     """A registry. What it answers is of one state, which is found when it is first asked for and then kept.
 
     Attributes:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeAlias
+
+from msgspec import Struct
 
 from calibrary.api.limits import PolicyLike, policy_of
 from calibrary.atomic import write_files
@@ -37,8 +38,7 @@ __all__ = [
 PathLike: TypeAlias = str | Path
 
 
-@dataclass(frozen=True, slots=True)
-class ExtractResult:
+class ExtractResult(Struct, frozen=True):
     """What the images say of their cameras.
 
     Attributes:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Self
+
+from msgspec import Struct
 
 from calibrary.api.registry_results import FleetAnswer
 from calibrary.api.stated import CameraLike, hashed, overlay
@@ -18,8 +19,7 @@ from calibrary.registry.configuration import named_registries
 __all__ = ["LayeredView", "resolved"]
 
 
-@dataclass(frozen=True, eq=False)
-class LayeredView:
+class LayeredView(Struct, frozen=True, eq=False, dict=True):
     """Registries in the order in which they are asked: folders, and addresses of published ones.
 
     Attributes:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.atomic import write_files
 from calibrary.errors import RegistryError
@@ -16,8 +17,7 @@ from calibrary.registry.snapshot import Snapshot
 __all__ = ["LockResult", "locked"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LockResult:
+class LockResult(Struct, frozen=True, eq=False):
     """A lock of entries as they are, and what has no entry."""
 
     lock: Lock

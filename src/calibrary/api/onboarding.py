@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
+
+from msgspec import Struct, field
 
 from calibrary.api.fleet import Fleet
 from calibrary.api.stated import CameraLike, overlay
@@ -32,8 +33,7 @@ Q = TypeVar("Q")
 A = TypeVar("A")
 
 
-@dataclass(slots=True, eq=False)
-class OnboardResult:
+class OnboardResult(Struct, eq=False):
     """What a payload says of its cameras; nothing is written before :meth:`write_drafts`.
 
     Attributes:

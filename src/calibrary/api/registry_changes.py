@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError
@@ -38,8 +39,7 @@ __all__ = [
 ]
 
 
-@dataclass(slots=True, eq=False)
-class ProposedChange:
+class ProposedChange(Struct, eq=False):
     """Entries beside the current ones, checked; nothing is written before :meth:`write`.
 
     Attributes:
@@ -101,8 +101,7 @@ def _unnoted(entry: Entry) -> Calibration:
     return replace(entry.calibration, notes=())
 
 
-@dataclass(slots=True, eq=False)
-class NewRegistry:
+class NewRegistry(Struct, eq=False):
     """A registry that was created or copied.
 
     Attributes:

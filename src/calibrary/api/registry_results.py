@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
@@ -41,8 +42,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FleetAnswer:
+class FleetAnswer(Struct, frozen=True, eq=False):
     """What a registry, or several, say of one camera.
 
     Attributes:
@@ -108,8 +108,7 @@ class FleetAnswer:
         return to_json(resolution_report(self.answer, on=self.on))
 
 
-@dataclass(frozen=True, eq=False)
-class EntryListing:
+class EntryListing(Struct, frozen=True, eq=False, dict=True):
     """Entries of a registry, and what is wrong with those that cannot be read.
 
     Attributes:
@@ -137,8 +136,7 @@ class EntryListing:
         return to_json(stored.EntryListing.of(self.entries))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ShownEntry:
+class ShownEntry(Struct, frozen=True, eq=False):
     """An entry as it is or was.
 
     Attributes:
@@ -171,8 +169,7 @@ class ShownEntry:
         return to_json(shown)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class History:
+class History(Struct, frozen=True, eq=False):
     """The revisions of an entry, or of a whole registry where ``key`` is None, newest first."""
 
     key: str | None
@@ -183,8 +180,7 @@ class History:
         return to_json(log_report(self.revisions, self.key))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Blame:
+class Blame(Struct, frozen=True, eq=False):
     """Which commit last changed each field of an entry."""
 
     id: str
@@ -195,8 +191,7 @@ class Blame:
         return to_json(blame_report(self.origins, self.id))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CheckResult:
+class CheckResult(Struct, frozen=True, eq=False):
     """What a check found.
 
     Attributes:

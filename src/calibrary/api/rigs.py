@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import date as Day  # noqa: N812  the argument is called date, as the flag
 from pathlib import Path
 from typing import TypeAlias
+
+from msgspec import Struct
 
 from calibrary.api.stated import CameraLike, overlay
 from calibrary.atomic import write_files
@@ -37,8 +38,7 @@ __all__ = ["CalibrateRigResult", "RigPlaces", "calibrate_rig", "read_rig", "writ
 Frames: TypeAlias = str | Path | Sequence[str | Path]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CalibrateRigResult:
+class CalibrateRigResult(Struct, frozen=True, eq=False):
     """What frames of a board say of the cameras of a rig.
 
     Attributes:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
+
+from msgspec import Struct
 
 from calibrary.api.registry_results import EntryListing
 from calibrary.atomic import write_files
@@ -22,8 +23,7 @@ LARGEST_TABLE = 256 << 20
 """Bytes; a row has some three hundred."""
 
 
-@dataclass(slots=True, eq=False)
-class UnitsChange:
+class UnitsChange(Struct, eq=False):
     """What a table changes; nothing is written before :meth:`write`.
 
     Attributes:

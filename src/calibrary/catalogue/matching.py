@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize, same_aspect
 from calibrary.errors import InputError
@@ -46,8 +47,7 @@ class Basis(StrEnum):
     SIZE = "the size of the frame"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Match:
+class Match(Struct, frozen=True, kw_only=True):
     """A search's answer.
 
     Attributes:
@@ -67,8 +67,7 @@ class Match:
     siblings: tuple[KnownCamera, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Clues:
+class _Clues(Struct, frozen=True, kw_only=True):
     """What an image says beside make, Model and sub-camera."""
 
     size: ImageSize | None

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.known_camera import SensorWidth
 
@@ -94,8 +95,7 @@ def _agreed(found: list[SensorWidth]) -> SensorWidth | None:
     return found[0] if max(widths) / min(widths) - 1.0 <= AGREEMENT else None
 
 
-@dataclass(frozen=True, slots=True)
-class _Listed:
+class _Listed(Struct, frozen=True):
     """One maker's cameras by squeezed name, and by the ends of their names at word boundaries."""
 
     whole: dict[str, tuple[SensorWidth, ...]]

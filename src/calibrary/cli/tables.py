@@ -7,9 +7,10 @@ no word is broken.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, TypeAlias
+
+from msgspec import Struct
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -30,8 +31,7 @@ LONGEST_WORD = 40
 """In a column of sentences; a longer one, such as a hash, goes below its row."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
+class Column(Struct, frozen=True, kw_only=True):
     """A column of a table.
 
     Attributes:

@@ -6,7 +6,6 @@ names the terms it has. This class is what they compute with and no model of its
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -70,8 +69,7 @@ class BrownPolynomial(OpenCVDistortion):
         )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class BrownMap(PolynomialMap):
+class BrownMap(PolynomialMap, frozen=True, kw_only=True):
     """OpenCV's map with two more radial terms, tangential terms that grow, and an affinity.
 
     On a circle of radius r, with complex numbers, the image is ``w = m + a·e + b·e² + g·ē`` (e the unit vector;

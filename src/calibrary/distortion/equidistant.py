@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -123,8 +122,7 @@ def _directions(points: FloatArray) -> FloatArray:
     return by_columns(direction, points, 2, 3)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Map(PolynomialMap):
+class _Map(PolynomialMap, frozen=True, kw_only=True):
     """OpenCV's map with three more radial terms in its numerator; nothing else about it changes."""
 
     POWERS: ClassVar[dict[str, int]] = PolynomialMap.POWERS | {"r8": 8, "r10": 10, "r12": 12}

@@ -10,10 +10,10 @@ guarantees progress and never leaves the disc.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
@@ -44,8 +44,7 @@ RESIDUAL = 1e-13
 LARGEST = float(np.finfo(np.float64).max)
 
 
-@dataclass(frozen=True, slots=True)
-class Rim:
+class Rim(Struct, frozen=True):
     """Where the edge of the valid disc is seen: what lies outside has no preimage and need not be tried.
 
     Attributes:
@@ -86,8 +85,7 @@ class Rim:
         return inside
 
 
-@dataclass(frozen=True, slots=True)
-class Inversion:
+class Inversion(Struct, frozen=True):
     """A lens prepared for being inverted.
 
     Attributes:

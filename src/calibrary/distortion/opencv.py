@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.arrays import FloatArray
@@ -104,8 +104,7 @@ class OpenCVDistortion(Distortion):
         return unit_ray(*found) if found is not None else None
 
 
-@dataclass(frozen=True, slots=True)
-class _Prepared:
+class _Prepared(Struct, frozen=True):
     """What a model needs for any point.
 
     Attributes:

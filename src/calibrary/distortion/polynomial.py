@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Self, TypeAlias, TypeVar
+
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 
@@ -28,8 +29,7 @@ Jacobian: TypeAlias = tuple[Number, Number, Number, Number]
 """∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PolynomialMap:
+class PolynomialMap(Struct, frozen=True, kw_only=True, dict=True):
     """The coefficients of the formula above; what a model has not got is zero."""
 
     POWERS: ClassVar[dict[str, int]] = {

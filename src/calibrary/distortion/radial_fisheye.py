@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Columns, by_columns, finite_pair
@@ -112,8 +112,7 @@ class RadialFisheye(Omnidirectional):
         return miss, miss / self._slope(theta)
 
 
-@dataclass(frozen=True, slots=True)
-class _Prepared:
+class _Prepared(Struct, frozen=True):
     """What a model needs for any point.
 
     Attributes:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike
 
@@ -60,8 +60,7 @@ def first_positive_root(coefficients: ArrayLike) -> float:
     return min(positive_roots(coefficients), default=math.inf)
 
 
-@dataclass(frozen=True, slots=True)
-class Rising:
+class Rising(Struct, frozen=True):
     """A function that rises from 0 up to a limit, tabulated for its inverse.
 
     Attributes:

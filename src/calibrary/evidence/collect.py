@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Provenance
 from calibrary.dates import iso_date
@@ -19,8 +19,7 @@ __all__ = ["Evidence", "collect"]
 SOURCES = (dji, camera_namespace, skydio, field_of_view, optics)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
+class Evidence(Struct, frozen=True, kw_only=True):
     """All that one image and the known camera say about K.
 
     Attributes:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from calibrary.evidence.context import Scene
 from calibrary.evidence.estimate import AGREEMENT, Source, SourceEstimate
@@ -32,8 +33,7 @@ class Cause(StrEnum):
     UNKNOWN = "unknown cause; check the tags"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Conflict:
+class Conflict(Struct, frozen=True, kw_only=True):
     """Two estimates further apart than they may be.
 
     Attributes:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import Distortion
@@ -32,8 +33,7 @@ SENSOR_DIAGONAL_MM = (1.0, 100.0)
 """What exiftool accepts as a sensor when it reads focal plane resolutions; kills 72 dpi copied from XResolution."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class Scene(Struct, frozen=True, kw_only=True):
     """One image's facts together with what is known from elsewhere.
 
     Attributes:

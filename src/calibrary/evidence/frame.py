@@ -9,7 +9,7 @@ frame between the two.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize, Intrinsics, same_aspect
 from calibrary.errors import FrameError
@@ -25,8 +25,7 @@ CROP_SLACK_PX = 2
 """Modes round their sides to multiples of the codec's block."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Adapted:
+class Adapted(Struct, frozen=True, kw_only=True):
     """Intrinsics in the file's frame and how they came there.
 
     Attributes:

@@ -6,8 +6,9 @@ give equal records: the gate reads a hundred thousand files and keeps one record
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize
 
@@ -32,8 +33,7 @@ class FocalPlaneUnit(StrEnum):
         return {"inch": 25.4, "centimetre": 10.0, "millimetre": 1.0, "micrometre": 0.001}[self.name.lower()]
 
 
-@dataclass(frozen=True, slots=True)
-class TagFault:
+class TagFault(Struct, frozen=True):
     """A tag that is there but cannot be used.
 
     Attributes:
@@ -47,8 +47,7 @@ class TagFault:
     expected: str
 
 
-@dataclass(frozen=True, slots=True)
-class XmpProperty:
+class XmpProperty(Struct, frozen=True):
     """One XMP property that says something about the camera.
 
     Attributes:
@@ -63,8 +62,7 @@ class XmpProperty:
     values: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImageMetadata:
+class ImageMetadata(Struct, frozen=True, kw_only=True):
     """Everything one image's head says about the camera that took it.
 
     A number is None when its tag is absent; a tag that is present but unusable is None as well and listed in

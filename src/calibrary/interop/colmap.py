@@ -10,9 +10,10 @@ Sources: COLMAP, ``src/colmap/sensor/models.h`` and its documentation, "Camera M
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 from calibrary.distortion import (
     BrownConrady,
@@ -58,8 +59,7 @@ class ColmapCamera(NamedTuple):
     params: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ColmapModel:
+class ColmapModel(Struct, frozen=True):
     """One of COLMAP's models that has a K.
 
     Attributes:

@@ -13,9 +13,10 @@ import sqlite3
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.interop.colmap import ColmapCamera, model_named
@@ -33,8 +34,7 @@ Row: TypeAlias = tuple[int, int, int, int, bytes, int]
 """camera_id, model, width, height, params, prior_focal_length."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DatabaseRows:
+class DatabaseRows(Struct, frozen=True, kw_only=True):
     """What a database states of its cameras.
 
     Attributes:
@@ -46,8 +46,7 @@ class DatabaseRows:
     images: tuple[tuple[str, int], ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DatabaseChange:
+class DatabaseChange(Struct, frozen=True, kw_only=True):
     """What is to be written into a database.
 
     Attributes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar, TypeAlias
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 
@@ -38,8 +39,7 @@ class Tone(StrEnum):
     NEUTRAL = "neutral"
 
 
-@dataclass(frozen=True, slots=True)
-class Badge:
+class Badge(Struct, frozen=True):
     """One word of judgement: its shape and colour say the same once more."""
 
     kind: ClassVar[str] = "badge"
@@ -48,8 +48,7 @@ class Badge:
     tone: Tone = Tone.NEUTRAL
 
 
-@dataclass(frozen=True, slots=True)
-class Link:
+class Link(Struct, frozen=True):
     """A way to another place of the page, or to a page or file beside it.
 
     Attributes:
@@ -76,8 +75,7 @@ class Link:
 Cell: TypeAlias = str | Badge | Link
 
 
-@dataclass(frozen=True, slots=True)
-class Column:
+class Column(Struct, frozen=True):
     """A column of a table.
 
     Attributes:
@@ -89,8 +87,7 @@ class Column:
     numeric: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class Table(Struct, frozen=True, kw_only=True):
     """Rows under column heads; what is wider than the screen scrolls in its own box.
 
     Attributes:
@@ -116,8 +113,7 @@ class Table:
                 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Figure:
+class Figure(Struct, frozen=True, kw_only=True):
     """A plot.
 
     Attributes:
@@ -133,8 +129,7 @@ class Figure:
     caption: str
 
 
-@dataclass(frozen=True, slots=True)
-class KeyValues:
+class KeyValues(Struct, frozen=True):
     """Names and what they are: ("fx", "3657.02 px")."""
 
     kind: ClassVar[str] = "keyvalues"
@@ -142,8 +137,7 @@ class KeyValues:
     items: tuple[tuple[str, Cell], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Bullets:
+class Bullets(Struct, frozen=True):
     """A list of sentences."""
 
     kind: ClassVar[str] = "bullets"
@@ -151,8 +145,7 @@ class Bullets:
     items: tuple[Cell, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Note:
+class Note(Struct, frozen=True, kw_only=True):
     """What must not be missed: why, and what to do.
 
     Attributes:
@@ -168,8 +161,7 @@ class Note:
     tone: Tone = Tone.NEUTRAL
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Code:
+class Code(Struct, frozen=True, kw_only=True):
     """Text for a machine, in its own box: a command, a file.
 
     Attributes:
@@ -183,8 +175,7 @@ class Code:
     label: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Details:
+class Details(Struct, frozen=True, kw_only=True):
     """What only some want to see, behind its summary; paper shows it too."""
 
     kind: ClassVar[str] = "details"
@@ -193,8 +184,7 @@ class Details:
     blocks: tuple[Block, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class SideBySide:
+class SideBySide(Struct, frozen=True):
     """Blocks in columns where the screen is wide enough, one below the other where it is not."""
 
     kind: ClassVar[str] = "side"
@@ -202,8 +192,7 @@ class SideBySide:
     blocks: tuple[Block, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
+class Section(Struct, frozen=True, kw_only=True):
     """A part of a page with a heading of its own.
 
     Attributes:
@@ -228,8 +217,7 @@ Block: TypeAlias = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Page:
+class Page(Struct, frozen=True, kw_only=True):
     """A whole page.
 
     Attributes:

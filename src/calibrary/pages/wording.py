@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from importlib.metadata import version
 from typing import Final
 
+from calibrary import __version__
 from calibrary.pages.content import Block, Cell, Column, Table, Tone
 from calibrary.validation import UNPROVEN_LEGEND, Severity
 
@@ -64,7 +64,7 @@ def several(names: Iterable[str]) -> str:
 
 def made_by(source: str | None = None) -> str:
     """For a page's foot: the program and its version, and what it worked from."""
-    return f"Made by calibrary {version('calibrary')}{f' {source}' if source else ''}."
+    return f"Made by calibrary {__version__}{f' {source}' if source else ''}."
 
 
 def cut_table(

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray
 from calibrary.calib.covariance import condition
@@ -46,8 +46,7 @@ GPS_FIRST_PX2: Final = 0.25
 """Variance of a coordinate that positions are first weighted by."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Adjustment:
+class Adjustment(Struct, frozen=True, kw_only=True, eq=False):
     """The camera that was found.
 
     Attributes:

@@ -12,9 +12,10 @@ import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Concatenate, Final, ParamSpec, TypeVar
+
+from msgspec import Struct
 
 from calibrary.errors import CalibraryError, CalibrationError
 from calibrary.progress import Progress, log
@@ -41,8 +42,7 @@ STACK = ("    @ ", "*** ", "PC: @")
 """How glog begins the lines of a stack trace, which names no cause."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Step:
+class _Step(Struct, frozen=True):
     """So far is the work."""
 
     done: int
@@ -50,15 +50,13 @@ class _Step:
     what: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Done:
+class _Done(Struct, frozen=True):
     """What the work returned."""
 
     result: object
 
 
-@dataclass(frozen=True, slots=True)
-class _Died:
+class _Died(Struct, frozen=True):
     """The process ended without an answer.
 
     Attributes:

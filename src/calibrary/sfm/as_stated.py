@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.lens_models import Solvable
@@ -80,8 +80,7 @@ class Alteration(Record):
     message: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Claim:
+class Claim(Struct, frozen=True, kw_only=True, eq=False):
     """What is stated of the camera without its pixels.
 
     Attributes:
@@ -99,8 +98,7 @@ class Claim:
     fisheye: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Shown:
+class Shown(Struct, frozen=True, kw_only=True, eq=False):
     """What an adjustment shows of the camera, each with one σ.
 
     Attributes:

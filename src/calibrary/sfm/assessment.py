@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray
 from calibrary.calib.adjustment import Adjusted
@@ -43,8 +43,7 @@ RMS_NEEDED_PX: Final = 3.0
 MM: Final = 1000.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FlightResult:
+class FlightResult(Struct, frozen=True, kw_only=True, eq=False):
     """A calibration from a flight.
 
     Attributes:

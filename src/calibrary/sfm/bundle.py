@@ -10,10 +10,10 @@ Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.network import turned
@@ -37,8 +37,7 @@ Columns: TypeAlias = Callable[[FloatArray], FloatArray]
 """(N, 2, k) derivatives of the pixels of (N, 3) points before the camera by further parameters of the lens."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Linear:
+class Linear(Struct, frozen=True, kw_only=True, eq=False):
     """The observations around a scene.
 
     Attributes:
@@ -68,8 +67,7 @@ class Linear:
         return self.rss + float(((self.by_place * self.off_place) ** 2).sum())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reduced:
+class Reduced(Struct, frozen=True, kw_only=True, eq=False):
     """The normal equations with the points eliminated: g numbers of the lens, then six of each image.
 
     Attributes:
@@ -89,8 +87,7 @@ class Reduced:
     starts: IntArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bundle:
+class Bundle(Struct, frozen=True, kw_only=True, eq=False):
     """Where a search ended.
 
     Attributes:

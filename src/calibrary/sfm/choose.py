@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.parsers.imagery.position import Fix
@@ -49,8 +49,7 @@ ALL_PAIRS: Final = 20
 SEEDS: Final = 80
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Taken:
+class Taken(Struct, frozen=True, kw_only=True):
     """An image of a flight and what it states of where it was taken.
 
     Attributes:
@@ -64,8 +63,7 @@ class Taken:
     file_bytes: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Chosen:
+class Chosen(Struct, frozen=True, kw_only=True):
     """What a calibration is made from.
 
     Attributes:

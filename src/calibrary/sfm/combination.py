@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.projection_difference import projection_difference
@@ -38,8 +38,7 @@ MOST_DIVIDED: Final = 10
 """Calibrations of which every division is tried; of more, one against the others, and before against after."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Weighed:
+class Weighed(Struct, frozen=True, kw_only=True, eq=False):
     """Calibrations as one.
 
     Attributes:
@@ -65,8 +64,7 @@ class Weighed:
         return max(1.0, self.chi2 / self.dof) if self.dof else 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
+class Difference(Struct, frozen=True, kw_only=True):
     """Two cameras in px, as far apart as they get anywhere in the image, the camera free to turn.
 
     Attributes:
@@ -78,8 +76,7 @@ class Difference:
     std_px: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Apart:
+class Apart(Struct, frozen=True, kw_only=True):
     """What sets calibrations apart.
 
     Attributes:
@@ -205,8 +202,7 @@ def _divisions(n: int, years: Sequence[float] | None) -> Iterator[tuple[int, ...
             yield tuple(sorted(order[:cut] if 2 * cut < n else order[cut:]))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Problem:
+class _Problem(Struct, frozen=True, kw_only=True, eq=False):
     """n calibrations as deviations from the first, in units that make their variances alike.
 
     Attributes:

@@ -11,12 +11,12 @@ import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calibration import ImageSize, Intrinsics
@@ -54,8 +54,7 @@ PAIRS_AT_ONCE = 40
 """Between two reports of how far the matching is."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightImage:
+class FlightImage(Struct, frozen=True, kw_only=True):
     """An image of a flight.
 
     Attributes:
@@ -73,8 +72,7 @@ class FlightImage:
     centre_std_m: tuple[float, float, float] | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MatchedFlight:
+class MatchedFlight(Struct, frozen=True, kw_only=True):
     """Features and matches of a flight, in a COLMAP database.
 
     Attributes:
@@ -96,8 +94,7 @@ class MatchedFlight:
         return self.folder / IMAGES
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Matches:
+class Matches(Struct, frozen=True, kw_only=True):
     """Points that two images share.
 
     Attributes:

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.calib.lens_models import Solvable
@@ -32,8 +32,7 @@ FEWEST_OBSERVATIONS: Final = 20
 PERSPECTIVE_UP_TO_DEG: Final = 60.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Finished:
+class Finished(Struct, frozen=True, kw_only=True, eq=False):
     """What another program found.
 
     Attributes:

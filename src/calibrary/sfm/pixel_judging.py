@@ -9,8 +9,9 @@ enough to matter; agreement needs the whole ±2σ to be inside what counts as ag
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.sfm.adjust import Adjustment
@@ -45,8 +46,7 @@ FEWEST_IMAGES: Final = 8
 """Fewer cannot be dealt into halves."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Measured:
+class Measured(Struct, frozen=True, kw_only=True, eq=False):
     """What an adjustment of a few images found.
 
     Attributes:

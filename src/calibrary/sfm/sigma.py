@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.freed import Freed
@@ -45,8 +45,7 @@ straight down gives 2.5, and 0.8 where wind tilts the images; two heights with R
 CENTRE: Final = ("cx", "cy")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Held:
+class Held(Struct, frozen=True, kw_only=True, eq=False):
     """The camera with its principal point held in the middle of the image.
 
     Attributes:
@@ -60,8 +59,7 @@ class Held:
     weight: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trust:
+class Trust(Struct, frozen=True, kw_only=True, eq=False):
     """All that is known of the camera's uncertainty.
 
     Attributes:

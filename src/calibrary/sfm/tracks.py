@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray, IntArray
 from calibrary.calib.lens_models import Solvable
@@ -19,8 +19,7 @@ FEWEST_IMAGES: Final = 3
 """Fewer leave nothing to check a focal length by."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Positions:
+class Positions(Struct, frozen=True, kw_only=True, eq=False):
     """Where the images were taken, as a satellite receiver says it.
 
     Attributes:
@@ -37,8 +36,7 @@ class Positions:
         return np.asarray(np.isfinite(self.places).all(axis=1), dtype=np.bool_)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tracks:
+class Tracks(Struct, frozen=True, kw_only=True, eq=False):
     """Points by the images they were seen in.
 
     Attributes:
@@ -73,8 +71,7 @@ class Tracks:
         return np.asarray(np.bincount(self.image, minlength=len(self.names)) > 0, dtype=np.bool_)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scene:
+class Scene(Struct, frozen=True, kw_only=True, eq=False):
     """What a bundle adjustment solves for.
 
     Attributes:

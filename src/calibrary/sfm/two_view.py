@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import Calibration
@@ -44,8 +44,7 @@ FLAT: Final = 6.0
 MAD_TO_STD: Final = 1.4826
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TwoViewFocal:
+class TwoViewFocal(Struct, frozen=True, kw_only=True):
     """What the pairs of a flight say.
 
     Attributes:

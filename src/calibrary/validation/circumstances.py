@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 __all__ = ["Circumstances", "Expected", "NamedFocal"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Expected:
+class Expected(Struct, frozen=True, kw_only=True):
     """Expected fx of a known camera, at the image size of the calibration.
 
     Attributes:
@@ -28,8 +27,7 @@ class Expected:
     by_exif_focal: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NamedFocal:
+class NamedFocal(Struct, frozen=True, kw_only=True):
     """Another source's focal length in the frame of the calibration.
 
     Attributes:
@@ -49,8 +47,7 @@ class NamedFocal:
     confirms_within: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Circumstances:
+class Circumstances(Struct, frozen=True, kw_only=True):
     """What is known around a calibration when it is judged.
 
     Attributes:

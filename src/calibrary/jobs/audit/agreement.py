@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, same_aspect
 from calibrary.errors import CalibraryError, InputError
@@ -27,8 +28,7 @@ TOLERANCE: Final = 0.03
 """Where neither the entry nor the policy names one, as a share of fx."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gap:
+class Gap(Struct, frozen=True, kw_only=True):
     """How far one source in the images lies from the entry.
 
     Attributes:

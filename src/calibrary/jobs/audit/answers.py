@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
+
+from msgspec import Struct
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import AmbiguousEntryError, RegistryError
@@ -30,8 +31,7 @@ class Use(StrEnum):
     NONE = "none"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class Answer(Struct, frozen=True, kw_only=True):
     """A camera that flew and what the registry says to it.
 
     Attributes:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from datetime import date
 from itertools import groupby
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct, field
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
@@ -35,8 +36,7 @@ OF_CAMERAS: Final = re.compile(r"DCIM|[0-9]{4}SET|[0-9]{3}(_[0-9]{4}|_?[A-Z]\w{2
 """Folders that cameras make by themselves are no flights: DCF's 100MEDIA, DJI's 100_0001, MicaSense's 0000SET/000."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Leg:
+class Leg(Struct, frozen=True, kw_only=True):
     """What one camera took on one flight.
 
     Attributes:
@@ -51,8 +51,7 @@ class Leg:
     last: date | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightDay:
+class FlightDay(Struct, frozen=True, kw_only=True):
     """The images that one camera took on one flight and day.
 
     Attributes:
@@ -66,8 +65,7 @@ class FlightDay:
     paths: tuple[Path, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Flown:
+class Flown(Struct, frozen=True, kw_only=True):
     """One unit of one camera with one firmware.
 
     Attributes:
@@ -95,8 +93,7 @@ class Flown:
         return self.camera.count
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Flights:
+class Flights(Struct, frozen=True, kw_only=True):
     """All that flew.
 
     Attributes:
@@ -114,8 +111,7 @@ class Flights:
     unreadable: tuple[SkippedFile, ...] = ()
 
 
-@dataclass(slots=True)
-class _Found:
+class _Found(Struct):
     """Images by name, each with its file's place and day."""
 
     paths: dict[str, tuple[Path, Path]] = field(default_factory=dict)

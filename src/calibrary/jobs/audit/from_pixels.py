@@ -7,11 +7,12 @@ oldest, then those between, all units in turn.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import date
 from itertools import zip_longest
 from time import monotonic
 from typing import Annotated, Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
@@ -100,8 +101,7 @@ class Verification(Record):
     units: tuple[UnitOverTime, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Sample:
+class _Sample(Struct, frozen=True, kw_only=True):
     """The flight of one unit and date, and the K that is held against its pixels."""
 
     flown: Flown

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import date
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.jobs.audit.answers import Answer, Use, named, unit_name
 from calibrary.jobs.audit.flights import Leg
@@ -20,8 +21,7 @@ LEVELS: Final = (Severity.ERROR, Severity.WARNING, Severity.NOTE)
 RULES: Final = tuple(rule.value for rule in Rule)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AuditedUnit:
+class AuditedUnit(Struct, frozen=True, kw_only=True):
     """One unit, or a model whose unit is not known, and all that was found of it.
 
     Attributes:
@@ -60,8 +60,7 @@ class AuditedUnit:
         return next((one.remedy for one in due if one.remedy is not None), None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AuditedFlight:
+class AuditedFlight(Struct, frozen=True, kw_only=True):
     """One flight: a folder of images.
 
     Attributes:

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.probability import chi_square_tail, normal_tails
@@ -43,8 +43,7 @@ class Change(StrEnum):
     UNKNOWN = "cannot tell"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measurement:
+class Measurement(Struct, frozen=True, kw_only=True):
     """The focal length that the pixels of one date show.
 
     Attributes:
@@ -60,8 +59,7 @@ class Measurement:
     firmware: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OverTime:
+class OverTime(Struct, frozen=True, kw_only=True):
     """What the dates show together.
 
     Attributes:
@@ -77,8 +75,7 @@ class OverTime:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Fit:
+class _Fit(Struct, frozen=True):
     """A change as one explanation has it: relative, its σ, and how well the dates fit that (chance of a worse fit)."""
 
     by: float

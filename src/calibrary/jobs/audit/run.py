@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
@@ -35,8 +36,7 @@ LEVELS: Final = (Severity.ERROR, Severity.WARNING, Severity.NOTE)
 RULES: Final = tuple(rule.value for rule in Rule)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
+class Request(Struct, frozen=True, kw_only=True):
     """What to look at.
 
     Attributes:
@@ -59,11 +59,10 @@ class Request:
     workers: int = 0
     verify: bool = False
     minutes: float = MINUTES
-    progress: Progress | None = field(default=None, compare=False)
+    progress: Progress | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Audit:
+class Audit(Struct, frozen=True, kw_only=True):
     """What was found.
 
     Attributes:

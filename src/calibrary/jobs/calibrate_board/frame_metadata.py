@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.calib.collect import NamedRemark
 from calibrary.calib.found import Reason, Remark
@@ -31,8 +32,7 @@ MOST_FRAMES = 5_000
 """Some hundred are plenty; a folder of more is a flight."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrameMetadata:
+class FrameMetadata(Struct, frozen=True, kw_only=True):
     """What the frames state of themselves.
 
     Attributes:
@@ -79,8 +79,7 @@ def find_frames(operands: Sequence[str]) -> tuple[Path, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SkippedSizes:
+class SkippedSizes(Struct, frozen=True, kw_only=True):
     """The frames that were left out for their size.
 
     Attributes:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.atomic import check_folder
@@ -20,8 +21,7 @@ from calibrary.pages import render_page
 __all__ = ["Files", "Places"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Files:
+class Files(Struct, frozen=True, kw_only=True):
     """What is to be written.
 
     Attributes:
@@ -35,8 +35,7 @@ class Files:
     losses: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Places:
+class Places(Struct, frozen=True, kw_only=True):
     """Paths of the outputs; None for those that are not wanted.
 
     Attributes:

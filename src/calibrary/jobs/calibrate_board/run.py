@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calib.board import Board
@@ -21,8 +22,7 @@ from calibrary.records import replace
 __all__ = ["SolveRequest", "calibrate_from", "calibration_date", "observe", "read_seed"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SolveRequest:
+class SolveRequest(Struct, frozen=True, kw_only=True):
     """How to solve, and what is stated of the calibration.
 
     Attributes:

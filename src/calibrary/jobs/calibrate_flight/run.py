@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.calib.assessment import programs
 from calibrary.calib.collect import Collected, NamedRemark
@@ -41,8 +41,7 @@ FOCAL_OF_WIDTH: Final = 0.8
 """Of the longer side: where nothing is known, and as good a start as any."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightRequest:
+class FlightRequest(Struct, frozen=True, kw_only=True):
     """How to solve, and what is stated of the calibration.
 
     Attributes:

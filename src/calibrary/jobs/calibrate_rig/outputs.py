@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.atomic import check_folder
 from calibrary.calib.rig.estimation import RigResult
@@ -20,8 +21,7 @@ from calibrary.parsers.rigs import RIG_FORMATS, encode_rig, format_of_name
 __all__ = ["RigPlaces"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigPlaces:
+class RigPlaces(Struct, frozen=True, kw_only=True):
     """Paths of the outputs; None for those that are not wanted.
 
     Attributes:

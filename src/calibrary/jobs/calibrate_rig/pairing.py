@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate_board.frame_metadata import find_frames
@@ -25,8 +26,7 @@ ENOUGH: Final = 0.5
 """Share of the frames that must find a partner for a way to read the names to be one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigFrames:
+class RigFrames(Struct, frozen=True, kw_only=True):
     """The frames of a rig.
 
     Attributes:
@@ -51,8 +51,7 @@ class RigFrames:
         return tuple(frames[camera] for frames in self.shots.values() if camera in frames)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Naming:
+class _Naming(Struct, frozen=True, kw_only=True):
     """How a payload names its frames."""
 
     title: str

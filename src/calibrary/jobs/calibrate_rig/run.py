@@ -6,9 +6,10 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.calib.board import Board
 from calibrary.calib.collect import Collected, try_board_sizes
@@ -31,8 +32,7 @@ __all__ = ["RigCollected", "RigCorners", "calibrate_rig_from", "collect_rig", "c
 CORNERS_NAME = "rig.json"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RigCollected:
+class RigCollected(Struct, frozen=True, kw_only=True, eq=False):
     """What the frames of a rig yield.
 
     Attributes:

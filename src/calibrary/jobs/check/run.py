@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
+
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
@@ -32,8 +33,7 @@ from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 __all__ = ["Check", "CheckReport", "CheckRequest", "check", "report_of"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckRequest:
+class CheckRequest(Struct, frozen=True, kw_only=True):
     """What to check.
 
     Attributes:
@@ -61,7 +61,7 @@ class CheckRequest:
     image_size: ImageSize | None = None
     options: Mapping[str, str] | None = None
     max_bytes: int = MAX_BYTES
-    progress: Progress | None = field(default=None, compare=False)
+    progress: Progress | None = None
 
 
 class CameraPixels(Record):
@@ -94,8 +94,7 @@ class CheckReport(Record, tag_field="schema", tag="calibrary/check-1"):
     by_pixels: tuple[CameraPixels, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Check:
+class Check(Struct, frozen=True, kw_only=True):
     """What was found.
 
     Attributes:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from msgspec import Struct
+
 from calibrary.calibration import Calibration, Covariance, Quality, SourceFile
-from calibrary.jobs.exchange.argument import Reading, read_argument
+from calibrary.jobs.exchange.argument import read_argument
+from calibrary.jobs.exchange.reading import Reading
 from calibrary.parsers.files import read_regular_file
 from calibrary.records import Json
 from calibrary.strictjson import parse_json
@@ -21,8 +23,7 @@ _RULE: Final = re.compile(r"([a-z][a-z-]+): ")
 NOT_PASSED: Final = ("provisional:", "refuse:")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
+class Source(Struct, frozen=True, kw_only=True):
     """A calibration and what to call it.
 
     Attributes:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
@@ -22,8 +23,7 @@ from calibrary.provenance import Grade
 __all__ = ["ConvertRequest", "Converted", "convert_files"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ConvertRequest:
+class ConvertRequest(Struct, frozen=True, kw_only=True):
     """What to convert, and how.
 
     Attributes:
@@ -45,8 +45,7 @@ class ConvertRequest:
     force: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Converted:
+class Converted(Struct, frozen=True, kw_only=True):
     """One file to write and what came of it.
 
     Attributes:

@@ -6,9 +6,10 @@ host and place is made up. ``example`` is a domain that can never exist (RFC 260
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import TypeVar
+
+from msgspec import Struct
 
 from calibrary.calibration import ImageSize
 from calibrary.synthetic import ExifValue, Head, Position, Rational, description, packet
@@ -49,8 +50,7 @@ _DJI_CONSTANTS: dict[str, ExifValue] = {
 """What is the same in every DJI frame; the resolution is of paper, not of the focal plane."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shot:
+class Shot(Struct, frozen=True, kw_only=True):
     """What differs between two frames of one camera."""
 
     taken: datetime
@@ -77,8 +77,7 @@ class Shot:
         return tuple(f"{degrees:.8f}"[:-4] for degrees in (self.latitude_deg, self.longitude_deg))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
+class Band(Struct, frozen=True, kw_only=True):
     """One lens of a multispectral rig and its factory calibration.
 
     Attributes:

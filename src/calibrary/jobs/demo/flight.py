@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calibrary.calibration import Grade, ImageSize
@@ -42,8 +42,7 @@ class Expectation(StrEnum):
     UNREADABLE = "unreadable"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DemoImage:
+class DemoImage(Struct, frozen=True, kw_only=True):
     """One file of the flight and what is to be made of it.
 
     Attributes:
@@ -67,8 +66,7 @@ class DemoImage:
     private: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Frame:
+class _Frame(Struct, frozen=True, kw_only=True):
     """A file to write: its record, its size, its head, and how far along the flight line it was taken."""
 
     image: DemoImage

@@ -9,7 +9,8 @@ that uncertainty is itself larger than the limits, this is said, because such an
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibrationError, FrameError
@@ -27,8 +28,7 @@ from calibrary.policy import FLEET, Policy
 __all__ = ["ChangeVerdict", "Comparison", "Ground", "Numbers", "Parameter", "compare"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Comparison:
+class Comparison(Struct, frozen=True, kw_only=True, eq=False):
     """Two calibrations and what lies between them.
 
     Attributes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, InputError
@@ -32,8 +33,7 @@ WORST_FIRST: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class Change(Struct, frozen=True, kw_only=True):
     """What became of one camera of the fleet.
 
     Attributes:

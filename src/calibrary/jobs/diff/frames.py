@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, ImageSize, same_aspect
 from calibrary.errors import FrameError
@@ -14,8 +14,7 @@ FOCAL_SLACK = 0.2
 """How far two focal lengths may be apart to be taken for one, seen through a crop."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CommonFrame:
+class CommonFrame(Struct, frozen=True, kw_only=True):
     """Two calibrations in one frame.
 
     Attributes:

@@ -13,11 +13,11 @@ covariance, since neighbouring pixels err together). And the image scale, which 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.projection_difference import ProjectionDifference
@@ -52,8 +52,7 @@ class Basis(StrEnum):
     COPY = "none: both hold one measurement"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
+class Scale(Struct, frozen=True, kw_only=True):
     """The change of the image scale between two projections.
 
     Attributes:
@@ -65,8 +64,7 @@ class Scale:
     std: float | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Significance:
+class Significance(Struct, frozen=True, kw_only=True):
     """The difference against its uncertainty.
 
     Attributes:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import BoolArray
 from calibrary.calib.projection_difference import (
@@ -89,8 +89,7 @@ class Ground(Record):
     height_cm: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Numbers:
+class Numbers(Struct, frozen=True, kw_only=True, eq=False):
     """What can be said once both calibrations are in one frame.
 
     Attributes:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion
@@ -27,8 +28,7 @@ COMMON_SHARE: Final = 1 / 3
 """Of the numbers that are free, equal ones beyond chance."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Common:
+class Common(Struct, frozen=True, kw_only=True):
     """Which numbers of two calibrations are equal to the last digit.
 
     Attributes:

@@ -9,10 +9,10 @@ is shown; it excuses a difference only between two independent measurements (:mo
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, Covariance, Grade
@@ -22,8 +22,7 @@ from calibrary.records import replace
 __all__ = ["PRIORS", "Prior", "Spread", "spread_of", "std_of"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Prior:
+class Prior(Struct, frozen=True, kw_only=True):
     """One standard deviation, as fractions.
 
     Attributes:
@@ -53,8 +52,7 @@ sets of frames scatter by 0.05 to 0.1 % where their own solves say a third of it
 SMALLEST_LENS_PX: Final = 0.5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class Spread(Struct, frozen=True, kw_only=True):
     """What a calibration's parameters are uncertain by.
 
     Attributes:

@@ -6,9 +6,10 @@ import hashlib
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct, field
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, Provenance
@@ -35,8 +36,7 @@ SERIAL_IN_NAME: Final = re.compile(r"(?i)\b(SN|serial)(?:[-_ ][0-9A-Z]*\d{3}|\d{
 """ZED names its files ``SN12345678.conf``, and so do people."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stated:
+class Stated(Struct, frozen=True, kw_only=True):
     """What the user states of a calibration's making; None leaves it to the source.
 
     Attributes:
@@ -63,8 +63,7 @@ class Stated:
                 yield f"the source states the {name} {found!r:.80}, and --{name} replaces it"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AddRequest:
+class AddRequest(Struct, frozen=True, kw_only=True):
     """What the user states of the entries that are added.
 
     Attributes:
@@ -161,8 +160,7 @@ def save_file(
         return registry.save(proposals, reason=reason, branch=branch)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Source:
+class _Source(Struct, frozen=True, kw_only=True):
     """A file that calibrations are read from."""
 
     name: str

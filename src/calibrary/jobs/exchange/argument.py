@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError, MissingTagError, RegistryError
@@ -21,8 +22,7 @@ __all__ = ["Argument", "entry_file", "read_argument", "read_arguments"]
 ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILINE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Argument:
+class Argument(Struct, frozen=True, kw_only=True):
     """A calibration and what to call it.
 
     Attributes:

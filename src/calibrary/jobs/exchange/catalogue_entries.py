@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary import __version__
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
@@ -29,8 +30,7 @@ SOURCE: Final = "calibrary's catalogue of known cameras"
 ASSUMED: Final = ("square pixels", "the principal point in the middle of the frame")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NotImported:
+class NotImported(Struct, frozen=True, kw_only=True):
     """A camera of the catalogue that becomes no entry, and the reason."""
 
     title: str

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.atomic import check_folder, write_files
@@ -121,8 +122,7 @@ class ExportReport(Record, tag_field="schema", tag="calibrary/registry-export-1"
     dropped: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Export:
+class Export(Struct, frozen=True, kw_only=True):
     """What an export came to.
 
     Attributes:

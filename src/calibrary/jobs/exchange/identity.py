@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import Catalogue, load_catalogue, match_image
@@ -17,8 +18,7 @@ from calibrary.records import replace
 __all__ = ["Identified", "identified", "image_day", "image_key"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Identified:
+class Identified(Struct, frozen=True, kw_only=True):
     """A camera as an image tells it.
 
     Attributes:

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Final
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.errors import CalibraryError, RegistryError
@@ -87,8 +88,7 @@ class ImportReport(Record, tag_field="schema", tag="calibrary/registry-import-1"
     findings: tuple[Finding, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Import:
+class Import(Struct, frozen=True, kw_only=True):
     """What would be written.
 
     Attributes:

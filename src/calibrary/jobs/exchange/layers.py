@@ -7,11 +7,12 @@ tolerance of both, that is mentioned.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from datetime import date, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
+
+from msgspec import Struct
 
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import load_catalogue
@@ -85,8 +86,7 @@ class AskedLayer(Record):
     read: datetime | None
 
 
-@dataclass(slots=True, eq=False, kw_only=True)
-class Layer:
+class Layer(Struct, kw_only=True, eq=False):
     """One registry of several.
 
     Attributes:
@@ -102,7 +102,7 @@ class Layer:
     opening: Callable[[CameraKey], Asked]
     snapshot: Snapshot | None = None
     published: Published | None = None
-    _error: RegistryError | None = field(default=None, init=False)
+    _error: RegistryError | None = None
 
     def index_for(self, key: CameraKey) -> Asked:
         """What answers for a camera.
@@ -141,8 +141,7 @@ class Layer:
         return AskedLayer(name=self.name, kind=self.kind, commit=self.commit, read=read)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Layers:
+class Layers(Struct, frozen=True, eq=False):
     """Registries in the order in which they are asked.
 
     Attributes:
@@ -298,8 +297,7 @@ def _names(camera: KnownCamera) -> set[tuple[str, str]]:
     return {(match_key(make), match_key(model)) for make in makes for model in camera.models}
 
 
-@dataclass(frozen=True, slots=True)
-class _OfCatalogue:
+class _OfCatalogue(Struct, frozen=True):
     """The catalogue's K's of one make and model; none where several cameras may be meant."""
 
     entries: Mapping[str, Entry]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, ImageSize
@@ -19,8 +20,7 @@ __all__ = ["Reading", "choose"]
 LISTED: Final = 8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class Reading(Struct, frozen=True, kw_only=True):
     """What the user states of files that do not state it, and where the registry is.
 
     Attributes:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import date
 from functools import partial
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError
@@ -29,8 +30,7 @@ __all__ = ["Answer", "Question", "ResolutionReport", "answer", "asked", "resolut
 SEVERAL: Final = 8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
+class Question(Struct, frozen=True, kw_only=True):
     """Which camera is meant.
 
     Attributes:
@@ -44,8 +44,7 @@ class Question:
     day: date | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class Answer(Struct, frozen=True, kw_only=True):
     """What registries say to a question.
 
     Attributes:

@@ -10,10 +10,11 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Final
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, ImageSize
@@ -115,8 +116,7 @@ class CheckedFile(Record):
     pixels: PixelCheck | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidates:
+class Candidates(Struct, frozen=True, kw_only=True):
     """The calibrations of one file.
 
     Attributes:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.evidence.collect import Evidence
@@ -22,8 +23,7 @@ DEFAULT_SENSOR_MM = (13.2, 8.8)
 """The nominal 1-inch sensor, the default of the source document."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor:
+class Sensor(Struct, frozen=True, kw_only=True):
     """Sensor size used when neither the image nor the catalogue states one.
 
     Attributes:
@@ -44,8 +44,7 @@ class Sensor:
         return height * w_px / h_px, height
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class State(Struct, frozen=True, kw_only=True):
     """One camera state: equal metadata, and the images that carry it.
 
     Equal metadata is equal in all that can change K or its meaning: sources, edits, capture mode, firmware, size.
@@ -66,8 +65,7 @@ class State:
         return self.images.count
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JudgedState:
+class JudgedState(Struct, frozen=True, kw_only=True):
     """One state and what was decided of it.
 
     Attributes:
@@ -85,8 +83,7 @@ class JudgedState:
     inherits: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Camera:
+class Camera(Struct, frozen=True, kw_only=True):
     """One camera of the run.
 
     Attributes:

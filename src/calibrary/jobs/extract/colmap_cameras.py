@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.interop.colmap import ColmapCamera
@@ -15,8 +16,7 @@ __all__ = ["RESTORE", "DatabaseCamera", "plan_database"]
 RESTORE = "colmap.database-before.sql"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DatabaseCamera:
+class DatabaseCamera(Struct, frozen=True, kw_only=True):
     """A camera for the database.
 
     Attributes:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.jobs.extract.cameras import Camera
@@ -26,8 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["CameraReport", "Extraction", "slugs", "slugs_of"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraReport:
+class CameraReport(Struct, frozen=True, kw_only=True):
     """One camera, its own K or what stands in for it.
 
     Attributes:
@@ -120,8 +120,7 @@ class CameraReport:
         return self.camera.remedy
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Extraction:
+class Extraction(Struct, frozen=True, kw_only=True):
     """The run.
 
     Attributes:

@@ -7,9 +7,10 @@ something refines it; the fleet's registry. Every step leaves a record, whether 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
@@ -73,8 +74,7 @@ class Step(Record):
     why: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sources:
+class Sources(Struct, frozen=True, kw_only=True):
     """Where fallbacks may come from.
 
     Attributes:
@@ -92,8 +92,7 @@ class Sources:
     rivals: dict[ImageSize, int]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fallback:
+class Fallback(Struct, frozen=True, kw_only=True):
     """The outcome of the chain for one camera.
 
     Attributes:

@@ -11,8 +11,9 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
@@ -73,8 +74,7 @@ SOLVER_FILES = {
 """What a solver would take K from, as patterns of names."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class Candidate(Struct, frozen=True, kw_only=True):
     """One camera of the run, as a solver will meet it.
 
     Attributes:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.catalogue import Catalogue, load_catalogue
@@ -23,8 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Knowledge", "Known"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Known:
+class Known(Struct, frozen=True, kw_only=True):
     """What is known of one camera.
 
     Attributes:
@@ -52,8 +52,7 @@ class Known:
         return self.camera.title if self.camera is not None else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Knowledge:
+class Knowledge(Struct, frozen=True, kw_only=True):
     """The registry, where one is given, and the catalogue.
 
     Attributes:

@@ -6,11 +6,11 @@ import io
 import re
 import stat
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct, field
 
 from calibrary.atomic import check_folder
 from calibrary.calibration import Calibration
@@ -39,8 +39,7 @@ __all__ = ["STALE", "Outputs", "check_page_place", "check_place", "plan"]
 STALE = "is left from an earlier run; remove it"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outputs:
+class Outputs(Struct, frozen=True, kw_only=True):
     """What is to be written.
 
     Attributes:

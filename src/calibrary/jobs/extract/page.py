@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import date
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Grade
 from calibrary.jobs.extract.extraction import CameraReport, Extraction
@@ -36,8 +37,7 @@ MOST_CAMERAS: Final = 500
 MOST_DUE: Final = 100
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JobFacts:
+class JobFacts(Struct, frozen=True, kw_only=True):
     """What a page is of, beyond what the images say; None is printed as unknown.
 
     Attributes:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import ImageMetadata
@@ -15,8 +16,7 @@ from calibrary.records import replace
 __all__ = ["Rows", "SortedImages", "sort_images"]
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
+class Rows(Struct, frozen=True):
     """Images that no camera is told from, each with its reason.
 
     Attributes:
@@ -28,8 +28,7 @@ class Rows:
     count: int = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SortedImages:
+class SortedImages(Struct, frozen=True, kw_only=True):
     """The images of a run by what becomes of them.
 
     Attributes:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics
 from calibrary.errors import InputError, ValidationError
@@ -38,8 +39,7 @@ PACKETS = ("XMP", "GDAL_METADATA")
 """Tags that carry calibrations of their own."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
+class Request(Struct, frozen=True, kw_only=True):
     """What to do.
 
     Attributes:
@@ -76,10 +76,10 @@ class Request:
     list_images: bool = False
     days: bool = False
     partials: Path | None = None
-    lines: Iterable[str] | None = field(default=None, compare=False)
+    lines: Iterable[str] | None = None
     scheduler: str | None = None
     cluster: str | None = None
-    progress: Progress | None = field(default=None, compare=False)
+    progress: Progress | None = None
 
 
 def run(request: Request) -> Extraction:

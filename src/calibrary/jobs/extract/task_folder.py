@@ -15,9 +15,10 @@ import shutil
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.atomic import check_folder
 from calibrary.errors import InputError
@@ -42,8 +43,7 @@ exec docker run --rm -v "$(dirname "$here"):/datasets" opendronemap/odm \\
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TaskFolder:
+class TaskFolder(Struct, frozen=True, kw_only=True):
     """What is to be laid out.
 
     Attributes:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import date
 
 import msgspec
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
@@ -30,8 +30,7 @@ UNREAD_SHOWN = 1000
 _FORM = b"calibrary images 1\n"
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
+class Names(Struct, frozen=True):
     """Images by name, in the order of their folders.
 
     Attributes:
@@ -71,8 +70,7 @@ def undated(states: Mapping[ImageMetadata, Sequence[str]]) -> dict[ImageMetadata
 ByDay = Mapping[date | None, Names]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Flight:
+class Flight(Struct, frozen=True, kw_only=True):
     """What all images of a run say, settled; nothing in it depends on the order in which they were read.
 
     Attributes:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
-from dataclasses import dataclass
 from datetime import date
 from pathlib import PurePosixPath
 
 import msgspec
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.evidence.metadata import ImageMetadata
@@ -54,8 +54,7 @@ class Image(msgspec.Struct, frozen=True, array_like=True, gc=False):
         return hashlib.blake2b(identity, digest_size=ID_BYTES).digest()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class Seen(Struct, frozen=True, kw_only=True):
     """All that images can say which changes anything in a report; equal for most images of a flight.
 
     Attributes:
@@ -69,8 +68,7 @@ class Seen:
     is_export: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Observation:
+class Observation(Struct, frozen=True, kw_only=True):
     """One image's answer.
 
     Attributes:

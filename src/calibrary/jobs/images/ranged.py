@@ -13,8 +13,9 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol, TypeVar, cast
+
+from msgspec import Struct
 
 from calibrary.errors import CalibraryError
 from calibrary.parsers.imagery.source import Source
@@ -50,8 +51,7 @@ class StoreError(CalibraryError):
         self.passing = passing
 
 
-@dataclass(frozen=True, slots=True)
-class First:
+class First(Struct, frozen=True):
     """The beginning of a file.
 
     Attributes:
@@ -65,8 +65,7 @@ class First:
     version: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Listed:
+class Listed(Struct, frozen=True):
     """A file that a server lists: its key, and what changes when its content does."""
 
     key: str

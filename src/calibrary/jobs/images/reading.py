@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Final, TypeAlias
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.jobs.images.accumulator import Accumulator, Flight
@@ -28,8 +29,7 @@ WORTH_A_POOL = 400
 KILLED = "not read: the process that read it was killed, and again on the second try"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
+class Question(Struct, frozen=True, kw_only=True):
     """What every image is asked.
 
     Attributes:
@@ -41,8 +41,7 @@ class Question:
     list_all: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
+class Done(Struct, frozen=True):
     """What became of one piece of the work, or of several that were merged where they were read.
 
     Attributes:
@@ -61,8 +60,7 @@ Engine: TypeAlias = Callable[[Read, Iterator[Unit]], Iterator[Done]]
 """Whatever spreads pieces of work over processes or machines: any order will do, and any merging on the way."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class Reading(Struct, frozen=True, kw_only=True):
     """What came of reading images.
 
     Attributes:
@@ -95,9 +93,12 @@ def gather(
     return found.images.settled()
 
 
+NOTHING_ASKED: Final = Question()
+
+
 def read_images(
     images: Iterable[Image],
-    question: Question = Question(),
+    question: Question = NOTHING_ASKED,
     *,
     engine: Engine,
     shard: int | None = None,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.atomic import write_files
 from calibrary.errors import InputError
@@ -22,8 +23,7 @@ SHARD = 8192
 MOST = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Unit:
+class Unit(Struct, frozen=True):
     """Some images that one process reads.
 
     Attributes:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
@@ -21,8 +22,7 @@ from calibrary.records import replace
 __all__ = ["Inspected", "inspect_files"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Inspected:
+class Inspected(Struct, frozen=True, kw_only=True):
     """One file and what came of it.
 
     Attributes:

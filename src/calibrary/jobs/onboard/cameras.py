@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct, field
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, ImageSize, same_aspect
@@ -28,8 +29,7 @@ __all__ = ["FileCalibration", "PayloadCamera", "PayloadCameras", "find_cameras",
 NAMES_SHOWN: Final = 4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FileCalibration:
+class FileCalibration(Struct, frozen=True, kw_only=True):
     """One camera of a calibration file.
 
     Attributes:
@@ -43,8 +43,7 @@ class FileCalibration:
     calibration: Calibration
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PayloadCamera:
+class PayloadCamera(Struct, frozen=True, kw_only=True):
     """One camera of the payload.
 
     Attributes:
@@ -79,8 +78,7 @@ class PayloadCamera:
         return self.key.image_size
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PayloadCameras:
+class PayloadCameras(Struct, frozen=True, kw_only=True):
     """The cameras, and what could not be told whose it is.
 
     Attributes:
@@ -94,8 +92,7 @@ class PayloadCameras:
     nameless: tuple[ImageSize, ...] = ()
 
 
-@dataclass(slots=True)
-class _Sorted:
+class _Sorted(Struct):
     cameras: list[PayloadCamera] = field(default_factory=list)
     skipped: list[SkippedFile] = field(default_factory=list)
     nameless: list[ImageSize] = field(default_factory=list)

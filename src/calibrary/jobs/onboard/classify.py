@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calib.board import Board
@@ -27,8 +28,7 @@ FEWEST_FRAMES: Final = 3
 """One image in which a board seems to be is a tiled roof."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Payload:
+class Payload(Struct, frozen=True, kw_only=True):
     """A folder, sorted.
 
     Attributes:

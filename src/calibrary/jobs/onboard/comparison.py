@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import CalibraryError, InputError
@@ -49,8 +50,7 @@ class Agreement(StrEnum):
     DISAGREES = "disagrees"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ComparedEstimate:
+class ComparedEstimate(Struct, frozen=True, kw_only=True, eq=False):
     """One estimate compared with the chosen one.
 
     Attributes:
@@ -75,8 +75,7 @@ class ComparedEstimate:
         return self.agreement is Agreement.DISAGREES
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EstimateComparison:
+class EstimateComparison(Struct, frozen=True, kw_only=True, eq=False):
     """The chosen estimate and how the others agree with it.
 
     Attributes:
@@ -94,8 +93,7 @@ class EstimateComparison:
     dispute: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Relative:
+class Relative(Struct, frozen=True, kw_only=True, eq=False):
     """An entry of the same model and how the proposed K differs from it.
 
     Attributes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
+
+from msgspec import Struct
 
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
@@ -39,8 +40,7 @@ class Kind(StrEnum):
     REGISTRY = "registry"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Estimate:
+class Estimate(Struct, frozen=True, kw_only=True, eq=False):
     """What one source says.
 
     Attributes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+
+from msgspec import Struct, field
 
 from calibrary.calib.board import Board
 from calibrary.calib.collect import Collected
@@ -34,8 +35,7 @@ class Decision(StrEnum):
     REFUSED = "refused"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Questions:
+class Questions(Struct, frozen=True, kw_only=True):
     """What only a person knows, asked where it is needed and nowhere else.
 
     Attributes:
@@ -49,8 +49,7 @@ class Questions:
     stated: Serves | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
+class Request(Struct, frozen=True, kw_only=True):
     """What to take on board.
 
     Attributes:
@@ -81,7 +80,7 @@ class Request:
     flight: bool = False
     label: str | None = None
     workers: int = 0
-    progress: Progress | None = field(default=None, compare=False)
+    progress: Progress | None = None
 
     @property
     def policy(self) -> Policy:
@@ -89,8 +88,7 @@ class Request:
         return self.registry.configuration.policy
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ImageSolve:
+class ImageSolve(Struct, frozen=True, kw_only=True, eq=False):
     """What became of the frames of a board, or of the images of a flight.
 
     Attributes:
@@ -105,8 +103,7 @@ class ImageSolve:
     reason: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CameraDecision:
+class CameraDecision(Struct, frozen=True, kw_only=True, eq=False):
     """One camera.
 
     Attributes:
@@ -142,8 +139,7 @@ class CameraDecision:
     relatives: tuple[Relative, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Onboarding:
+class Onboarding(Struct, frozen=True, kw_only=True, eq=False):
     """A payload and what becomes of it.
 
     Attributes:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import posixpath
 import re
-from dataclasses import dataclass
 from urllib.parse import quote
+
+from msgspec import Struct
 
 from calibrary.registry.paths import ROOT, SUFFIX
 
@@ -17,8 +18,7 @@ INDEX = "index.html"
 _SAFE = re.compile(r"[a-z0-9_][a-z0-9._~+-]*(?:/[a-z0-9_][a-z0-9._~+-]*){2,6}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Place(Struct, frozen=True, kw_only=True):
     """Where an entry's page and all that belongs to it lie below the site's root.
 
     Attributes:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.jobs.site.addresses import INDEX
@@ -36,8 +37,7 @@ MOST_NEWS = 200
 """Commits since an earlier site; after more of them looking at each costs more than it saves."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Site:
+class Site(Struct, frozen=True, kw_only=True):
     """A site that was built.
 
     Attributes:

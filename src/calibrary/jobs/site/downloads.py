@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
@@ -15,8 +15,7 @@ from calibrary.registry.paths import slug
 __all__ = ["Download", "downloads"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Download:
+class Download(Struct, frozen=True, kw_only=True):
     """One format.
 
     Attributes:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError
@@ -22,8 +22,7 @@ MOST_COMPARED = 100
 BEYOND = "Their numbers are too far from any camera's to be computed with."
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class Step(Struct, frozen=True, kw_only=True):
     """One change of an entry's calibration.
 
     Attributes:

@@ -6,11 +6,11 @@ import os
 import shutil
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.errors import InputError
 from calibrary.jobs.diff.page import badge_of
@@ -34,8 +34,7 @@ __all__ = ["Card", "Job", "Task", "entry_files", "write_entries"]
 ENTRY_FORMAT = "calibrary entry"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Card:
+class Card(Struct, frozen=True, kw_only=True):
     """What the list says of an entry.
 
     Attributes:
@@ -73,8 +72,7 @@ class Card:
     files: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class Job(Struct, frozen=True, kw_only=True):
     """What all entries of one site have in common.
 
     Attributes:
@@ -94,8 +92,7 @@ class Job:
     published: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
+class Task(Struct, frozen=True, kw_only=True):
     """One entry.
 
     Attributes:

@@ -7,10 +7,11 @@ one that was to be stamped, or there is no copy.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Final, Literal
+
+from msgspec import Struct
 
 from calibrary.atomic import check_folder, write_files
 from calibrary.calibration import Calibration, CameraKey, Grade
@@ -52,8 +53,7 @@ READ_BACK_SLACK: Final = 1e-6
 """px; decimals and millimetres on the way."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StampRequest:
+class StampRequest(Struct, frozen=True, kw_only=True):
     """What to stamp, and with what.
 
     Attributes:

@@ -9,11 +9,11 @@ middle of the image, and ``DewarpDataK6`` the same with k4, k5, k6 behind.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Rational
@@ -60,8 +60,7 @@ class TagSet(StrEnum):
     DJI = "dji"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tags:
+class Tags(Struct, frozen=True, kw_only=True):
     """What is written into an image.
 
     Attributes:

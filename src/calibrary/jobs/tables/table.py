@@ -5,11 +5,12 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
+
+from msgspec import Struct
 
 from calibrary.atomic import check_folder, write_files
 from calibrary.errors import InputError
@@ -29,8 +30,7 @@ SHOWN: Final = 20
 """Rows that a notebook shows."""
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(Struct, frozen=True, dict=True):
     """Rows by column name; the columns are those of all rows, in the order in which they first come.
 
     Attributes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
+
+from msgspec import Struct, field
 
 from calibrary import parsers
 from calibrary.atomic import write_files
@@ -52,8 +53,7 @@ KINDS: Final = {"jpg": {".jpg", ".jpeg", ".jpe"}, "tif": {".tif", ".tiff"}, "png
 Size: TypeAlias = ImageSize | Literal["same-focal"] | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UndistortRequest:
+class UndistortRequest(Struct, frozen=True, kw_only=True):
     """What to undistort, and how.
 
     Attributes:
@@ -89,8 +89,7 @@ class UndistortRequest:
     force: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Undistorted:
+class Undistorted(Struct, frozen=True, kw_only=True):
     """One picture and what came of it.
 
     Attributes:
@@ -108,8 +107,7 @@ class Undistorted:
     error: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NewCamera:
+class NewCamera(Struct, frozen=True, kw_only=True):
     """The camera of the new pictures that came from images of one size."""
 
     plan: Plan
@@ -120,8 +118,7 @@ class NewCamera:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Undistortion:
+class Undistortion(Struct, frozen=True, kw_only=True):
     """What was done.
 
     Attributes:
@@ -206,8 +203,7 @@ def undistort(request: UndistortRequest, progress: Progress | None = None) -> Un
     return Undistortion(request=request, images=tuple(done), cameras=cameras.by_size)
 
 
-@dataclass(slots=True, kw_only=True)
-class _Cameras:
+class _Cameras(Struct, kw_only=True):
     """Makes a camera, and writes its file, for every size of image that comes along."""
 
     request: UndistortRequest

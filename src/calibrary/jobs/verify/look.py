@@ -6,11 +6,11 @@ import math
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import Calibration, ImageSize, Intrinsics
@@ -46,8 +46,7 @@ STILL: Final = 0.01
 PERSPECTIVE = (NoDistortion, BrownConrady, Rational)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class Look(Struct, frozen=True, kw_only=True):
     """What the pixels show, whatever K says.
 
     Attributes:

@@ -6,10 +6,10 @@ import io
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
 from calibrary.arrays import FloatArray
@@ -56,8 +56,7 @@ LOOK: dict[str, dict[str, str | float | bool]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Axis:
+class Axis(Struct, frozen=True):
     """What is measured along an axis, and in which unit: Axis("tilt", "°"); no unit for a pure number."""
 
     quantity: str

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
 from calibrary.arrays import FloatArray
@@ -180,8 +180,7 @@ def poses(
     return Figure(svg=draw(paint, width=520, height=470), alt=alt, caption=caption)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Series:
+class Series(Struct, frozen=True, kw_only=True):
     """One quantity over time.
 
     Attributes:

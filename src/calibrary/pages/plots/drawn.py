@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from html import escape
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
 from calibrary.arrays import FloatArray
@@ -44,8 +44,7 @@ SHADES = 10
 FAINTEST = 0.05
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Frame:
+class _Frame(Struct, frozen=True, kw_only=True):
     """An image's frame on the drawing."""
 
     size: ImageSize

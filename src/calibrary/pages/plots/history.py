@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import date, timedelta
 from html import escape
 
 import numpy as np
+from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
@@ -124,8 +124,7 @@ def _bar(span: tuple[date | None, date | None] | None, scale: _Time) -> tuple[fl
     return scale.x(first) if first is not None else LEFT, scale.x(last) if last is not None else WIDTH - RIGHT
 
 
-@dataclass(frozen=True, slots=True)
-class _Time:
+class _Time(Struct, frozen=True):
     """An axis of time.
 
     Attributes:

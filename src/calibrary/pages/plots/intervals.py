@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from calibrary.pages.content import Figure
 from calibrary.pages.palette import Colour
@@ -30,8 +31,7 @@ class Role(Enum):
     NO_K = ("s", Colour.MUTED, "no K")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
+class Interval(Struct, frozen=True, kw_only=True):
     """One source.
 
     Attributes:
@@ -47,8 +47,7 @@ class Interval:
     role: Role
 
 
-@dataclass(frozen=True, slots=True)
-class Band:
+class Band(Struct, frozen=True):
     """A range that is expected.
 
     Attributes:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from calibrary.pages.content import Figure
 from calibrary.pages.palette import Colour
@@ -24,8 +25,7 @@ WIDE_FROM = 5.0
 """A bar that is so many times longer than the others is cut off, so that they can be read."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dated:
+class Dated(Struct, frozen=True, kw_only=True):
     """A measurement.
 
     Attributes:
@@ -41,8 +41,7 @@ class Dated:
     role: Role
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Period:
+class Period(Struct, frozen=True, kw_only=True):
     """What was expected for some time.
 
     Attributes:
