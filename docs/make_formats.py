@@ -5,12 +5,18 @@ from __future__ import annotations
 import inspect
 import sys
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from calibrary import parsers
 from calibrary.cli.formats import abilities
 from calibrary.distortion.described import document, marked_down
 from calibrary.parsers.format import Format
+
+if TYPE_CHECKING:
+    from docs.make_lenses import LENSES, caption
+else:
+    # A program's own folder is where Python looks first.
+    from make_lenses import LENSES, caption
 
 FOLDER: Final = Path(__file__).parent
 
@@ -38,8 +44,17 @@ def documents() -> dict[str, str]:
     )
     return {
         "formats.md": formats,
-        "distortion.md": document("Printed by `make docs` from the models' own descriptions."),
+        "distortion.md": _with_pictures(
+            document("Printed by `make docs` from the models' own descriptions.")
+        ),
     }
+
+
+def _with_pictures(text: str) -> str:
+    """Each model's drawing below its heading."""
+    for name in LENSES:
+        text = text.replace(f"## {name}\n\n", f"## {name}\n\n![{caption(name)}](lenses/{name}.svg)\n\n")
+    return text
 
 
 def _format(record: Format) -> str:

@@ -43,9 +43,11 @@ from calibrary.pages import render_page
 
 if TYPE_CHECKING:
     from docs.example_fleet import write_fleet
+    from docs.make_lenses import write as write_lenses
 else:
     # A program's own folder is where Python looks first.
     from example_fleet import write_fleet
+    from make_lenses import write as write_lenses
 
 DOCS = Path(__file__).parent
 WIDTH = 90
@@ -255,6 +257,7 @@ def main() -> int:
         with TemporaryDirectory() as folder:
             write_flight(Path(folder))
             outcome = judge(Path(folder))
+    write_lenses(arguments.out / "lenses")
     (arguments.out / "extract.svg").write_text(draw(outcome), encoding="utf-8")
     if arguments.pages:
         screenshot(extract_page(outcome), arguments.out / "extract-page.png", parts=EXTRACT_PARTS)
