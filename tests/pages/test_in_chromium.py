@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -25,6 +26,9 @@ from tests.registry.git.repositories import seclude
 BROWSERS = ("chromium", "google-chrome", "chromium-browser")
 PROGRAM = next((path for name in BROWSERS if (path := shutil.which(name)) is not None), None)
 PHONE, DESK = (360, 740), (1280, 900)
+A4_WIDTH = 688
+"""px between the margins of the print stylesheet: 182 mm."""
+SHEET = re.compile(rb"/Type\s*/Page\b")
 PAGES = ("gallery", "extract")
 COMMANDS = ("audit", "onboard", "diff")
 """Whose pages are written by the commands themselves."""
@@ -245,4 +249,23 @@ def test_paper_is_light_and_shows_what_is_folded_away(browser: Browser, folder: 
     tab.emulate_media(media="print")
     assert tab.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert tab.evaluate("document.querySelector('details table').getBoundingClientRect().height") > 0
+    context.close()
+
+
+@pytest.mark.parametrize("name", ["extract", *COMMANDS])
+def test_a_page_prints_as_one_sheet_on_which_nothing_is_cut_off(
+    browser: Browser, folder: Path, name: str
+) -> None:
+    context = browser.new_context(viewport={"width": A4_WIDTH, "height": 900})
+    tab, _ = watched(context)
+    tab.goto((folder / f"{name}.html").as_uri())
+    tab.emulate_media(media="print")
+    wide = "[...document.querySelectorAll('.scroll')].filter(b => b.scrollWidth > b.clientWidth + 1).length"
+    assert tab.evaluate(wide) == 0
+    assert len(SHEET.findall(tab.pdf(prefer_css_page_size=True))) == 1
+    summary = tab.inner_text("body")
+    assert "A summary;" in summary
+    assert "SHA-256" not in summary
+    tab.evaluate("document.querySelector('#print-all').checked = true")
+    assert len(tab.inner_text("body")) > len(summary)
     context.close()

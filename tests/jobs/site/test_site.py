@@ -96,7 +96,7 @@ def test_the_history_is_told_and_drawn_with_its_firmware(site: Site) -> None:
     assert "fx 3661.25 to 3665.60 px, 3665.60 now" in alt
     assert "firmware 01.09 before" in alt
     told = text(site.root / P4R_PAGE)
-    assert "+4.100" in told
+    assert "+4.10" in told
     assert "firmware 01.09 came out" in told
 
 

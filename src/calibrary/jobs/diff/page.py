@@ -164,23 +164,22 @@ def _verdict(comparison: Comparison) -> Iterator[Block]:
 def _in_numbers(numbers: Numbers) -> Iterator[Block]:
     titles = ("parameter", "A", "σ of A", "B", "σ of B", "Δ", "Δ / σ")
     width, height = numbers.a.intrinsics.image_size
-    yield Table(
-        caption=f"Every parameter of both, at {width} × {height} px; fx, fy, cx, cy in px; σ with the variance factor",
+    table = Table(
+        caption=f"Every parameter of both, at {width} × {height} px; fx, fy, cx, cy in px",
         columns=tuple(Column(title, numeric=at > 0) for at, title in enumerate(titles)),
         rows=tuple(_parameter(row) for row in numbers.parameters),
     )
-    yield KeyValues(
+    found = numbers.significance
+    facts = KeyValues(
         (
-            ("focal length", minus(percent(numbers.focal_change))),
+            ("change of the focal length", minus(percent(numbers.focal_change))),
+            ("chance of it from noise", chance(found.p) if found is not None else "unknown"),
             ("uncertainty of the difference", numbers.basis.value),
-            *(
-                (("chance of it from noise", chance(numbers.significance.p)),)
-                if numbers.significance is not None
-                else ()
-            ),
+            ("σ of A", numbers.spread_a.source),
+            ("σ of B", numbers.spread_b.source),
         )
     )
-    yield Bullets((f"σ of A: {numbers.spread_a.source}.", f"σ of B: {numbers.spread_b.source}."))
+    yield SideBySide((table, facts))
 
 
 def _parameter(row: Parameter) -> tuple[Cell, ...]:

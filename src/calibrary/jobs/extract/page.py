@@ -18,7 +18,6 @@ from calibrary.pages import (
     Bullets,
     Cell,
     Column,
-    Details,
     Link,
     Note,
     Page,
@@ -160,9 +159,7 @@ def _overview(outcome: Extraction, cameras: Sequence[CameraReport], outputs: Out
     if any(c.verdict is Verdict.UNPROVEN for c in outcome.cameras):
         blocks.append(UNPROVEN)
     shown = {c.calibration.grade for c in outcome.cameras if c.calibration is not None}
-    meanings = tuple(f"{grade.value}: {grade.meaning}" for grade in Grade if grade in shown)
-    if meanings:
-        blocks.append(Details(summary="What the grades mean", blocks=(Bullets(meanings),)))
+    blocks.append(Bullets(tuple(f"Grade {g.value}: {g.meaning}." for g in Grade if g in shown)))
     return Section(title="Cameras", blocks=tuple(blocks))
 
 

@@ -213,7 +213,8 @@ def _entry(one: CameraDecision, entry: Entry) -> Iterator[Block]:
     yield KeyValues(tuple(items))
     if calibration.distortion is not None and calibration.distortion.coefficients:
         arrows, _ = distortion_map(calibration)
-        yield SideBySide((arrows, radial_curve(calibration)))
+        plots = SideBySide((arrows, radial_curve(calibration)))
+        yield Section(title="What the lens does", blocks=(plots,), printed=False)
     for finding in one.findings:
         yield Note(text=f"{finding.message} [{finding.rule}]", tone=Tone.CAUTION)
 
@@ -324,7 +325,7 @@ def _sorted(done: Onboarding) -> Section:
         rows = [(one.name, one.reason) for one in skipped]
         columns = (Column("file"), Column("reason"))
         blocks += cut_table("What was skipped", columns, rows, most=MOST_ROWS, rest="the JSON")
-    return Section(title="What was in the folder", blocks=tuple(blocks))
+    return Section(title="What was in the folder", blocks=tuple(blocks), printed=False)
 
 
 def _percent(share: float, *, digits: int = 1) -> str:

@@ -88,7 +88,7 @@ def camera_page(
             Section(title="Which K to use", blocks=tuple(_use(entry, id_, place, is_proposed=is_proposed))),
             Section(title="K", blocks=tuple(_k(entry, id_))),
             Section(title="Lens", blocks=tuple(_lens(calibration)), printed=False),
-            Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration))),
+            Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration)), printed=False),
             Section(title="Where it is from", blocks=(*_provenance(entry), *_approved(revisions))),
             Section(title="History", blocks=tuple(story(id_, place, revisions, changes))),
             Section(title="Download", blocks=tuple(_downloads(place, files)), printed=False),
@@ -270,7 +270,7 @@ def _provenance(entry: Entry) -> Iterator[Block]:
         ("supersedes", entry.supersedes),
         ("also called", ", ".join(f"{alias.make} {alias.model}" for alias in entry.aliases) or None),
         ("adapted by", made.adaptation),
-        ("sha256 of the source", made.sha256),
+        ("sha256 of the source", f"{made.sha256[:16]}…" if made.sha256 else None),
     )
     yield KeyValues(tuple((name, value) for name, value in stated if value))
     if made.assumptions:

@@ -65,7 +65,7 @@ def step_page(step: Step, *, id_: str, place: Place) -> Page:
                 (
                     ("on", f"{after.revision.authored:%Y-%m-%d}"),
                     ("by", after.revision.author.name),
-                    ("why", reason),
+                    ("reason", reason),
                     ("firmware", f"{before.firmware or 'not stated'} → {after.firmware or 'not stated'}"),
                 )
             ),
@@ -85,7 +85,7 @@ def step_page(step: Step, *, id_: str, place: Place) -> Page:
     return Page(
         title=f"Change of {camera}",
         badge=badge,
-        lead=f"A is what the registry said on {before.revision.authored:%Y-%m-%d}, B on "
+        lead=f"A is the entry of {before.revision.authored:%Y-%m-%d}, B on "
         f"{after.revision.authored:%Y-%m-%d}.",
         sections=(*found, done),
         made_by=made_at(after.revision),
@@ -117,22 +117,23 @@ def story(
         "grade",
         "firmware",
         "fx (px)",
-        "Δ fx",
-        "Δ cx",
-        "Δ cy",
+        "Δ fx (px)",
+        "Δ cx (px)",
+        "Δ cy (px)",
         "what changed",
-        "why",
+        "reason",
     )
-    numeric = {"fx (px)", "Δ fx", "Δ cx", "Δ cy"}
-    yield Table(
+    numeric = {"fx (px)", "Δ fx (px)", "Δ cx (px)", "Δ cy (px)"}
+    table = Table(
         caption="Every revision, newest first",
         columns=tuple(Column(title, numeric=title in numeric) for title in titles),
         rows=tuple(_row(revision, by_commit, place) for revision in revisions[:MOST_REVISIONS]),
     )
+    yield Section(title="Revisions", blocks=(table,), printed=False)
     if len(revisions) > MOST_REVISIONS:
         yield Code(
             text=f"calibrary registry log {id_}",
-            label=f"The command that tells of all {len(revisions)} revisions",
+            label=f"The command that lists all {len(revisions)} revisions",
         )
     if len(changes) == MOST_COMPARED:
         yield f"The newest {MOST_COMPARED} changes are compared here; calibrary diff compares any two."
@@ -177,7 +178,7 @@ def _chart(told: Sequence[EntryRevision]) -> Figure:
         for at, revision in enumerate(told)
         if at > 0 and revision.firmware is not None and revision.firmware != told[at - 1].firmware
     ]
-    gap = "" if all(same) else " Revisions of another frame size are left out."
+    gap = "" if all(same) else " Revisions of another image size are not drawn."
     return history(
         series,
         labels=[_day(revision).isoformat() for revision in told],
@@ -200,12 +201,12 @@ def _row(one: EntryRevision, by_commit: dict[str, Step], place: Place) -> tuple[
     change = partial(_delta, delta)
     step = by_commit.get(revision.commit)
     return (
-        f"{revision.authored:%Y-%m-%d %H:%M}",
+        f"{revision.authored:%Y-%m-%d}",
         revision.author.name,
         Badge(entry.status.value, STATUSES[entry.status]) if entry is not None else Badge(gone, Tone.NEUTRAL),
         entry.calibration.grade.value if entry is not None else "–",
         one.firmware or "–",
-        f"{entry.calibration.intrinsics.fx:.3f}" if entry is not None else "–",
+        f"{entry.calibration.intrinsics.fx:.2f}" if entry is not None else "–",
         change("fx"),
         change("cx"),
         change("cy"),
@@ -219,11 +220,11 @@ def _what(revision: EntryRevision, step: Step | None, place: Place) -> Cell:
     if step is not None:
         found: Comparison | None = step.comparison
         verdict = found.verdict.value if found is not None else "not compared"
-        return Link(f"{verdict}: {step.name.replace('-', ' → ')}", way(place.page, place.step(step.name)))
+        return Link(f"{verdict} at {revision.revision.commit[:10]}", way(place.page, place.step(step.name)))
     if revision.entry is None:
         return "–"
     if revision.before is None:
-        return "its first"
+        return "first entry"
     names = [change.name for change in differences(revision.before, revision.entry)]
     return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "") or "nothing"
 
@@ -231,14 +232,14 @@ def _what(revision: EntryRevision, step: Step | None, place: Place) -> Cell:
 def _fields(after: EntryRevision, before: EntryRevision) -> Table:
     changes = differences(before.entry, after.entry) if after.entry is not None else ()
     return Table(
-        caption="Every field of the entry that says something else",
+        caption="Every field of the entry that differs",
         columns=(Column("field"), Column("before"), Column("after")),
         rows=tuple((change.name, _said(change.before), _said(change.after)) for change in changes),
     )
 
 
 def _delta(delta: dict[str, float] | None, name: str) -> str:
-    return minus(f"{delta[name]:+.3f}") if delta is not None and delta[name] else "–"
+    return minus(f"{delta[name]:+.2f}") if delta is not None and delta[name] else "–"
 
 
 def _said(value: object) -> str:
