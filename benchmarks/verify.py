@@ -2,7 +2,7 @@
 
     python benchmarks/verify.py [--flights N] [--only WORD] [--held-out]
 
-Flights of a known camera as tracks (normal noise, outliers, no positions); every one is adjusted once, and K's are
+Flights of a known camera as tracks (normal noise, outliers, positions with RTK only); each is adjusted once, K's are
 held against what was found: right, wrong by 3, 5 and 10 per cent, a crop's, a 35 mm equivalent taken for the focal
 length. Wanted on well-conditioned flights: a right K contradicted in at most 2 %, one wrong by 3 % in at least 95 %.
 

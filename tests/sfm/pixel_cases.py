@@ -22,7 +22,7 @@ from tests.sfm.flights import CAMERA, PLANS, Plan, fly
 
 
 def of_twelve(name: str) -> Plan:
-    """A plan of the flights with twelve images and no positions."""
+    """A plan of the flights with twelve images, and no positions unless said otherwise."""
     plan = PLANS[name]
     return replace(plan, rows=2, columns=3 if len(plan.heights) > 1 else 6, gps_m=None)
 
@@ -35,12 +35,16 @@ WELL: Final = (
 )
 """Flights that determine a focal length."""
 
+RTK_M: Final = (0.03, 0.05)
+
 FLIGHTS: Final = {
     **{name: of_twelve(name) for name in WELL},
     "relief, one height": of_twelve("relief, one height"),
     "flat, one height": of_twelve("flat, one height"),
     "flat, cross strips": of_twelve("flat, cross strips"),
     "flat, two heights": of_twelve("two heights, flat, RTK"),
+    "flat, one height, RTK": replace(of_twelve("flat, one height"), gps_m=RTK_M),
+    "flat, two heights, RTK": replace(of_twelve("two heights, flat, RTK"), gps_m=RTK_M),
     "relief, six images": replace(of_twelve("relief, one height"), columns=3),
 }
 

@@ -225,19 +225,19 @@ def focal_altered(claim: Claim, focal_px: float, std: float) -> Alteration | Non
     (width, height), full = K.image_size, claim.native_size
     candidates = []
     if claim.zoom > 1:
-        told = f"DigitalZoomRatio states {claim.zoom:g}×"
+        zoomed = f"DigitalZoomRatio states {claim.zoom:g}×"
         candidates += [
-            (Kind.ZOOMED, claim.zoom, f"{told}, and K is without it"),
-            (Kind.ZOOMED, 1 / claim.zoom, f"{told}, and the pixels show none"),
+            (Kind.ZOOMED, claim.zoom, f"{zoomed}, and K is without it"),
+            (Kind.ZOOMED, 1 / claim.zoom, f"{zoomed}, and the pixels show none"),
         ]
     if full is not None and width < full[0]:
-        told = f"{width}×{height} px of the sensor's {full[0]}×{full[1]}"
+        part = f"{width}×{height} px of the sensor's {full[0]}×{full[1]}"
         candidates += [
-            (Kind.CROPPED, full[0] / width, f"the image is {told}, and K is of all of them made smaller"),
+            (Kind.CROPPED, full[0] / width, f"the image is {part}, and K is of all of them made smaller"),
             (
                 Kind.CROPPED,
                 width / full[0],
-                f"the image is all of the sensor made smaller, and K is of {told}",
+                f"the image is all of the sensor made smaller, and K is of {part}",
             ),
         ]
     fitting = [one for one in candidates if abs(ratio / one[1] - 1) <= reach]

@@ -11,12 +11,20 @@ import pytest
 
 import calibrary
 from calibrary.cli.main import main
+from calibrary.jobs.verify import look as job
 from calibrary.jobs.verify.look import Look, look
+from calibrary.records import replace
 from calibrary.schemas import require
+from calibrary.sfm.engine import MatchedFlight
 from calibrary.sfm.pixel_check import PixelVerdict
 from calibrary.sfm.pixel_judging import Measured
+from calibrary.sfm.reconstruct import positions_of
 from calibrary.validation import Severity, Verdict
+from tests.cli.test_calibrate_flight import SEED
+from tests.cli.test_calibrate_flight import flight as images_of
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, matrix, picture
+from tests.sfm.flights import CAMERA, fly
+from tests.sfm.pixel_cases import FLIGHTS, pairs_of
 
 Pixels = Callable[..., None]
 IMAGES = 9
@@ -162,6 +170,28 @@ def test_too_few_images_are_said_to_be_so_without_a_look(tmp_path: Path) -> None
     assert camera.calibration is not None
     check = look(paths, camera.calibration).check(camera.calibration, 0.05)
     assert (check.verdict, check.reason) == (PixelVerdict.CANNOT_TELL, "5 images of this camera, need 8")
+
+
+@pytest.mark.parametrize(
+    ("plan", "verdict"),
+    [("flat, two heights, RTK", PixelVerdict.AGREES), ("flat, two heights", PixelVerdict.CANNOT_TELL)],
+)
+def test_exact_positions_tell_the_focal_length_from_the_height(
+    plan: str, verdict: PixelVerdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Positions as the images state them, σ and all; what COLMAP finds is simulated."""
+    tracks, scene = fly(FLIGHTS[plan], SEED)
+    monkeypatch.setattr(
+        job, "match", lambda images, *, folder, **_: MatchedFlight(folder=folder, images=tuple(images))
+    )
+    monkeypatch.setattr(job, "read_matches", lambda _: pairs_of(tracks))
+    monkeypatch.setattr(
+        job,
+        "reconstruct",
+        lambda matched, **_: (replace(tracks, positions=positions_of(matched.images)), scene),
+    )
+    images = images_of(tmp_path / "flight", FLIGHTS[plan])
+    assert look(sorted(images.iterdir()), CAMERA).check(CAMERA, 0.05).verdict is verdict
 
 
 def test_the_report_the_page_and_the_terminal_say_it(

@@ -138,8 +138,8 @@ def verify_flights(
     for number, sample in enumerate(due, start=1):
         if number > 1 and monotonic() > end:
             break
-        told = _told(progress, f"flight {number} of {len(due)}: ")
-        checks[id(sample)] = _checked(sample, policy, told)
+        of_one = _prefixed(progress, f"flight {number} of {len(due)}: ")
+        checks[id(sample)] = _checked(sample, policy, of_one)
     return Verification(
         images=MOST_IMAGES,
         minutes=minutes,
@@ -188,6 +188,8 @@ def _samples(flown: Sequence[Flown], index: RegistryIndex, today: date) -> Itera
 
 
 def _registered(flown: Flown, part: FlightDay, index: RegistryIndex, today: date) -> Resolution | None:
+    if not flown.key.make or not flown.key.model:
+        return None
     try:
         return index.resolve(flown.key, on=part.day or today)
     except RegistryError:
@@ -210,7 +212,7 @@ def _newest_and_oldest_first(samples: Sequence[_Sample]) -> list[_Sample]:
     return chosen
 
 
-def _told(progress: Progress | None, before: str) -> Progress | None:
+def _prefixed(progress: Progress | None, before: str) -> Progress | None:
     return (lambda done, total, what: progress(done, total, before + what)) if progress is not None else None
 
 

@@ -96,9 +96,8 @@ def judge_over_time(measurements: Sequence[Measurement], *, unit_known: bool) ->
     """
     ordered = sorted(measurements, key=lambda one: (one.day, one.fx))
     if len(ordered) < FEWEST_DATES:
-        return OverTime(
-            change=Change.UNKNOWN, reason=f"the pixels of {len(ordered) or 'no'} date determine K, need 2"
-        )
+        dates = "one date determines" if ordered else "no date determines"
+        return OverTime(change=Change.UNKNOWN, reason=f"{dates} K, need {FEWEST_DATES}")
     values = np.log([one.fx for one in ordered])
     weights = np.array([1 / one.std**2 for one in ordered])
     days = np.array([one.day.toordinal() for one in ordered], dtype=np.float64)

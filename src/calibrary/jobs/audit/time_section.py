@@ -20,12 +20,12 @@ MOST_UNITS: Final = 50
 MOST_FLIGHTS: Final = 100
 COLUMNS: Final = (
     Column("day"),
+    Column("verdict"),
+    Column("by the pixels, ± 1 σ (px)", numeric=True),
+    Column("fx of K (px)", numeric=True),
+    Column("K from"),
     Column("flight"),
     Column("firmware"),
-    Column("K from"),
-    Column("fx of K (px)", numeric=True),
-    Column("by the pixels, ± 1 σ (px)", numeric=True),
-    Column("verdict"),
     Column("reason"),
 )
 ROLES: Final = {
@@ -81,12 +81,12 @@ def _row(one: DatedCheck) -> tuple[str | Badge, ...]:
         measured = f"{check.measured_fx:.1f} ± {check.std * check.measured_fx:.1f}"
     return (
         one.day.isoformat() if one.day is not None else "–",
+        Badge(check.verdict.value, TONES[check.verdict]),
+        measured,
+        f"{check.fx:.1f}",
+        one.entry or "the images' tags",
         one.flight,
         one.firmware or "–",
-        one.entry or "the images' tags",
-        f"{check.fx:.1f}",
-        measured,
-        Badge(check.verdict.value, TONES[check.verdict]),
         check.reason,
     )
 

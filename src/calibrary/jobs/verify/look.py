@@ -27,7 +27,7 @@ from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.sfm.pixel_judging import FEWEST_IMAGES, Measured, cannot_tell, judge_pixels, measured
 from calibrary.sfm.reconstruct import reconstruct
 from calibrary.sfm.sigma import trust
-from calibrary.sfm.tracks import thinned
+from calibrary.sfm.tracks import Scene, Tracks, thinned
 from calibrary.sfm.two_view import TwoViewFocal, focal_of_pairs
 
 __all__ = ["MOST_IMAGES", "Look", "look"]
@@ -104,8 +104,7 @@ def _chosen(paths: Sequence[Path], size: ImageSize) -> tuple[FlightImage, ...]:
             fix = fix_of(path)
         image = FlightImage(path=path, name=f"{number} {path.name}", size=size)
         taken.append(Taken(image=image, fix=fix, file_bytes=path.stat().st_size))
-    # Positions choose the images; they do not enter the result, whose scale no focal length depends on.
-    return tuple(replace(one, centre_m=None, centre_std_m=None) for one in choose(taken, MOST_IMAGES).images)
+    return choose(taken, MOST_IMAGES).images
 
 
 def _look(images: tuple[FlightImage, ...], K: Calibration, folder: Path, progress: Progress | None) -> Look:
@@ -118,9 +117,19 @@ def _look(images: tuple[FlightImage, ...], K: Calibration, folder: Path, progres
     tracks, scene = reconstruct(matched, start=_start(K.intrinsics), fisheye=fisheye, progress=progress)
     with stage("adjusted the camera"):
         tracks = thinned(tracks, MOST_POINTS)
-        adjustment = adjust(tracks, scene, model=None if fisheye else Solvable.BROWN)
+        adjustment = _adjust(tracks, scene, None if fisheye else Solvable.BROWN)
         found = measured(adjustment, trust(adjustment))
     return Look(chosen=len(images), found=found, pairs=focal_of_pairs(matches, _adjusted(adjustment, K)))
+
+
+def _adjust(tracks: Tracks, scene: Scene, model: Solvable | None) -> Adjustment:
+    """With the images' positions, which tell the focal length from the height where they are exact; else without."""
+    try:
+        return adjust(tracks, scene, model=model)
+    except CalibrationError:
+        if tracks.positions is None:
+            raise
+        return adjust(replace(tracks, positions=None), scene, model=model)
 
 
 def _start(K: Intrinsics) -> Intrinsics:

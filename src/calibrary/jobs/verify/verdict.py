@@ -20,7 +20,7 @@ REMEDIES: Final = {
     Kind.CROPPED: "register a K for images of this size alone",
 }
 """What to do where the pixels show another camera than is stated."""
-FLY = "fly cross strips, a second height or 30° obliques, or calibrate the camera with a board"
+FLY = "fly cross strips, a second height, 30° obliques or with RTK, or calibrate the camera with a board"
 
 
 def with_pixels(report: Report, check: PixelCheck, policy: Policy) -> Report:
